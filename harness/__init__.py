@@ -1,0 +1,1 @@
+"""Co-simulation that evaluates multi-vehicle tracking through occlusion: truth, sensor, tracker, score, report."""

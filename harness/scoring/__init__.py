@@ -1,0 +1,1 @@
+"""Scores of tracks against truth, above all for the vehicles that the sensor could not see."""

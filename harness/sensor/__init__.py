@@ -1,0 +1,1 @@
+"""What the ego vehicle's sensor can see past the other vehicles."""

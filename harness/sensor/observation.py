@@ -1,0 +1,60 @@
+"""What a sensor makes of a frame: the scan for the tracker, and beside it what only scoring may see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.truth.frame import Frame, StringArray
+from mmpf.road import FloatArray, IntArray, Road
+from mmpf.scan import Scan, SensorModel
+
+VISIBLE, PARTIAL, HIDDEN, OUT = range(4)
+VISIBILITY_STATES = ("visible", "partial", "hidden", "out")
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One look of the sensor at one frame.
+
+    Attributes:
+        scan: What the tracker is given.
+        truth_id: Vehicle that each detection came from, empty for clutter, shape (d,). For scoring only.
+        detection_visible_fraction: Visible fraction of that vehicle, nan for clutter, shape (d,). For scoring only.
+        visible_fraction: Visible fraction of each vehicle of the frame, shape (n,); 1 for the ego.
+        occluder: Index in the frame of the vehicle that covers most of each vehicle, -1 where none, shape (n,).
+        in_range: Whether each vehicle's centre lies within the sensor's range, shape (n,).
+        state: ``VISIBLE``, ``PARTIAL``, ``HIDDEN`` or ``OUT`` of range for each vehicle, shape (n,).
+    """
+
+    scan: Scan
+    truth_id: StringArray
+    detection_visible_fraction: FloatArray
+    visible_fraction: FloatArray
+    occluder: IntArray
+    in_range: npt.NDArray[np.bool_]
+    state: npt.NDArray[np.int8]
+
+
+class Sensor(Protocol):
+    """Turns frames into observations."""
+
+    def model(self) -> SensorModel:
+        """Return what a tracker may know of this sensor beforehand."""
+        ...
+
+    def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:
+        """Look at the frame from its ego vehicle.
+
+        Args:
+            frame: The truth.
+            road: Maps the frame's road coordinates to the plane in which light travels straight.
+            rng: The sensor's own stream.
+
+        Returns:
+            The observation; detections are in an order that tells nothing of the vehicles.
+        """
+        ...

@@ -1,0 +1,64 @@
+"""The role of a tracker: scans in, tracks out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.registry import Registry
+from mmpf.road import Road
+from mmpf.scan import Scan, SensorModel
+from mmpf.state import Tracks
+
+
+@dataclass(frozen=True)
+class TrackerSetting:
+    """All that a tracker may know before the first scan.
+
+    Attributes:
+        road: The lanes.
+        sensor: The sensor's data sheet.
+        rng: The tracker's own stream of randomness.
+        step_s: Nominal time between scans.
+    """
+
+    road: Road
+    sensor: SensorModel
+    rng: np.random.Generator
+    step_s: float = 0.1
+
+
+class Tracker(Protocol):
+    """Follows the vehicles around the ego through one episode."""
+
+    def step(self, scan: Scan) -> Tracks:
+        """Take in one scan and return the tracks as they stand after it.
+
+        Raises:
+            InvalidScanError: The scan holds impossible values, or its time is not later than the last one's.
+        """
+        ...
+
+
+@runtime_checkable
+class TruthAssociatedTracker(Protocol):
+    """A bound, not a tracker: it is told which vehicle each detection came from, and nothing else of the truth."""
+
+    def step_associated(self, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
+        """Take in one scan with the true origin of each detection (empty for clutter), shape (d,)."""
+        ...
+
+
+class TrackerFactory(Protocol):
+    """Builds a tracker for one episode from its setting and its own options."""
+
+    def __call__(self, setting: TrackerSetting, options: Mapping[str, object]) -> Tracker | TruthAssociatedTracker:
+        """Return a fresh tracker."""
+        ...
+
+
+trackers: Registry[TrackerFactory] = Registry("tracker")

@@ -1,0 +1,91 @@
+"""Truth: what every vehicle really does at one instant, and where such frames come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.road import FloatArray, IntArray, Road
+
+StringArray = npt.NDArray[np.str_]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """All vehicles at one instant in the road frame, struct of arrays, each of shape (n,).
+
+    Attributes:
+        step: Number of the frame, from 0, growing by one.
+        time_s: Time since the first frame.
+        episode: Number of the ego's stay; a new ego begins a new episode.
+        ego: Index of the ego vehicle in the arrays.
+        vehicle_id: Name of each vehicle, as its source calls it.
+        lon_m: Longitudinal position of the vehicle's centre.
+        lat_m: Lateral position of the centre, positive to the left.
+        heading_rad: Heading against the road's direction, positive to the left.
+        speed_mps: Longitudinal speed.
+        lat_speed_mps: Lateral speed, positive to the left.
+        accel_mps2: Longitudinal acceleration.
+        lane: Lane number as in ``mmpf.road``; 0 off the road.
+        length_m: Vehicle length.
+        width_m: Vehicle width.
+    """
+
+    step: int
+    time_s: float
+    episode: int
+    ego: int
+    vehicle_id: StringArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    accel_mps2: FloatArray
+    lane: IntArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.vehicle_id)
+
+
+@dataclass(frozen=True)
+class TrafficSummary:
+    """What the traffic was like over the scored time, space-mean over the section (Edie's definitions).
+
+    Attributes:
+        density_veh_per_km_lane: Vehicles per kilometre and main lane.
+        flow_veh_per_h: Vehicles per hour, all lanes.
+        mean_speed_mps: Distance travelled by all vehicles over the time they spent.
+    """
+
+    density_veh_per_km_lane: float
+    flow_veh_per_h: float
+    mean_speed_mps: float
+
+
+class TruthSource(Protocol):
+    """Yields frames at a fixed step; SUMO, a recorded run or recorded traffic.
+
+    Attributes:
+        road: The road whose frame the frames use.
+        step_s: Time between frames.
+        expected_steps: How many frames ``frames`` will yield at most, for progress.
+    """
+
+    road: Road
+    step_s: float
+    expected_steps: int
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in order, warm-up left out. May be called once."""
+        ...
+
+    def close(self) -> None:
+        """Release what the source holds; harmless to call twice."""
+        ...

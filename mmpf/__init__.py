@@ -1,0 +1,1 @@
+"""The Modified Mixture Particle Filter and its motion models; a library on its own."""

@@ -1,0 +1,1 @@
+"""Learning a Gaussian-mixture driver model from recorded trajectories."""

@@ -1,0 +1,126 @@
+"""The role of a motion model: one vectorised call that moves every particle of every component one step on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.registry import Registry
+from mmpf.road import FloatArray
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """The nearest vehicle in one direction for each of n particles; arrays of shape (n,).
+
+    Attributes:
+        exists: Whether there is such a vehicle.
+        gap_m: Clear distance bumper to bumper; negative if they overlap, infinite where there is none.
+        speed_mps: Its longitudinal speed; the particle's own where there is none.
+        accel_mps2: Its longitudinal acceleration; zero where there is none.
+        length_m: Its length; the nominal car's where there is none.
+    """
+
+    exists: npt.NDArray[np.bool_]
+    gap_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    length_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What each of n particles knows of road and traffic around it; arrays of shape (n,).
+
+    Taken from the road and from the tracker's other components, never from truth.
+
+    Attributes:
+        length_m: Length of the particle's own vehicle.
+        lane_right_m: Lateral position of the own lane's right line.
+        lane_left_m: Lateral position of the own lane's left line.
+        has_left_lane: Whether there is a lane to the left at this place.
+        has_right_lane: Whether there is a lane to the right at this place.
+        leader: Nearest vehicle ahead in the own lane.
+        left_leader: Nearest vehicle ahead in the lane to the left.
+        left_follower: Nearest vehicle behind in the lane to the left.
+        right_leader: Nearest vehicle ahead in the lane to the right.
+        right_follower: Nearest vehicle behind in the lane to the right.
+        flow_speed_mps: Mean speed of the seen traffic nearby, weighted towards the own lane; nan where none is seen.
+        is_hidden: Whether the particle's vehicle has not been seen lately.
+    """
+
+    length_m: FloatArray
+    lane_right_m: FloatArray
+    lane_left_m: FloatArray
+    has_left_lane: npt.NDArray[np.bool_]
+    has_right_lane: npt.NDArray[np.bool_]
+    leader: Neighbour
+    left_leader: Neighbour
+    left_follower: Neighbour
+    right_leader: Neighbour
+    right_follower: Neighbour
+    flow_speed_mps: FloatArray
+    is_hidden: npt.NDArray[np.bool_]
+
+
+class MotionModel(Protocol):
+    """Samples each particle's next state from its present one: the transition density of equation (1).
+
+    Attributes:
+        name: Name in the registry.
+        latent_size: Rows of per-particle constants or modes that the model carries beside the state (a driver's
+            habits, a lane-change intention). They are resampled with the particle. Zero for memoryless models.
+    """
+
+    name: str
+    latent_size: int
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Draw the latents of newborn particles.
+
+        Args:
+            state: Their states, shape (6, n), rows as in ``mmpf.state``.
+            rng: Source of randomness.
+
+        Returns:
+            Latents, shape (latent_size, n).
+        """
+        ...
+
+    def propagate(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sample the states one step later; one call for all particles of all components.
+
+        Args:
+            state: Present states, shape (6, n): longitudinal and lateral position, speed and acceleration, rows as
+                in ``mmpf.state``. Not written to.
+            latents: Present latents, shape (latent_size, n). Not written to.
+            surroundings: What the particles know of road and traffic.
+            dt_s: Length of the step.
+            rng: Source of randomness.
+
+        Returns:
+            Next states, shape (6, n), and next latents, shape (latent_size, n). Finite, and never with a negative
+            longitudinal speed, whatever the surroundings.
+        """
+        ...
+
+
+class MotionModelFactory(Protocol):
+    """Builds a motion model; a class with default arguments will do."""
+
+    def __call__(self) -> MotionModel:
+        """Return the model with its default parameters."""
+        ...
+
+
+motion_models: Registry[MotionModelFactory] = Registry("motion model")

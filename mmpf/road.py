@@ -1,0 +1,141 @@
+"""The road frame: where lanes lie, and how the frame maps to the Cartesian plane.
+
+The road frame is right-handed. The longitudinal coordinate runs along a reference line in the driving direction,
+the lateral one to the left of it. Lane numbers follow NGSIM: 1 is the leftmost main lane, numbers grow to the right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+NO_LANE = 0
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A strip of the road that one file of vehicles uses.
+
+    Attributes:
+        number: 1 for the leftmost main lane, growing to the right.
+        right_m: Lateral position of the right lane line.
+        left_m: Lateral position of the left lane line.
+        start_m: Longitudinal position where the lane begins.
+        end_m: Longitudinal position where the lane ends.
+    """
+
+    number: int
+    right_m: float
+    left_m: float
+    start_m: float = -np.inf
+    end_m: float = np.inf
+
+    @property
+    def centre_m(self) -> float:
+        """Lateral position of the lane's middle."""
+        return 0.5 * (self.right_m + self.left_m)
+
+
+@dataclass(frozen=True)
+class Road:
+    """Lanes in the road frame and the reference line that carries the frame.
+
+    Attributes:
+        lanes: Lanes from right to left or in any order; they may overlap nowhere.
+        reference_xy: Reference line in the Cartesian plane, shape (k, 2), metres, k >= 2. Beyond its ends it goes on
+            straight.
+        reference_start_m: Longitudinal position of the line's first point.
+        section_m: Start and end of the section that is scored.
+    """
+
+    lanes: tuple[Lane, ...]
+    reference_xy: tuple[tuple[float, float], ...] = ((0.0, 0.0), (1.0, 0.0))
+    reference_start_m: float = 0.0
+    section_m: tuple[float, float] = (0.0, 640.0)
+
+    @cached_property
+    def _vertices(self) -> FloatArray:
+        return np.asarray(self.reference_xy, dtype=np.float64)
+
+    @cached_property
+    def _segment_headings(self) -> FloatArray:
+        steps = np.diff(self._vertices, axis=0)
+        return np.arctan2(steps[:, 1], steps[:, 0])
+
+    @cached_property
+    def _vertex_lon(self) -> FloatArray:
+        lengths = np.hypot(*np.diff(self._vertices, axis=0).T)
+        return self.reference_start_m + np.concatenate([[0.0], np.cumsum(lengths)])
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the frame is the Cartesian plane up to a turn and a shift."""
+        return len(self.reference_xy) == 2
+
+    def _segment_at(self, lon_m: FloatArray) -> IntArray:
+        return np.clip(np.searchsorted(self._vertex_lon, lon_m, side="right") - 1, 0, len(self._vertices) - 2)
+
+    def heading_at(self, lon_m: FloatArray) -> FloatArray:
+        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
+        return np.asarray(self._segment_headings[self._segment_at(lon_m)])
+
+    def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
+        segment = self._segment_at(lon_m)
+        heading = self._segment_headings[segment]
+        along = lon_m - self._vertex_lon[segment]
+        origin = self._vertices[segment]
+        x = origin[..., 0] + along * np.cos(heading) - lat_m * np.sin(heading)
+        y = origin[..., 1] + along * np.sin(heading) + lat_m * np.cos(heading)
+        return x, y
+
+    def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Map Cartesian positions, shape (n,), to longitudinal and lateral position, each (n,).
+
+        On a curved reference line the nearest segment counts; at a vertex the two neighbours agree to first order.
+        """
+        cosine, sine = np.cos(self._segment_headings), np.sin(self._segment_headings)
+        offset_x = np.asarray(x)[:, None] - self._vertices[None, :-1, 0]
+        offset_y = np.asarray(y)[:, None] - self._vertices[None, :-1, 1]
+        along = offset_x * cosine + offset_y * sine
+        across = -offset_x * sine + offset_y * cosine
+        lower = np.zeros(len(cosine))
+        upper = np.diff(self._vertex_lon)
+        lower[0], upper[-1] = -np.inf, np.inf
+        overshoot = along - np.clip(along, lower, upper)
+        nearest = np.argmin(np.hypot(overshoot, across), axis=1)
+        rows = np.arange(len(nearest))
+        return self._vertex_lon[nearest] + along[rows, nearest], across[rows, nearest]
+
+    @cached_property
+    def lane_table(self) -> FloatArray:
+        """Lanes as numbers for kernels: rows of (number, right, left, start, end), shape (lanes, 5)."""
+        return np.array([[ln.number, ln.right_m, ln.left_m, ln.start_m, ln.end_m] for ln in self.lanes])
+
+    def lane_index_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
+        """Return the index into ``lanes`` of each position's lane, -1 off the road, shape (n,)."""
+        _, right, left, start, end = self.lane_table.T
+        inside = (
+            (lat_m[:, None] >= right) & (lat_m[:, None] < left) & (lon_m[:, None] >= start) & (lon_m[:, None] < end)
+        )
+        return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)
+
+    def lane_number_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
+        """Return each position's lane number, ``NO_LANE`` off the road, shape (n,)."""
+        index = self.lane_index_at(lon_m, lat_m)
+        numbers = np.append(self.lane_table[:, 0], NO_LANE).astype(np.int64)
+        return numbers[index]
+
+
+def highway(lanes: int = 5, lane_width_m: float = 3.66, section_m: tuple[float, float] = (0.0, 640.0)) -> Road:
+    """Return a straight one-way road whose right edge lies at lateral position zero."""
+    strips = tuple(
+        Lane(number=lanes - k, right_m=k * lane_width_m, left_m=(k + 1) * lane_width_m) for k in range(lanes)
+    )
+    return Road(lanes=strips, section_m=section_m)

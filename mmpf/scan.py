@@ -1,0 +1,139 @@
+"""What a tracker is given: one scan of detections, the sensor's pose, and what is known of the sensor.
+
+Nothing here says which vehicle a detection came from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from mmpf.road import FloatArray
+
+
+class InvalidScanError(ValueError):
+    """A scan that no sensor can have made: non-finite or mismatched values, or time that runs backwards."""
+
+
+@dataclass(frozen=True)
+class Detections:
+    """The detections of one scan in the road frame, struct of arrays, each of shape (d,).
+
+    Attributes:
+        lon_m: Measured longitudinal position of the vehicle's centre.
+        lat_m: Measured lateral position of the vehicle's centre.
+        speed_mps: Measured longitudinal speed; nan where the sensor does not measure it.
+        std_lon_m: Standard deviation of the longitudinal noise, as the sensor reports it.
+        std_lat_m: Standard deviation of the lateral noise.
+        std_speed_mps: Standard deviation of the speed noise; nan where speed is not measured.
+    """
+
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    std_lon_m: FloatArray
+    std_lat_m: FloatArray
+    std_speed_mps: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lon_m)
+
+    def validate(self) -> None:
+        """Check the arrays against each other and for values that no measurement has.
+
+        Raises:
+            InvalidScanError: Shapes differ, a position or deviation is not finite, or a deviation is not positive.
+        """
+        for column in fields(self):
+            values = getattr(self, column.name)
+            if values.shape != self.lon_m.shape or values.ndim != 1:
+                raise InvalidScanError(f"detections.{column.name} has shape {values.shape}, not {self.lon_m.shape}")
+        for name in ("lon_m", "lat_m", "std_lon_m", "std_lat_m"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise InvalidScanError(f"detections.{name} holds a value that is not finite")
+        if np.isinf(self.speed_mps).any() or np.isinf(self.std_speed_mps).any():
+            raise InvalidScanError("detections.speed_mps or std_speed_mps is infinite; use nan for 'not measured'")
+        if (np.isfinite(self.speed_mps) & ~np.isfinite(self.std_speed_mps)).any():
+            raise InvalidScanError("detections.speed_mps is measured but its std_speed_mps is nan")
+        for name in ("std_lon_m", "std_lat_m", "std_speed_mps"):
+            if (getattr(self, name) <= 0.0).any():
+                raise InvalidScanError(f"detections.{name} must be positive")
+
+
+@dataclass(frozen=True)
+class EgoPose:
+    """Where the sensor's vehicle is, in the road frame; the sensor sits on its centre.
+
+    Attributes:
+        lon_m: Longitudinal position of the centre.
+        lat_m: Lateral position of the centre.
+        heading_rad: Heading against the road's direction, positive to the left.
+        speed_mps: Longitudinal speed.
+        length_m: Vehicle length.
+        width_m: Vehicle width.
+    """
+
+    lon_m: float
+    lat_m: float
+    heading_rad: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """How far the sensor can see in each direction, worked out from its own detections alone.
+
+    Attributes:
+        range_m: Free distance per bearing sector, shape (sectors,). Sector ``k`` spans the bearings
+            ``[-pi + k * width, -pi + (k + 1) * width)`` with ``width = 2 pi / sectors``, Cartesian, counter-clockwise.
+            Beyond that distance the sector lies in a detected vehicle's shadow; a free sector has the sensor's range.
+    """
+
+    range_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Scan:
+    """All that a tracker receives at one time step.
+
+    Attributes:
+        time_s: Time of the scan; grows from scan to scan.
+        detections: The detections.
+        ego: Pose of the sensor's vehicle.
+        free_space: What the sensor knows of its own shadows; None if it does not say.
+    """
+
+    time_s: float
+    detections: Detections
+    ego: EgoPose
+    free_space: FreeSpace | None = None
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """What a tracker may know of the sensor beforehand: its data sheet.
+
+    Attributes:
+        range_m: Nothing beyond this distance is detected.
+        detection_probability: Probability of detecting a vehicle in plain view.
+        clutter_per_scan: Expected number of false detections a scan.
+        full_view_fraction: Visible fraction from which the detection probability is the full one; below it the
+            probability falls in proportion.
+        hidden_fraction: Visible fraction below which a vehicle gives no detection.
+        clutter_area_m2: Area over which clutter spreads evenly.
+    """
+
+    range_m: float = 100.0
+    detection_probability: float = 0.95
+    clutter_per_scan: float = 1.0
+    full_view_fraction: float = 0.7
+    hidden_fraction: float = 0.15
+    clutter_area_m2: float = 4000.0
+
+    @property
+    def clutter_density_per_m2(self) -> float:
+        """Expected clutter per square metre and scan; never zero, so that likelihood ratios stay finite."""
+        return max(self.clutter_per_scan, 1e-3) / self.clutter_area_m2

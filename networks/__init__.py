@@ -1,0 +1,1 @@
+"""SUMO networks that travel with the package, one folder each."""
