@@ -137,3 +137,24 @@ class SensorModel:
     def clutter_density_per_m2(self) -> float:
         """Expected clutter per square metre and scan; never zero, so that likelihood ratios stay finite."""
         return max(self.clutter_per_scan, 1e-3) / self.clutter_area_m2
+
+
+def check_scan(scan: Scan, previous_time_s: float | None) -> None:
+    """Refuse a scan that no sensor can have made, or that does not follow the previous one.
+
+    Args:
+        scan: The scan.
+        previous_time_s: Time of the scan before it; None at the first.
+
+    Raises:
+        InvalidScanError: The time is not finite or not later than the previous one, the ego's pose is not finite,
+            or the detections are impossible (``Detections.validate``).
+    """
+    if not np.isfinite(scan.time_s):
+        raise InvalidScanError(f"scan.time_s is {scan.time_s}, not a finite time")
+    if previous_time_s is not None and scan.time_s <= previous_time_s:
+        raise InvalidScanError(f"scan.time_s is {scan.time_s}, not later than the previous scan's {previous_time_s}")
+    for column in fields(scan.ego):
+        if not np.isfinite(getattr(scan.ego, column.name)):
+            raise InvalidScanError(f"scan.ego.{column.name} is not finite")
+    scan.detections.validate()
