@@ -1,1 +1,8 @@
-"""Motion models: how a vehicle may move in one time step, given road and traffic around it."""
+"""Motion models: how a vehicle may move in one time step, given road and traffic around it.
+
+Importing the package fills ``mmpf.motion.protocol.motion_models``.
+"""
+
+from mmpf.motion import bicycle, constant, idm
+
+__all__ = ["bicycle", "constant", "idm"]

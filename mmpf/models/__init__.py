@@ -1,0 +1,1 @@
+"""Fitted models and process noise, committed as data, and their cards."""
