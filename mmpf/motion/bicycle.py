@@ -22,7 +22,6 @@ SLOWEST_STEERED_MPS = 1.0
 LARGEST_HEADING_RAD = 0.5
 
 
-@motion_models.register("csav")
 @dataclass(frozen=True)
 class ConstantSteeringVelocity:
     """CSAV: path speed and steering angle stay, but for noise on the speed and on the lateral acceleration.
@@ -58,7 +57,6 @@ class ConstantSteeringVelocity:
         return _steer(state, path_speed, next_path_speed, next_accel, self.noise.lat * lat_kick, dt_s=dt_s), latents
 
 
-@motion_models.register("csaa")
 @dataclass(frozen=True)
 class ConstantSteeringAcceleration:
     """CSAA: path acceleration and steering angle stay, but for noise on both accelerations.
@@ -126,3 +124,7 @@ def _bounded_curvature(curvature: FloatArray) -> FloatArray:
 
 def _bounded_heading(heading: FloatArray) -> FloatArray:
     return np.clip(heading, -LARGEST_HEADING_RAD, LARGEST_HEADING_RAD)
+
+
+motion_models.register("csav")(ConstantSteeringVelocity)
+motion_models.register("csaa")(ConstantSteeringAcceleration)

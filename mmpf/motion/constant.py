@@ -13,7 +13,6 @@ from mmpf.road import FloatArray
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED
 
 
-@motion_models.register("cvm")
 @dataclass(frozen=True)
 class ConstantVelocity:
     """CVM: both velocities stay, but for white acceleration noise.
@@ -50,7 +49,6 @@ class ConstantVelocity:
         return after, latents
 
 
-@motion_models.register("cam")
 @dataclass(frozen=True)
 class ConstantAcceleration:
     """CAM: both accelerations stay, but for white jerk noise.
@@ -87,3 +85,7 @@ class ConstantAcceleration:
         after[LAT_SPEED] = state[LAT_SPEED] + 0.5 * dt_s * (state[LAT_ACCEL] + after[LAT_ACCEL])
         after[LAT] = state[LAT] + 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
         return after, latents
+
+
+motion_models.register("cvm")(ConstantVelocity)
+motion_models.register("cam")(ConstantAcceleration)

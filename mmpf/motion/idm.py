@@ -66,10 +66,10 @@ def idm_acceleration(speed_mps: FloatArray, leader: Neighbour, driver: IdmParame
     gap = np.maximum(leader.gap_m, SMALLEST_GAP_M)
     interaction = np.where(leader.exists, (driver.standstill_gap_m + dynamic_gap) / gap, 0.0) ** 2
     free_road = 1.0 - (speed_mps / driver.desired_speed_mps) ** driver.exponent
-    return np.maximum(driver.max_accel_mps2 * (free_road - interaction), -HARDEST_BRAKING_MPS2)
+    accel = np.asarray(driver.max_accel_mps2 * (free_road - interaction))
+    return np.maximum(accel, -HARDEST_BRAKING_MPS2)
 
 
-@motion_models.register("idm")
 @dataclass(frozen=True)
 class IntelligentDriver:
     """IDM along the road with white acceleration noise; across it, a slow return to the lane's middle.
@@ -107,19 +107,22 @@ class IntelligentDriver:
         return after, latents
 
 
-@motion_models.register("idm-kesting-2010")
 def idm_kesting_2010() -> IntelligentDriver:
     """Return IDM as calibrated in Kesting, Treiber and Helbing, Phil. Trans. R. Soc. A 368 (2010)."""
     return IntelligentDriver(driver=KESTING_2010, name="idm-kesting-2010")
 
 
-@motion_models.register("idm-treiber-kesting-2013")
 def idm_treiber_kesting_2013() -> IntelligentDriver:
     """Return IDM with the highway column of Treiber and Kesting, "Traffic Flow Dynamics" (2013), table 11.2."""
     return IntelligentDriver(driver=TREIBER_KESTING_2013, name="idm-treiber-kesting-2013")
 
 
-@motion_models.register("idm-fitted")
 def idm_fitted() -> IntelligentDriver:
     """Return IDM with the parameters fitted to the same recordings that the learned models were trained on."""
     return IntelligentDriver(driver=fitted_parameters(), noise=process_noise("idm-fitted"), name="idm-fitted")
+
+
+motion_models.register("idm")(IntelligentDriver)
+motion_models.register("idm-kesting-2010")(idm_kesting_2010)
+motion_models.register("idm-treiber-kesting-2013")(idm_treiber_kesting_2013)
+motion_models.register("idm-fitted")(idm_fitted)

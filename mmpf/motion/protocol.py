@@ -75,8 +75,10 @@ class MotionModel(Protocol):
             habits, a lane-change intention). They are resampled with the particle. Zero for memoryless models.
     """
 
-    name: str
-    latent_size: int
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def latent_size(self) -> int: ...  # noqa: D102
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the latents of newborn particles.
