@@ -1,0 +1,101 @@
+"""How far a measured vehicle is off: position errors in the road frame, and speed from a range rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.sensor.profiles import SensorSettings
+from mmpf.road import FloatArray
+
+# A range rate says nothing of the motion across the line of sight; this is how fast vehicles drift across their lane.
+TYPICAL_LAT_SPEED_MPS = 0.35
+
+
+@dataclass(frozen=True)
+class PositionStd:
+    """Standard deviations of measured positions, metres, each of shape (n,).
+
+    Attributes:
+        fit_lon_m: Longitudinal error of the fitted box.
+        fit_lat_m: Lateral error of the fitted box.
+        along_m: Error along the line of sight.
+        across_m: Error across it.
+        lon_m: All of them together, longitudinal.
+        lat_m: All of them together, lateral; the correlation with ``lon_m`` off the road's axis is dropped.
+    """
+
+    fit_lon_m: FloatArray
+    fit_lat_m: FloatArray
+    along_m: FloatArray
+    across_m: FloatArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+
+
+def position_std(
+    settings: SensorSettings, distance_m: FloatArray, angle_rad: FloatArray, visible_fraction: FloatArray
+) -> PositionStd:
+    """Return how precisely vehicles are measured.
+
+    Args:
+        settings: The sensor's figures.
+        distance_m: Distance from the sensor, shape (n,).
+        angle_rad: Direction of the line of sight against the road at the vehicle, shape (n,).
+        visible_fraction: How much of each is seen, shape (n,).
+    """
+    span = settings.full_view_fraction - settings.hidden_fraction
+    hidden_share = np.clip((settings.full_view_fraction - visible_fraction) / span, 0.0, 1.0)
+    factor = 1.0 + (settings.hidden_noise_factor - 1.0) * hidden_share
+    fit_lon, fit_lat = factor * settings.std_lon_m, factor * settings.std_lat_m
+    along = factor * np.hypot(settings.std_range_m, settings.std_range_share * distance_m)
+    across = factor * np.deg2rad(settings.std_bearing_deg) * distance_m
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    lon = np.sqrt(fit_lon**2 + (along * cosine) ** 2 + (across * sine) ** 2)
+    lat = np.sqrt(fit_lat**2 + (along * sine) ** 2 + (across * cosine) ** 2)
+    return PositionStd(fit_lon, fit_lat, along, across, lon, lat)
+
+
+def position_error(std: PositionStd, angle_rad: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return longitudinal and lateral errors, each (n,), made from standard normal numbers, shape (n, 4)."""
+    along, across = std.along_m * normals[:, 2], std.across_m * normals[:, 3]
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    lon = std.fit_lon_m * normals[:, 0] + along * cosine - across * sine
+    lat = std.fit_lat_m * normals[:, 1] + along * sine + across * cosine
+    return lon, lat
+
+
+def measured_speed(
+    settings: SensorSettings,
+    angle_rad: FloatArray,
+    speed_mps: FloatArray,
+    lat_speed_mps: FloatArray,
+    normals: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return longitudinal speeds got from the range rate, and their deviations.
+
+    The range rate is the vehicle's speed along the line of sight less the ego's, which the sensor knows and adds. It
+    takes the vehicle to move along the road and divides by the cosine of the line of sight against the road. The
+    error of that angle is small beside the rest and left out.
+
+    Args:
+        settings: The sensor's figures.
+        angle_rad: Direction of the line of sight against the road at the vehicle, shape (n,).
+        speed_mps: True longitudinal speed, shape (n,).
+        lat_speed_mps: True lateral speed, shape (n,).
+        normals: Standard normal numbers, shape (n,).
+
+    Returns:
+        Speed and its standard deviation, each (n,); nan where it is not measured or the line of sight too oblique.
+    """
+    if settings.std_range_rate_mps is None:
+        nothing = np.full(len(angle_rad), np.nan)
+        return nothing, nothing
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    usable = np.abs(cosine) >= np.cos(np.deg2rad(settings.speed_obliquity_deg))
+    divisor = np.where(usable, cosine, np.nan)
+    along_line = speed_mps * cosine + lat_speed_mps * sine
+    speed = (along_line + settings.std_range_rate_mps * normals) / divisor
+    std = np.hypot(settings.std_range_rate_mps, TYPICAL_LAT_SPEED_MPS * sine) / np.abs(divisor)
+    return speed, std
