@@ -66,7 +66,7 @@ def idm_acceleration(speed_mps: FloatArray, leader: Neighbour, driver: IdmParame
     gap = np.maximum(leader.gap_m, SMALLEST_GAP_M)
     interaction = np.where(leader.exists, (driver.standstill_gap_m + dynamic_gap) / gap, 0.0) ** 2
     free_road = 1.0 - (speed_mps / driver.desired_speed_mps) ** driver.exponent
-    accel = np.asarray(driver.max_accel_mps2 * (free_road - interaction))
+    accel: FloatArray = driver.max_accel_mps2 * (free_road - interaction)
     return np.maximum(accel, -HARDEST_BRAKING_MPS2)
 
 
