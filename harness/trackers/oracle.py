@@ -1,0 +1,205 @@
+"""A bound for visible vehicles: Kalman filters that are told which vehicle each detection came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from harness.trackers.kalman import (
+    LAT,
+    LAT_SPEED,
+    LON,
+    SPEED,
+    GaussianStates,
+    predict_constant_velocity,
+    update_variable,
+)
+from harness.trackers.protocol import TrackerSetting, trackers
+from mmpf.options import Positive, Settings
+from mmpf.road import FloatArray, IntArray
+from mmpf.scan import Detections, EgoPose, Scan, check_scan
+from mmpf.state import CONFIRMED, HIDDEN, TENTATIVE, Tracks
+
+StringArray = npt.NDArray[np.str_]
+
+
+class OracleOptions(Settings):
+    """Settings of the oracle.
+
+    Attributes:
+        lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
+        lat_noise: The same laterally.
+        confirm_detections: Detections before a track is confirmed.
+        hidden_after_s: Unseen for longer, a track is reported as hidden.
+        longest_unseen_s: Unseen for longer, a track ends; the vehicle returns under a new identity.
+        birth_speed_std_mps: Spread of a new track's speed around the ego's, where speed is not measured.
+        birth_lat_speed_std_mps: Spread of a new track's lateral speed.
+    """
+
+    lon_noise: Positive = 1.0
+    lat_noise: Positive = 0.1
+    confirm_detections: Annotated[int, Field(ge=1)] = 3
+    hidden_after_s: Positive = 0.5
+    longest_unseen_s: Positive = 10.0
+    birth_speed_std_mps: Positive = 10.0
+    birth_lat_speed_std_mps: Positive = 1.0
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """The vehicles that are being followed, struct of arrays over n vehicles.
+
+    Attributes:
+        truth_id: True names, shape (n,).
+        track_id: Reported identities, shape (n,).
+        states: Beliefs.
+        last_seen_s: Time of the last detection, shape (n,).
+        detections: How many detections so far, shape (n,).
+    """
+
+    truth_id: StringArray
+    track_id: IntArray
+    states: GaussianStates
+    last_seen_s: FloatArray
+    detections: IntArray
+
+    def take(self, keep: npt.NDArray[np.bool_]) -> _Followed:
+        return _Followed(
+            self.truth_id[keep],
+            self.track_id[keep],
+            self.states.take(keep),
+            self.last_seen_s[keep],
+            self.detections[keep],
+        )
+
+
+class OracleKalman:
+    """One constant-velocity Kalman filter for each vehicle, with the true association of every detection."""
+
+    def __init__(self, options: OracleOptions) -> None:
+        self._options = options
+        self._time_s: float | None = None
+        self._next_track_id = 1
+        no_index = np.zeros(0, dtype=np.int64)
+        self._followed = _Followed(np.zeros(0, dtype=np.str_), no_index, GaussianStates.none(), np.zeros(0), no_index)
+
+    def step_associated(self, scan: Scan, truth_id: StringArray) -> Tracks:
+        """Take in one scan with the true origin of each detection, empty for clutter, shape (d,).
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
+        check_scan(scan, self._time_s)
+        self._predict(scan.time_s)
+        self._time_s = scan.time_s
+        for detection in _rounds_without_repetition(truth_id):
+            self._update(scan, truth_id, detection)
+        return self._tracks(scan.time_s)
+
+    def _predict(self, time_s: float) -> None:
+        if self._time_s is None:
+            return
+        options = self._options
+        states = predict_constant_velocity(
+            self._followed.states, time_s - self._time_s, options.lon_noise, options.lat_noise
+        )
+        followed = replace(self._followed, states=states)
+        self._followed = followed.take(time_s - followed.last_seen_s <= options.longest_unseen_s)
+
+    def _update(self, scan: Scan, truth_id: StringArray, detection: IntArray) -> None:
+        known = np.isin(truth_id[detection], self._followed.truth_id)
+        self._begin(scan, truth_id, detection[~known])
+        seen = detection[known]
+        position = {name: index for index, name in enumerate(self._followed.truth_id.tolist())}
+        index = np.array([position[name] for name in truth_id[seen].tolist()], dtype=np.int64)
+        followed = self._followed
+        last_seen_s, detections = followed.last_seen_s.copy(), followed.detections.copy()
+        last_seen_s[index] = scan.time_s
+        detections[index] += 1
+        states = _update_states(followed.states, index, scan.detections, seen)
+        self._followed = replace(followed, states=states, last_seen_s=last_seen_s, detections=detections)
+
+    def _begin(self, scan: Scan, truth_id: StringArray, detection: IntArray) -> None:
+        count = len(detection)
+        if not count:
+            return
+        followed = self._followed
+        self._followed = _Followed(
+            np.concatenate([followed.truth_id, truth_id[detection]]),
+            np.concatenate([followed.track_id, self._next_track_id + np.arange(count)]),
+            followed.states.join(_newborn_states(scan.detections, detection, scan.ego, self._options)),
+            np.concatenate([followed.last_seen_s, np.full(count, scan.time_s)]),
+            np.concatenate([followed.detections, np.ones(count, dtype=np.int64)]),
+        )
+        self._next_track_id += count
+
+    def _tracks(self, time_s: float) -> Tracks:
+        followed, options = self._followed, self._options
+        mean, std = followed.states.mean, followed.states.std
+        confirmed = followed.detections >= options.confirm_detections
+        hidden = confirmed & (time_s - followed.last_seen_s > options.hidden_after_s)
+        return Tracks(
+            track_id=followed.track_id,
+            lon_m=mean[:, LON],
+            lat_m=mean[:, LAT],
+            speed_mps=mean[:, SPEED],
+            lat_speed_mps=mean[:, LAT_SPEED],
+            accel_mps2=np.zeros(len(mean)),
+            std_lon_m=std[:, LON],
+            std_lat_m=std[:, LAT],
+            std_speed_mps=std[:, SPEED],
+            existence=np.ones(len(mean)),
+            state=np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8),
+        )
+
+
+@trackers.register("oracle-kalman")
+def build_oracle_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> OracleKalman:  # noqa: ARG001
+    """Build the oracle; it needs no more of the setting than the detections tell."""
+    return OracleKalman(OracleOptions.model_validate(dict(options)))
+
+
+def _rounds_without_repetition(truth_id: StringArray) -> list[IntArray]:
+    """Split the detections into rounds in which no vehicle occurs twice, clutter left out."""
+    rounds: list[list[int]] = []
+    occurrences: dict[str, int] = {}
+    for detection, name in enumerate(truth_id.tolist()):
+        if name:
+            nth = occurrences.get(name, 0)
+            occurrences[name] = nth + 1
+            if nth == len(rounds):
+                rounds.append([])
+            rounds[nth].append(detection)
+    return [np.array(members, dtype=np.int64) for members in rounds]
+
+
+def _update_states(
+    states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray
+) -> GaussianStates:
+    states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
+    states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
+    has_speed = np.isfinite(detections.speed_mps[detection])
+    measured, std = detections.speed_mps[detection], detections.std_speed_mps[detection]
+    return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
+
+
+def _newborn_states(
+    detections: Detections, detection: IntArray, ego: EgoPose, options: OracleOptions
+) -> GaussianStates:
+    count = len(detection)
+    has_speed = np.isfinite(detections.speed_mps[detection])
+    mean = np.zeros((count, 4))
+    mean[:, LON] = detections.lon_m[detection]
+    mean[:, LAT] = detections.lat_m[detection]
+    mean[:, SPEED] = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
+    std = np.zeros((count, 4))
+    std[:, LON] = detections.std_lon_m[detection]
+    std[:, LAT] = detections.std_lat_m[detection]
+    std[:, SPEED] = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
+    std[:, LAT_SPEED] = options.birth_lat_speed_std_mps
+    return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
