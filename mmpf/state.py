@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,166 @@ STATE_SIZE = 6
 
 TENTATIVE, CONFIRMED, HIDDEN = range(3)
 TRACK_STATES = ("tentative", "confirmed", "hidden")
+
+
+NEVER = -1
+
+
+@dataclass(frozen=True)
+class ParticleCloud:
+    """All particles of all components, struct of arrays over n particles, those of one component side by side.
+
+    The paper's self-contained particle p = [x, w, w~, c, pi] (section II-B), weights as logarithms.
+
+    Attributes:
+        state: x, shape (6, n): longitudinal and lateral position, speed, acceleration; rows ``LON`` to ``LAT_ACCEL``.
+        log_weight: log w, which sums to one within each component, shape (n,).
+        log_raw_weight: log w~ of equation (10), shape (n,).
+        component: c, index of the particle's component, ascending, shape (n,).
+        log_component_weight: log pi of the particle's component, shape (n,).
+        latents: What the motion model carries beside the state, shape (latent_size, n).
+    """
+
+    state: FloatArray
+    log_weight: FloatArray
+    log_raw_weight: FloatArray
+    component: IntArray
+    log_component_weight: FloatArray
+    latents: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.component)
+
+    def starts(self, components: int) -> IntArray:
+        """Return where each component's particles begin, and the end of the last, shape (components + 1,)."""
+        return np.searchsorted(self.component, np.arange(components + 1))
+
+    def take(self, particles: IntArray, component: IntArray) -> ParticleCloud:
+        """Return the chosen particles under new component indices, weights as they are.
+
+        Args:
+            particles: Indices of the particles to keep, shape (k,).
+            component: Their components' new indices, ascending, shape (k,).
+        """
+        return ParticleCloud(
+            state=np.ascontiguousarray(self.state[:, particles]),
+            log_weight=self.log_weight[particles],
+            log_raw_weight=self.log_raw_weight[particles],
+            component=component,
+            log_component_weight=self.log_component_weight[particles],
+            latents=np.ascontiguousarray(self.latents[:, particles]),
+        )
+
+    @classmethod
+    def concatenate(cls, clouds: list[ParticleCloud]) -> ParticleCloud:
+        """Join clouds whose component indices already follow each other."""
+        return cls(*(np.concatenate([getattr(c, f.name) for c in clouds], axis=-1) for f in fields(cls)))
+
+
+@dataclass(frozen=True)
+class Components:
+    """What the filter keeps of each mixture component beside its particles, struct of arrays over m components.
+
+    Attributes:
+        track_id: Identity that is reported.
+        existence: Probability that the component is a vehicle.
+        confirmed: Whether the component has been reported as a track.
+        hits: Scans in which a detection was attributed to it.
+        age_scans: Scans since its birth.
+        unseen_s: Time since its last hit.
+        overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
+        overlap_scans: For how many scans in a row.
+    """
+
+    track_id: IntArray
+    existence: FloatArray
+    confirmed: npt.NDArray[np.bool_]
+    hits: IntArray
+    age_scans: IntArray
+    unseen_s: FloatArray
+    overlap_with: IntArray
+    overlap_scans: IntArray
+
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def take(self, index: IntArray | npt.NDArray[np.bool_]) -> Components:
+        """Return the chosen components."""
+        return Components(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    @classmethod
+    def newborn(cls, track_id: IntArray, existence: FloatArray) -> Components:
+        """Return components of their first scan, one detection each.
+
+        Args:
+            track_id: Their identities, shape (m,).
+            existence: Their existence probabilities, shape (m,).
+        """
+        zeros = np.zeros(len(track_id), dtype=np.int64)
+        return cls(
+            track_id=track_id,
+            existence=existence,
+            confirmed=np.zeros(len(track_id), dtype=np.bool_),
+            hits=zeros + 1,
+            age_scans=zeros,
+            unseen_s=np.zeros(len(track_id)),
+            overlap_with=zeros + NEVER,
+            overlap_scans=zeros,
+        )
+
+    @classmethod
+    def concatenate(cls, groups: list[Components]) -> Components:
+        """Join groups of components in order."""
+        return cls(*(np.concatenate([getattr(g, f.name) for g in groups]) for f in fields(cls)))
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """The filter's whole belief: equation (8) with its book-keeping.
+
+    Attributes:
+        cloud: The particles.
+        components: What is kept of each component.
+        next_track_id: The identity that the next new component gets.
+    """
+
+    cloud: ParticleCloud
+    components: Components
+    next_track_id: int = 1
+
+    def __len__(self) -> int:
+        return len(self.components)
+
+    @property
+    def starts(self) -> IntArray:
+        """Where each component's particles begin, and the end of the last, shape (m + 1,)."""
+        return self.cloud.starts(len(self.components))
+
+    @classmethod
+    def empty(cls, latent_size: int) -> Mixture:
+        """Return a belief without components."""
+        none, no_index = np.zeros(0), np.zeros(0, dtype=np.int64)
+        cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
+        return cls(cloud, Components.newborn(no_index, none))
+
+    def keep(self, keep: npt.NDArray[np.bool_]) -> Self:
+        """Return the belief with only the components where ``keep`` is true, shape (m,)."""
+        if keep.all():
+            return self
+        new_index = np.cumsum(keep) - 1
+        particles = np.flatnonzero(keep[self.cloud.component])
+        cloud = self.cloud.take(particles, new_index[self.cloud.component[particles]])
+        return replace(self, cloud=cloud, components=self.components.take(keep))
+
+    def join(self, cloud: ParticleCloud, components: Components) -> Self:
+        """Return the belief with further components, whose cloud counts its components from zero."""
+        shifted = replace(cloud, component=cloud.component + len(self))
+        return replace(
+            self,
+            cloud=ParticleCloud.concatenate([self.cloud, shifted]),
+            components=Components.concatenate([self.components, components]),
+            next_track_id=max(self.next_track_id, int(components.track_id.max(initial=0)) + 1),
+        )
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,373 @@
+"""The joint update: soft association marginals of all components and detections weigh every particle.
+
+Still without an explicit association, but a detection is shared out instead of serving everyone, "not seen" is
+evidence that depends on what the tracks hide, and each component has an existence probability. Follows Meyer et al.
+(Proc. IEEE 2018) and Reuter et al. (IEEE TSP 2014); keeps the stages of the paper's Fig. 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.association import associate
+from mmpf.birth import give_birth
+from mmpf.identity import hand_over_identity
+from mmpf.likelihood import GatedLikelihoods, gated_likelihoods
+from mmpf.merging import merge_lasting_overlaps
+from mmpf.moments import component_moments
+from mmpf.options import FilterOptions
+from mmpf.resampling import resample, resample_from_gaussian
+from mmpf.road import FloatArray, IntArray
+from mmpf.shadows import depth_table, detection_probabilities, visible_fractions
+from mmpf.state import LAT, LON, Components, Mixture
+from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+
+NOMINAL_SCAN_S = 0.1
+HIDDEN_PROBABILITY_LIMIT = 0.3
+GAUSSIAN_RESAMPLE_BELOW = 0.9
+HIT_PROBABILITY = 0.5
+
+
+@dataclass(frozen=True)
+class JointUpdate:
+    """Update rule ``joint``; see ``mmpf.update.UpdateRule``.
+
+    Attributes:
+        options: The filter's settings.
+    """
+
+    options: FilterOptions
+
+    def assert_occlusion(self, prior: Mixture, situation: Situation) -> Occlusion:
+        """Work out each particle's detection probability from the shadows of the other components."""
+        joint, ego = self.options.joint, situation.scan.ego
+        cloud = prior.cloud
+        moments = component_moments(prior)
+        if joint.shadow:
+            casts = prior.components.existence > joint.occluder_existence
+            table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, self.options.vehicle)
+            visible = visible_fractions(
+                ego, cloud.state[LON], cloud.state[LAT], cloud.component, table, self.options.vehicle
+            )
+            distance = np.hypot(cloud.state[LON] - ego.lon_m, cloud.state[LAT] - ego.lat_m)
+            probability = detection_probabilities(
+                visible, distance, situation.sensor, joint.hidden_detection_probability
+            )
+        else:
+            probability = np.full(len(cloud), joint.fixed_probability)
+        weight = np.exp(cloud.log_weight)
+        expected = np.bincount(cloud.component, weight * probability, minlength=len(prior))
+        return Occlusion(probability, expected < HIDDEN_PROBABILITY_LIMIT)
+
+    def measurement_update(
+        self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator
+    ) -> Updated:
+        """Weigh particles and existence by the association marginals, then resample."""
+        joint, detections = self.options.joint, situation.scan.detections
+        moments = component_moments(prior)
+        likelihoods = gated_likelihoods(prior, moments, detections, joint.gate_std)
+        survival = joint.survival_probability ** (situation.dt_s / NOMINAL_SCAN_S)
+        existence = prior.components.existence * survival
+        prior_weight = _normalised(prior.cloud.log_raw_weight, prior.starts)
+
+        evidence, not_seen = _evidence(
+            prior_weight,
+            prior.starts,
+            occlusion.detection_probability,
+            joint.missed_detection_cap,
+            likelihoods,
+            len(detections),
+        )
+        evidence *= existence[:, None] / situation.sensor.clutter_density_per_m2
+        missed = 1.0 - existence + existence * not_seen
+        marginals = associate(evidence, missed, joint.birth_density, joint.exclusive)
+
+        factor = _particle_factors(
+            occlusion.detection_probability,
+            joint.missed_detection_cap,
+            prior.starts,
+            likelihoods,
+            marginals.detection_message / situation.sensor.clutter_density_per_m2,
+        )
+        factor *= self._room_left_by_seen_tracks(prior, moments.mean, situation)
+        claimed = (evidence * marginals.detection_message).sum(axis=1)
+        existence = np.minimum((existence * not_seen + claimed) / (missed + claimed), 0.99)
+
+        was_hit = marginals.probability.sum(axis=1) > HIT_PROBABILITY
+        components = _count_hits(prior.components, was_hit, existence, situation.dt_s)
+        raw = np.log(np.maximum(prior_weight * factor, 1e-300))
+        log_weight = np.log(np.maximum(_normalised(raw, prior.starts), 1e-300))
+        cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
+        posterior = replace(prior, cloud=cloud, components=components)
+        posterior, effective_share = self._resample(posterior, was_hit, rng)
+        return Updated(
+            mixture=posterior,
+            was_hit=was_hit,
+            birth_claim=marginals.unexplained,
+            association_entropy=_mean_entropy(marginals.probability),
+            effective_share=effective_share,
+        )
+
+    def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
+        """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
+        joint = self.options.joint
+        mixture = updated.mixture
+        keep = self._worth_keeping(mixture, situation)
+        mixture = mixture.keep(keep)
+        mixture, merged = merge_lasting_overlaps(
+            mixture, joint.merge_lon_m, joint.merge_lat_m, joint.merge_scans, joint.hidden_after_s
+        )
+        chosen = np.flatnonzero(updated.birth_claim > joint.birth_unexplained)
+        chosen = chosen[~self._on_ego(situation, chosen)]
+        existence = joint.birth_density / (1.0 + joint.birth_density) * updated.birth_claim[chosen]
+        mixture = give_birth(
+            mixture,
+            situation.scan.detections,
+            chosen,
+            existence,
+            situation.traffic,
+            situation.motion,
+            self.options.particles,
+            self.options.birth,
+            rng,
+        )
+        return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
+
+    def finetune(self, mixture: Mixture, rng: np.random.Generator) -> tuple[Mixture, int]:  # noqa: ARG002
+        """Confirm components; one that is confirmed near a hidden component is that component, seen again."""
+        joint, components = self.options.joint, mixture.components
+        confirmed_now = (
+            ~components.confirmed
+            & (components.existence > joint.confirm_existence)
+            & (components.hits >= joint.confirm_hits)
+        )
+        components = replace(components, confirmed=components.confirmed | confirmed_now)
+        mixture = replace(mixture, components=components)
+        if not joint.stitch or not confirmed_now.any():
+            return mixture, 0
+        return hand_over_identity(mixture, confirmed_now, joint)
+
+    def weight_update(self, mixture: Mixture) -> Mixture:
+        """Make component weights proportional to existence: each expects as many vehicles."""
+        existence = mixture.components.existence
+        log_weight = np.log(existence / max(existence.sum(), 1e-300))
+        return replace(mixture, cloud=replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component]))
+
+    def _room_left_by_seen_tracks(self, prior: Mixture, mean: FloatArray, situation: Situation) -> FloatArray:
+        """Return the interaction prior of each particle: two vehicles can't be in one place (Khan et al. 2004)."""
+        joint, components = self.options.joint, prior.components
+        is_seen = components.unseen_s <= joint.hidden_after_s
+        factor = np.ones(len(prior.cloud))
+        if joint.exclusion_strength > 0.0:
+            ego = situation.scan.ego
+            _exclude_footprints(
+                prior.cloud.state[LON],
+                prior.cloud.state[LAT],
+                prior.starts,
+                ~is_seen,
+                np.append(mean[LON][is_seen & components.confirmed], ego.lon_m),
+                np.append(mean[LAT][is_seen & components.confirmed], ego.lat_m),
+                joint.exclusion_strength * situation.dt_s / NOMINAL_SCAN_S,
+                0.5 * self.options.vehicle.length_m,
+                0.63 * self.options.vehicle.width_m,
+                factor,
+            )
+        return factor
+
+    def _resample(
+        self, posterior: Mixture, was_hit: npt.NDArray[np.bool_], rng: np.random.Generator
+    ) -> tuple[Mixture, float]:
+        particles, components = self.options.particles, posterior.components
+        if len(posterior) == 0:
+            return posterior, 1.0
+        effective_size = component_moments(posterior).effective_size
+        young = components.hits <= self.options.joint.young_hits
+        redraw = was_hit & young & (effective_size < GAUSSIAN_RESAMPLE_BELOW * particles)
+        posterior = resample_from_gaussian(posterior, redraw, effective_size, rng)
+        depleted = ~redraw & (effective_size < self.options.resample_below * particles)
+        posterior, _ = resample(posterior, depleted, particles, rng)
+        return posterior, float(effective_size.mean() / particles)
+
+    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> npt.NDArray[np.bool_]:
+        joint, components = self.options.joint, mixture.components
+        moments = component_moments(mixture)
+        left = outside_observation_area(
+            moments.mean[LON], moments.mean[LAT], situation.scan.ego, situation.sensor, joint.range_margin_m
+        )
+        patience_s = np.where(components.confirmed, joint.longest_unseen_s, joint.unconfirmed_unseen_s)
+        return np.asarray(
+            (components.existence >= joint.prune_existence)
+            & (components.unseen_s <= patience_s)
+            & (moments.std[LON] <= joint.largest_std_lon_m)
+            & ~left
+        )
+
+    def _on_ego(self, situation: Situation, chosen: IntArray) -> npt.NDArray[np.bool_]:
+        ego, detections = situation.scan.ego, situation.scan.detections
+        return np.asarray(
+            (np.abs(detections.lon_m[chosen] - ego.lon_m) < 0.5 * ego.length_m)
+            & (np.abs(detections.lat_m[chosen] - ego.lat_m) < 0.5 * ego.width_m)
+        )
+
+
+def _count_hits(
+    components: Components, was_hit: npt.NDArray[np.bool_], existence: FloatArray, dt_s: float
+) -> Components:
+    return replace(
+        components,
+        existence=existence,
+        hits=components.hits + was_hit,
+        unseen_s=np.where(was_hit, 0.0, components.unseen_s + dt_s),
+    )
+
+
+def _mean_entropy(probability: FloatArray) -> float:
+    if probability.size == 0:
+        return 0.0
+    full = np.column_stack([probability, np.maximum(1.0 - probability.sum(axis=1), 0.0)])
+    return float(-(full * np.log(np.maximum(full, 1e-300))).sum(axis=1).mean())
+
+
+def _normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return weights that sum to one within each component, shape (n,)."""
+    weight = np.empty(len(log_weight))
+    _normalise(log_weight, starts, weight)
+    return weight
+
+
+def _evidence(
+    weight: FloatArray,
+    starts: IntArray,
+    detection_probability: FloatArray,
+    cap: float,
+    likelihoods: GatedLikelihoods,
+    detections: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - min(P_D, cap)] per component, shape (m,)."""
+    components = len(starts) - 1
+    evidence = np.zeros((components, detections))
+    not_seen = np.ones(components)
+    _sum_evidence(
+        weight,
+        starts,
+        detection_probability,
+        cap,
+        likelihoods.component,
+        likelihoods.detection,
+        likelihoods.values,
+        likelihoods.starts,
+        evidence,
+        not_seen,
+    )
+    return evidence, not_seen
+
+
+def _particle_factors(
+    detection_probability: FloatArray,
+    cap: float,
+    starts: IntArray,
+    likelihoods: GatedLikelihoods,
+    message: FloatArray,
+) -> FloatArray:
+    """Return each particle's weight factor (1 - min(P_D, cap)) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
+    factor = 1.0 - np.minimum(detection_probability, cap)
+    pair_message = message[likelihoods.component, likelihoods.detection]
+    _add_detection_terms(
+        detection_probability,
+        starts,
+        likelihoods.component,
+        likelihoods.values,
+        likelihoods.starts,
+        pair_message,
+        factor,
+    )
+    return factor
+
+
+@numba.njit(cache=True)
+def _normalise(log_weight: FloatArray, starts: IntArray, weight: FloatArray) -> None:
+    for m in range(len(starts) - 1):
+        begin, end = starts[m], starts[m + 1]
+        largest = -np.inf
+        for n in range(begin, end):
+            largest = max(largest, log_weight[n])
+        total = 0.0
+        for n in range(begin, end):
+            weight[n] = np.exp(log_weight[n] - largest)
+            total += weight[n]
+        for n in range(begin, end):
+            weight[n] /= total
+
+
+@numba.njit(cache=True)
+def _sum_evidence(
+    weight: FloatArray,
+    starts: IntArray,
+    detection_probability: FloatArray,
+    cap: float,
+    pair_component: IntArray,
+    pair_detection: IntArray,
+    values: FloatArray,
+    value_starts: IntArray,
+    evidence: FloatArray,
+    not_seen: FloatArray,
+) -> None:
+    for m in range(len(starts) - 1):
+        seen = 0.0
+        for n in range(starts[m], starts[m + 1]):
+            seen += weight[n] * min(detection_probability[n], cap)
+        not_seen[m] = 1.0 - seen
+    for p in range(len(pair_component)):
+        begin = starts[pair_component[p]]
+        total = 0.0
+        for k in range(value_starts[p + 1] - value_starts[p]):
+            total += weight[begin + k] * detection_probability[begin + k] * values[value_starts[p] + k]
+        evidence[pair_component[p], pair_detection[p]] = total
+
+
+@numba.njit(cache=True)
+def _add_detection_terms(
+    detection_probability: FloatArray,
+    starts: IntArray,
+    pair_component: IntArray,
+    values: FloatArray,
+    value_starts: IntArray,
+    message: FloatArray,
+    factor: FloatArray,
+) -> None:
+    for p in range(len(pair_component)):
+        begin = starts[pair_component[p]]
+        for k in range(value_starts[p + 1] - value_starts[p]):
+            factor[begin + k] += detection_probability[begin + k] * message[p] * values[value_starts[p] + k]
+
+
+@numba.njit(cache=True)
+def _exclude_footprints(
+    lon: FloatArray,
+    lat: FloatArray,
+    starts: IntArray,
+    is_excluded: npt.NDArray[np.bool_],
+    seen_lon: FloatArray,
+    seen_lat: FloatArray,
+    strength: float,
+    scale_lon: float,
+    scale_lat: float,
+    factor: FloatArray,
+) -> None:
+    for m in range(len(starts) - 1):
+        if not is_excluded[m]:
+            continue
+        for n in range(starts[m], starts[m + 1]):
+            for s in range(len(seen_lon)):
+                along = (lon[n] - seen_lon[s]) / scale_lon
+                if abs(along) > 2.0:
+                    continue
+                across = (lat[n] - seen_lat[s]) / scale_lat
+                if abs(across) > 2.0:
+                    continue
+                overlap = np.exp(-0.5 * along**4) * np.exp(-0.5 * across**4)
+                factor[n] *= np.exp(-strength * overlap)

@@ -1,0 +1,61 @@
+"""Merging of components that stand for one vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mmpf.moments import component_moments
+from mmpf.state import LAT, LON, NEVER, Mixture
+
+
+def merge_lasting_overlaps(
+    mixture: Mixture, lon_m: float, lat_m: float, scans: int, hidden_after_s: float
+) -> tuple[Mixture, int]:
+    """Merge components that have shared one place for several scans; the elder's identity stays.
+
+    Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
+    one: so both must be seen or both hidden, well within one footprint, and for long enough.
+
+    Args:
+        mixture: The belief.
+        lon_m: Means nearer than this, and
+        lat_m: nearer than this overlap.
+        scans: Scans in a row before they merge.
+        hidden_after_s: Unseen for longer, a component counts as hidden.
+
+    Returns:
+        The belief and the number of components merged away.
+    """
+    components = mixture.components
+    if len(mixture) < 2:
+        return mixture, 0
+    mean = component_moments(mixture).mean
+    is_hidden = components.unseen_s > hidden_after_s
+    distance = np.hypot(
+        (mean[LON][:, None] - mean[LON][None, :]) / lon_m, (mean[LAT][:, None] - mean[LAT][None, :]) / lat_m
+    )
+    apart = (np.abs(mean[LON][:, None] - mean[LON][None, :]) >= lon_m) | (
+        np.abs(mean[LAT][:, None] - mean[LAT][None, :]) >= lat_m
+    )
+    distance[apart | (is_hidden[:, None] != is_hidden[None, :])] = np.inf
+    np.fill_diagonal(distance, np.inf)
+    nearest = distance.argmin(axis=1)
+    overlaps = np.isfinite(distance[np.arange(len(mixture)), nearest])
+    partner = np.where(overlaps, components.track_id[nearest], NEVER)
+    overlap_scans = np.where(overlaps, np.where(partner == components.overlap_with, components.overlap_scans + 1, 1), 0)
+    keep = np.ones(len(mixture), dtype=np.bool_)
+    track_id, confirmed = components.track_id.copy(), components.confirmed.copy()
+    for a in np.flatnonzero(overlap_scans >= scans):
+        b = nearest[a]
+        if not (keep[a] and keep[b]):
+            continue
+        elder = min((a, b), key=lambda m: (not components.confirmed[m], components.track_id[m]))
+        better = min((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
+        track_id[better], confirmed[better] = components.track_id[elder], components.confirmed[elder]
+        keep[a if better == b else b] = False
+    updated = replace(
+        components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_scans=overlap_scans
+    )
+    return replace(mixture, components=updated).keep(keep), int((~keep).sum())

@@ -1,0 +1,68 @@
+"""Means, spreads and effective sizes of components: what the rest of the filter asks of a particle cloud."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from mmpf.road import FloatArray, IntArray
+from mmpf.state import STATE_SIZE, Mixture
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Weighted moments of each of m components.
+
+    Attributes:
+        mean: Mean state, shape (6, m).
+        variance: Variance of each state variable, shape (6, m).
+        effective_size: Effective sample size 1 / sum w^2, shape (m,).
+    """
+
+    mean: FloatArray
+    variance: FloatArray
+    effective_size: FloatArray
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations, shape (6, m)."""
+        return np.sqrt(self.variance)
+
+
+def component_moments(mixture: Mixture) -> Moments:
+    """Return the moments of each component under its particles' weights."""
+    mean = np.zeros((STATE_SIZE, len(mixture)))
+    variance = np.zeros((STATE_SIZE, len(mixture)))
+    effective_size = np.zeros(len(mixture))
+    weight = np.exp(mixture.cloud.log_weight)
+    _accumulate_moments(mixture.cloud.state, weight, mixture.starts, mean, variance, effective_size)
+    return Moments(mean, variance, effective_size)
+
+
+@numba.njit(cache=True, fastmath=True)
+def _accumulate_moments(
+    state: FloatArray,
+    weight: FloatArray,
+    starts: IntArray,
+    mean: FloatArray,
+    variance: FloatArray,
+    effective_size: FloatArray,
+) -> None:
+    for m in range(len(starts) - 1):
+        begin, end = starts[m], starts[m + 1]
+        squares = 0.0
+        for n in range(begin, end):
+            squares += weight[n] * weight[n]
+        effective_size[m] = 1.0 / squares if squares > 0.0 else 0.0
+        for row in range(state.shape[0]):
+            first = 0.0
+            for n in range(begin, end):
+                first += weight[n] * state[row, n]
+            second = 0.0
+            for n in range(begin, end):
+                centred = state[row, n] - first
+                second += weight[n] * centred * centred
+            mean[row, m] = first
+            variance[row, m] = second

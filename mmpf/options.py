@@ -1,0 +1,173 @@
+"""The filter's settings; every number that is not the sensor's or the motion model's."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+UpdateName = Literal["joint", "max_likelihood"]
+Positive = Annotated[float, Field(gt=0.0)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class Settings(BaseModel):
+    """Base of all settings: frozen, and a key that does not exist is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Footprint(Settings):
+    """The rectangle that stands for a vehicle whose size the tracker does not know: the mean car on US-101.
+
+    Attributes:
+        length_m: Length.
+        width_m: Width.
+    """
+
+    length_m: Positive = 4.7
+    width_m: Positive = 1.9
+
+
+class BirthOptions(Settings):
+    """How the particles of a new component are drawn around its detection.
+
+    Attributes:
+        local_speed_share: Share of particles whose speed is drawn near the speed of the traffic around.
+        local_speed_std_mps: Spread of that share.
+        highest_speed_mps: The other particles' speeds are uniform from zero to this.
+        lat_speed_std_mps: Spread of the lateral speed.
+        accel_std_mps2: Spread of the longitudinal acceleration.
+        local_range_m: Tracks within this distance tell the speed of the traffic around.
+    """
+
+    local_speed_share: Probability = 0.6
+    local_speed_std_mps: Positive = 2.5
+    highest_speed_mps: Positive = 40.0
+    lat_speed_std_mps: Positive = 0.4
+    accel_std_mps2: Positive = 0.7
+    local_range_m: Positive = 40.0
+
+
+class JointOptions(Settings):
+    """Soft joint association: marginals by belief propagation, existence, births by unexplained detections.
+
+    Attributes:
+        gate_std: A detection counts for a component within this many standard deviations.
+        missed_detection_cap: The detection probability used for "not seen" is at most this, since misses of one
+            vehicle are correlated in time.
+        hidden_detection_probability: Detection probability of a particle that lies in shadow.
+        survival_probability: Per 0.1 s.
+        birth_density: Expected newborn vehicles in relation to clutter at one detection (b in Meyer et al. 2018).
+        birth_unexplained: A detection starts a component if its unexplained share is above this.
+        confirm_existence: Existence probability from which a component is reported.
+        confirm_hits: Detections it must have had by then.
+        prune_existence: Below this existence probability a component is removed.
+        occluder_existence: Components above this existence probability cast shadows.
+        longest_unseen_s: A component unseen for longer is removed.
+        unconfirmed_unseen_s: The same for one that was never confirmed.
+        largest_std_lon_m: A component spread wider than this is removed.
+        range_margin_m: A component further than this beyond the sensor's range is removed.
+        young_hits: Up to this many hits a component is resampled from its weighted Gaussian, since its speed is
+            still uncertain and its cloud would impoverish.
+        hidden_after_s: Unseen for longer, a component counts as hidden, if it lies in shadow.
+        exclusion_strength: How strongly a hidden particle inside a seen track's footprint is discounted each 0.1 s.
+        merge_lon_m: Two components nearer than this and ``merge_lat_m`` for ``merge_scans`` scans become one.
+        merge_lat_m: See ``merge_lon_m``.
+        merge_scans: See ``merge_lon_m``.
+        stitch: Whether a newly confirmed component near a hidden one takes its identity.
+        stitch_std: How far, in standard deviations of the hidden component, and
+        stitch_margin_m: this much further, since two cars can't be nearer to each other than a length.
+        stitch_lat_m: Largest lateral distance for it.
+        shadow: Whether the detection probability depends on shadows; without, it is ``fixed_probability``.
+        fixed_probability: See ``shadow``.
+        exclusive: Whether a detection belongs to one component (belief propagation) or may serve several (PDA).
+    """
+
+    gate_std: Positive = 4.5
+    missed_detection_cap: Probability = 0.6
+    hidden_detection_probability: Probability = 0.02
+    survival_probability: Probability = 0.999
+    birth_density: Positive = 0.3
+    birth_unexplained: Probability = 0.3
+    confirm_existence: Probability = 0.9
+    confirm_hits: Annotated[int, Field(ge=1)] = 3
+    prune_existence: Probability = 0.02
+    occluder_existence: Probability = 0.2
+    longest_unseen_s: Positive = 10.0
+    unconfirmed_unseen_s: Positive = 1.0
+    largest_std_lon_m: Positive = 8.0
+    range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
+    young_hits: Annotated[int, Field(ge=0)] = 15
+    hidden_after_s: Positive = 0.25
+    exclusion_strength: Annotated[float, Field(ge=0.0)] = 0.9
+    merge_lon_m: Positive = 2.5
+    merge_lat_m: Positive = 1.0
+    merge_scans: Annotated[int, Field(ge=1)] = 3
+    stitch: bool = True
+    stitch_std: Positive = 3.0
+    stitch_margin_m: Annotated[float, Field(ge=0.0)] = 3.0
+    stitch_lat_m: Positive = 1.8
+    shadow: bool = True
+    fixed_probability: Probability = 0.5
+    exclusive: bool = True
+
+
+class MaxLikelihoodOptions(Settings):
+    """The paper's own rule: each particle's likelihood is its largest over all detections.
+
+    Attributes:
+        gate_std: A component with no detection within this many standard deviations performs no measurement update.
+            Infinite in the paper: the largest likelihood counts however small it is.
+        removal_weight: r of the paper: a component whose weight falls below this share of the mean component weight
+            is removed.
+        floor_component_weight: Keeps component weights from falling below this share of the mean; zero is the
+            paper's equation (11), whose product over time starves components.
+        added_particles: a of the paper, as a share of one component's particles: a detection that fewer particles
+            chose starts a component.
+        merge_lon_m: Components whose means are nearer than this and ``merge_lat_m`` overlap significantly.
+        merge_lat_m: See ``merge_lon_m``.
+        touch_lon_m: Components nearer than this and ``touch_lat_m`` are reclustered together by k-medoids.
+        touch_lat_m: See ``touch_lon_m``.
+        medoid_sample: Particles of a group that vote on the medoids; the rest follow the nearest one.
+        shadowed_share: Share of its extent in shadow from which a component counts as completely occluded.
+        confirm_hits: Scans with an update before a component is reported.
+        longest_unseen_s: A component unseen for longer is removed.
+        range_margin_m: A component further than this beyond the sensor's range has left the observation area.
+    """
+
+    gate_std: Positive = float("inf")
+    removal_weight: Probability = 1e-3
+    floor_component_weight: Probability = 0.0
+    added_particles: Probability = 0.1
+    merge_lon_m: Positive = 2.5
+    merge_lat_m: Positive = 1.0
+    touch_lon_m: Positive = 7.0
+    touch_lat_m: Positive = 2.5
+    medoid_sample: Annotated[int, Field(ge=10)] = 200
+    shadowed_share: Probability = 0.85
+    confirm_hits: Annotated[int, Field(ge=1)] = 3
+    longest_unseen_s: Positive = 10.0
+    range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
+
+
+class FilterOptions(Settings):
+    """All settings of the Modified Mixture Particle Filter.
+
+    Attributes:
+        particles: Particles per component.
+        update: ``joint``, or ``max_likelihood`` for the rule of the paper.
+        resample_below: A component is resampled when its effective sample size falls below this share.
+        vehicle: Nominal size of a vehicle.
+        birth: How new components are drawn.
+        joint: Settings of the joint update.
+        max_likelihood: Settings of the paper's update.
+    """
+
+    particles: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
+    update: UpdateName = "joint"
+    resample_below: Probability = 0.5
+    vehicle: Footprint = Footprint()
+    birth: BirthOptions = BirthOptions()
+    joint: JointOptions = JointOptions()
+    max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()

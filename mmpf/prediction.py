@@ -1,0 +1,75 @@
+"""Prior update: every particle moves one step, equations (1) and (4)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.road import FloatArray
+from mmpf.scan import Scan
+from mmpf.state import SPEED, Mixture
+
+
+class Proposal(Protocol):
+    """The density that new states are drawn from, f(x_k | x_{k-1}, z_k) in equation (10)."""
+
+    def __call__(
+        self,
+        motion: MotionModel,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        scan: Scan,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Draw the next states.
+
+        Args:
+            motion: The motion model, whose density is the prior f(x_k | x_{k-1}).
+            state: Present states, shape (6, n).
+            latents: Present latents, shape (latent_size, n).
+            surroundings: What the particles know of road and traffic.
+            scan: The scan that is about to be taken in.
+            dt_s: Length of the step.
+            rng: Source of randomness.
+
+        Returns:
+            Next states, next latents, and the logarithm of prior over proposal density at the states drawn, (n,).
+        """
+        ...
+
+
+def bootstrap_proposal(
+    motion: MotionModel,
+    state: FloatArray,
+    latents: FloatArray,
+    surroundings: Surroundings,
+    scan: Scan,  # noqa: ARG001  the prior looks at no measurement
+    dt_s: float,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Draw from the motion model itself, so that the ratio in equation (10) is one; see ``Proposal``."""
+    state, latents = motion.propagate(state, latents, surroundings, dt_s, rng)
+    return state, latents, np.zeros(state.shape[1])
+
+
+def prior_update(
+    mixture: Mixture,
+    motion: MotionModel,
+    proposal: Proposal,
+    surroundings: Surroundings,
+    scan: Scan,
+    dt_s: float,
+    rng: np.random.Generator,
+) -> Mixture:
+    """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
+    cloud = mixture.cloud
+    state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, scan, dt_s, rng)
+    state[SPEED] = np.maximum(state[SPEED], 0.0)
+    components = replace(mixture.components, age_scans=mixture.components.age_scans + 1)
+    moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
+    return replace(mixture, cloud=moved, components=components)

@@ -1,0 +1,226 @@
+"""What the tracker's own tracks hide from the sensor: the expected visible fraction of each particle's vehicle.
+
+Every component that probably exists casts a shadow behind its nominal rectangle. A table over bearing holds the two
+nearest surfaces, so that no component lies in its own shadow; each particle looks up the rays over its extent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.options import Footprint
+from mmpf.road import FloatArray, IntArray
+from mmpf.scan import EgoPose, FreeSpace, SensorModel
+
+BEARINGS = 1440
+LARGEST_RAY_COUNT = 16
+
+
+@dataclass(frozen=True)
+class DepthTable:
+    """The two nearest surfaces in each bearing sector, shapes (2, BEARINGS).
+
+    Attributes:
+        depth_m: Distance of the surface, infinite where there is none.
+        caster: Index of the component that it belongs to, -1 where there is none.
+    """
+
+    depth_m: FloatArray
+    caster: IntArray
+
+
+def depth_table(
+    ego: EgoPose,
+    lon_m: FloatArray,
+    lat_m: FloatArray,
+    casts_shadow: npt.NDArray[np.bool_],
+    vehicle: Footprint,
+) -> DepthTable:
+    """Return the surfaces that the components' rectangles present to the sensor.
+
+    Args:
+        ego: Pose of the sensor.
+        lon_m: Components' mean longitudinal positions, shape (m,).
+        lat_m: Components' mean lateral positions, shape (m,).
+        casts_shadow: Which of them count, shape (m,).
+        vehicle: Their nominal size; they are taken to point along the road.
+    """
+    depth = np.full((2, BEARINGS), np.inf)
+    caster = np.full((2, BEARINGS), -1, dtype=np.int64)
+    _cast_shadows(
+        lon_m - ego.lon_m,
+        lat_m - ego.lat_m,
+        casts_shadow,
+        0.5 * vehicle.length_m,
+        0.5 * vehicle.width_m,
+        depth,
+        caster,
+    )
+    return DepthTable(depth, caster)
+
+
+def visible_fractions(
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, table: DepthTable, vehicle: Footprint
+) -> FloatArray:
+    """Return the share of each particle's angular extent that no other component's shadow covers, shape (n,).
+
+    Args:
+        ego: Pose of the sensor.
+        lon_m: Particles' longitudinal positions, shape (n,).
+        lat_m: Particles' lateral positions, shape (n,).
+        component: Each particle's component, whose own shadow does not count, shape (n,).
+        table: The surfaces around.
+        vehicle: Nominal size of the particles' vehicles.
+    """
+    fraction = np.empty(len(lon_m))
+    _look_up_rays(
+        lon_m - ego.lon_m,
+        lat_m - ego.lat_m,
+        component,
+        table.depth_m,
+        table.caster,
+        0.5 * vehicle.length_m,
+        0.5 * vehicle.width_m,
+        fraction,
+    )
+    return fraction
+
+
+def detection_probabilities(
+    visible_fraction: FloatArray, distance_m: FloatArray, sensor: SensorModel, hidden_probability: float
+) -> FloatArray:
+    """Return the probability of a detection given the visible fraction, the sensor's data sheet as a function.
+
+    Args:
+        visible_fraction: Visible fraction, shape (n,).
+        distance_m: Distance from the sensor, shape (n,).
+        sensor: The data sheet.
+        hidden_probability: What remains for a vehicle that seems hidden: the shadow may be wrong.
+    """
+    probability = sensor.detection_probability * np.minimum(1.0, visible_fraction / sensor.full_view_fraction)
+    unseen = (visible_fraction < sensor.hidden_fraction) | (distance_m > sensor.range_m)
+    return np.where(unseen, hidden_probability, probability)
+
+
+def shadowed_share(
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, free_space: FreeSpace, vehicle: Footprint
+) -> FloatArray:
+    """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
+
+    Args:
+        ego: Pose of the sensor.
+        lon_m: Longitudinal positions, shape (m,).
+        lat_m: Lateral positions, shape (m,).
+        free_space: The sensor's own free distances.
+        vehicle: Nominal size.
+    """
+    depth = np.full((2, len(free_space.range_m)), np.inf)
+    depth[0] = free_space.range_m + 0.5 * vehicle.length_m
+    caster = np.full(depth.shape, -2, dtype=np.int64)
+    fraction = np.empty(len(lon_m))
+    nobody = np.full(len(lon_m), -1, dtype=np.int64)
+    half_length, half_width = 0.5 * vehicle.length_m, 0.5 * vehicle.width_m
+    _look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, nobody, depth, caster, half_length, half_width, fraction)
+    return 1.0 - fraction
+
+
+@numba.njit(cache=True)
+def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
+    """Return the centre bearing and the half-width of an axis-aligned rectangle's extent, seen from the origin."""
+    centre = np.arctan2(y, x)
+    if abs(x) <= half_length and abs(y) <= half_width:
+        return centre, np.pi
+    cosine, sine = np.cos(centre), np.sin(centre)
+    half = 0.0
+    for corner in range(4):
+        corner_x = x + (half_length if corner % 2 == 0 else -half_length)
+        corner_y = y + (half_width if corner < 2 else -half_width)
+        along = corner_x * cosine + corner_y * sine
+        across = corner_y * cosine - corner_x * sine
+        half = max(half, abs(np.arctan2(across, along)))
+    return centre, half
+
+
+@numba.njit(cache=True)
+def _cast_shadows(
+    x: FloatArray,
+    y: FloatArray,
+    casts_shadow: npt.NDArray[np.bool_],
+    half_length: float,
+    half_width: float,
+    depth: FloatArray,
+    caster: IntArray,
+) -> None:
+    sectors = depth.shape[1]
+    width = 2.0 * np.pi / sectors
+    for m in range(len(x)):
+        if not casts_shadow[m]:
+            continue
+        if abs(x[m]) <= half_length and abs(y[m]) <= half_width:
+            continue
+        centre, half = _angular_extent(x[m], y[m], half_length, half_width)
+        first = int(np.floor((centre - half + np.pi) / width))
+        last = int(np.floor((centre + half + np.pi) / width))
+        for k in range(first, last + 1):
+            bearing = -np.pi + (k + 0.5) * width
+            entry = _ray_entry(np.cos(bearing), np.sin(bearing), x[m], y[m], half_length, half_width)
+            if entry < 0.0:
+                continue
+            sector = k % sectors
+            if entry < depth[0, sector]:
+                depth[1, sector], caster[1, sector] = depth[0, sector], caster[0, sector]
+                depth[0, sector], caster[0, sector] = entry, m
+            elif entry < depth[1, sector]:
+                depth[1, sector], caster[1, sector] = entry, m
+
+
+@numba.njit(cache=True)
+def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: float, half_width: float) -> float:
+    """Return the distance at which a ray from the origin enters the rectangle (slab test), -1 if it misses."""
+    enter, leave = 0.0, np.inf
+    for direction, centre, half in ((cosine, x, half_length), (sine, y, half_width)):
+        if abs(direction) < 1e-12:
+            if abs(centre) > half:
+                return -1.0
+            continue
+        near, far = (centre - half) / direction, (centre + half) / direction
+        if near > far:
+            near, far = far, near
+        enter, leave = max(enter, near), min(leave, far)
+    return enter if enter <= leave else -1.0
+
+
+@numba.njit(cache=True)
+def _look_up_rays(
+    x: FloatArray,
+    y: FloatArray,
+    component: IntArray,
+    depth: FloatArray,
+    caster: IntArray,
+    half_length: float,
+    half_width: float,
+    fraction: FloatArray,
+) -> None:
+    sectors = depth.shape[1]
+    per_radian = sectors / (2.0 * np.pi)
+    for n in range(len(x)):
+        distance = np.sqrt(x[n] * x[n] + y[n] * y[n])
+        centre = np.arctan2(y[n], x[n])
+        # The rectangle's silhouette: half-width across the line of sight over the distance.
+        across = (half_length * abs(y[n]) + half_width * abs(x[n])) / max(distance, 1e-6)
+        half = np.arctan2(across, max(distance, 1e-6))
+        rays = min(max(int(2.0 * half * per_radian), 3), LARGEST_RAY_COUNT)
+        clear = 0
+        for k in range(rays):
+            bearing = centre + half * ((2.0 * k + 1.0) / rays - 1.0)
+            sector = int((bearing + np.pi) * per_radian) % sectors
+            surface = depth[0, sector]
+            if caster[0, sector] == component[n]:
+                surface = depth[1, sector]
+            if surface >= distance:
+                clear += 1
+        fraction[n] = clear / rays

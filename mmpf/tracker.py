@@ -1,0 +1,198 @@
+"""The Modified Mixture Particle Filter of Li, Zhan and Tomizuka (2018): the loop of the paper's Fig. 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+
+from mmpf.birth import Traffic, give_birth
+from mmpf.joint import JointUpdate
+from mmpf.max_likelihood import MaxLikelihoodUpdate
+from mmpf.moments import component_moments
+from mmpf.motion.protocol import MotionModel
+from mmpf.options import FilterOptions
+from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
+from mmpf.report import reported_tracks
+from mmpf.road import Road
+from mmpf.scan import Scan, SensorModel, check_scan
+from mmpf.state import LON, SPEED, Mixture, Tracks
+from mmpf.surroundings import surroundings_of
+from mmpf.update import Situation, UpdateRule
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What happened inside one step, for diagnostics.
+
+    Attributes:
+        components: Components after the step.
+        effective_share: Mean effective sample size after weighting, as a share of the particles.
+        births: Components added.
+        deaths: Components removed.
+        merges: Components merged into others.
+        reclusterings: Components clustered anew or re-identified.
+        association_entropy: Mean entropy of the association, nats.
+        stage_ms: Time spent in each stage, milliseconds.
+    """
+
+    components: int = 0
+    effective_share: float = 1.0
+    births: int = 0
+    deaths: int = 0
+    merges: int = 0
+    reclusterings: int = 0
+    association_entropy: float = 0.0
+    stage_ms: dict[str, float] = field(default_factory=dict)
+
+
+class MixtureTracker:
+    """Tracks all vehicles in sensor range at once; each is a mixture component made of particles.
+
+    Example:
+        >>> tracker = MixtureTracker(road, sensor_model, motion_models["cvm"](), np.random.default_rng(0))
+        >>> for scan in scans:
+        ...     tracks = tracker.step(scan)
+    """
+
+    def __init__(
+        self,
+        road: Road,
+        sensor: SensorModel,
+        motion: MotionModel,
+        rng: np.random.Generator,
+        options: FilterOptions | None = None,
+        proposal: Proposal = bootstrap_proposal,
+    ) -> None:
+        """Prepare a filter that has seen nothing yet.
+
+        Args:
+            road: The lanes, known beforehand.
+            sensor: The sensor's data sheet.
+            motion: How vehicles move.
+            rng: The filter's own stream of randomness.
+            options: Settings; the defaults track well.
+            proposal: What new states are drawn from; the prior by default.
+        """
+        self._road, self._sensor, self._motion, self._rng = road, sensor, motion, rng
+        self._options = options or FilterOptions()
+        self._proposal = proposal
+        self._rule: UpdateRule = _update_rule(self._options)
+        self._mixture = Mixture.empty(motion.latent_size)
+        self._previous: Scan | None = None
+        self.last_report = StepReport()
+
+    @property
+    def mixture(self) -> Mixture:
+        """The belief after the last scan."""
+        return self._mixture
+
+    def step(self, scan: Scan) -> Tracks:
+        """Take in one scan and return the confirmed and tentative tracks after it.
+
+        Args:
+            scan: Detections, ego pose and time.
+
+        Raises:
+            InvalidScanError: The scan holds impossible values or is not later than the one before; the filter is
+                as it was.
+        """
+        check_scan(scan, None if self._previous is None else self._previous.time_s)
+        clock = _Stopwatch()
+        if self._previous is None:
+            self._mixture = self._initialise(scan)
+            self.last_report = StepReport(components=len(self._mixture), births=len(self._mixture))
+        else:
+            situation = self._situation(scan, self._previous)
+
+            prior = self._prior_update(situation, self._previous)
+            clock.lap("prior update")
+            occlusion = self._rule.assert_occlusion(prior, situation)
+            clock.lap("occlusion assertion")
+            updated = self._rule.measurement_update(prior, occlusion, situation, self._rng)
+            clock.lap("measurement update")
+            change = self._rule.remove_add_merge(updated, situation, self._rng)
+            clock.lap("remove, add, merge")
+            mixture, reclusterings = self._rule.finetune(change.mixture, self._rng)
+            clock.lap("finetune")
+            self._mixture = self._rule.weight_update(mixture)
+            clock.lap("weight update")
+
+            self.last_report = StepReport(
+                components=len(self._mixture),
+                effective_share=updated.effective_share,
+                births=change.added,
+                deaths=change.removed,
+                merges=change.merged,
+                reclusterings=reclusterings,
+                association_entropy=updated.association_entropy,
+                stage_ms=clock.laps_ms,
+            )
+        self._previous = scan
+        return reported_tracks(self._mixture, self._options.joint.hidden_after_s)
+
+    def _initialise(self, scan: Scan) -> Mixture:
+        """Draw particles around the detections of the first scan: "Initialization"."""
+        everything = np.arange(len(scan.detections))
+        existence = np.full(len(everything), 0.5)
+        traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
+        mixture = give_birth(
+            Mixture.empty(self._motion.latent_size),
+            scan.detections,
+            everything,
+            existence,
+            traffic,
+            self._motion,
+            self._options.particles,
+            self._options.birth,
+            self._rng,
+        )
+        return self._rule.weight_update(mixture)
+
+    def _situation(self, scan: Scan, previous: Scan) -> Situation:
+        mean = component_moments(self._mixture).mean
+        known = self._mixture.components.confirmed & (
+            self._mixture.components.unseen_s <= self._options.joint.hidden_after_s
+        )
+        traffic = Traffic(
+            lon_m=np.append(mean[LON][known], scan.ego.lon_m),
+            speed_mps=np.append(mean[SPEED][known], scan.ego.speed_mps),
+        )
+        return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic)
+
+    def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
+        """Let every particle move on its own, given road and traffic as they were: "Prior update"."""
+        components = self._mixture.components
+        is_seen = components.unseen_s <= self._options.joint.hidden_after_s
+        surroundings = surroundings_of(
+            self._mixture.cloud.state,
+            self._mixture.cloud.component,
+            component_moments(self._mixture).mean,
+            components.confirmed,
+            is_seen,
+            previous.ego,
+            (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s,
+            self._road,
+            self._options.vehicle,
+        )
+        return prior_update(
+            self._mixture, self._motion, self._proposal, surroundings, situation.scan, situation.dt_s, self._rng
+        )
+
+
+def _update_rule(options: FilterOptions) -> UpdateRule:
+    return JointUpdate(options) if options.update == "joint" else MaxLikelihoodUpdate(options)
+
+
+class _Stopwatch:
+    """Laps between stages, in milliseconds."""
+
+    def __init__(self) -> None:
+        self.laps_ms: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = perf_counter()
+        self.laps_ms[stage] = 1e3 * (now - self._last)
+        self._last = now

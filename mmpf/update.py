@@ -1,0 +1,121 @@
+"""The role of an update rule: the stages of the paper's Fig. 1 between the prior update and the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.birth import Traffic
+from mmpf.motion.protocol import MotionModel
+from mmpf.road import FloatArray
+from mmpf.scan import EgoPose, Scan, SensorModel
+from mmpf.state import Mixture
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the stages of one scan share.
+
+    Attributes:
+        scan: The scan.
+        sensor: The sensor's data sheet.
+        motion: The motion model.
+        dt_s: Time since the scan before.
+        traffic: Speeds of the vehicles around, for births.
+    """
+
+    scan: Scan
+    sensor: SensorModel
+    motion: MotionModel
+    dt_s: float
+    traffic: Traffic
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """What is known, before looking at the detections, of whether components can be seen.
+
+    Attributes:
+        detection_probability: Of each particle, shape (n,).
+        is_hidden: Components asserted to be completely occluded, shape (m,).
+    """
+
+    detection_probability: FloatArray
+    is_hidden: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Updated:
+    """The belief after the measurement update, and what the later stages need to know of it.
+
+    Attributes:
+        mixture: The belief.
+        was_hit: Components that the scan confirmed, shape (m,).
+        birth_claim: How strongly each detection asks for a new component, 0 to 1, shape (d,).
+        association_entropy: Mean entropy of the components' association, nats; 0 where each detection is clearly
+            one component's.
+        effective_share: Mean effective sample size after weighting, as a share of the particles.
+    """
+
+    mixture: Mixture
+    was_hit: npt.NDArray[np.bool_]
+    birth_claim: FloatArray
+    association_entropy: float
+    effective_share: float
+
+
+@dataclass(frozen=True)
+class MixtureChange:
+    """The belief after a stage that changes the number of components.
+
+    Attributes:
+        mixture: The belief.
+        removed: Components removed.
+        added: Components added.
+        merged: Components merged into others.
+    """
+
+    mixture: Mixture
+    removed: int = 0
+    added: int = 0
+    merged: int = 0
+
+
+class UpdateRule(Protocol):
+    """The stages of one rule, in the order in which the filter calls them."""
+
+    def assert_occlusion(self, prior: Mixture, situation: Situation) -> Occlusion:
+        """Say which components can't be seen: "Complete occlusion assertion"."""
+        ...
+
+    def measurement_update(
+        self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator
+    ) -> Updated:
+        """Weigh the particles by the detections and resample: "Measurement update", equations (5) to (11)."""
+        ...
+
+    def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
+        """Adapt the number of components: "Remove & Add & Merge"."""
+        ...
+
+    def finetune(self, mixture: Mixture, rng: np.random.Generator) -> tuple[Mixture, int]:
+        """Settle which particle and which identity belongs to which component: "Finetune".
+
+        Returns:
+            The belief, and how many components were clustered anew or had their identity settled.
+        """
+        ...
+
+    def weight_update(self, mixture: Mixture) -> Mixture:
+        """Compute particle and component weights anew: "Weight update"."""
+        ...
+
+
+def outside_observation_area(
+    lon_m: FloatArray, lat_m: FloatArray, ego: EgoPose, sensor: SensorModel, margin_m: float
+) -> npt.NDArray[np.bool_]:
+    """Return which positions lie beyond the sensor's range and the margin, shape (m,)."""
+    return np.asarray(np.hypot(lon_m - ego.lon_m, lat_m - ego.lat_m) > sensor.range_m + margin_m)
