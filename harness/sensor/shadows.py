@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.sensor.visibility import first_hits, pack_boxes
+from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
 from mmpf.road import FloatArray, Road
 from mmpf.scan import Detections, EgoPose, FreeSpace
 
@@ -34,7 +34,7 @@ def free_space(
     """
     width = 2.0 * np.pi / SECTORS
     bearings = np.asarray(-np.pi + width * (np.arange(SECTORS) + 0.5), dtype=np.float64)
-    _, _, leave = first_hits(_nominal_boxes(detections, ego, road), bearings)
+    _, _, leave = first_hits(_shadowing_boxes(detections, ego, road), bearings)
     forward = ego.heading_rad + float(road.heading_at(np.array(ego.lon_m)))
     off_axis = np.abs(wrap_angle(bearings - forward))
     return FreeSpace(range_m=np.where(off_axis <= 0.5 * field_of_view_rad, np.minimum(leave, range_m), 0.0))
@@ -52,11 +52,9 @@ def shadow_polygons(detections: Detections, ego: EgoPose, road: Road, range_m: f
     """
     sensor = np.array(sensor_position(ego, road))
     polygons = []
-    for box in _nominal_boxes(detections, ego, road):
+    for box in _shadowing_boxes(detections, ego, road):
         corners = _corners(box)
-        distance = np.hypot(corners[:, 0], corners[:, 1])
-        holds_sensor = _contains_origin(corners)
-        if not holds_sensor and distance.max() < range_m:
+        if np.hypot(corners[:, 0], corners[:, 1]).max() < range_m:
             polygons.append(sensor + _shadow_outline(corners, range_m))
     return polygons
 
@@ -72,11 +70,13 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _nominal_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatArray:
+def _shadowing_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatArray:
+    """Return the nominal bodies relative to the sensor, shape (n, 6), less those that would stand on it."""
     x, y = road.to_cartesian(detections.lon_m, detections.lat_m)
     size = np.ones(len(detections))
     heading = road.heading_at(detections.lon_m)
-    return pack_boxes(sensor_position(ego, road), x, y, heading, NOMINAL_LENGTH_M * size, NOMINAL_WIDTH_M * size)
+    boxes = pack_boxes(sensor_position(ego, road), x, y, heading, NOMINAL_LENGTH_M * size, NOMINAL_WIDTH_M * size)
+    return boxes[~contains_sensor(boxes)]
 
 
 def _corners(box: FloatArray) -> FloatArray:
@@ -85,11 +85,6 @@ def _corners(box: FloatArray) -> FloatArray:
     signs = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     offsets = signs * (along, across)
     return np.asarray(np.array([x, y]) + offsets @ np.array([[cosine, sine], [-sine, cosine]]))
-
-
-def _contains_origin(corners: FloatArray) -> bool:
-    edges = np.roll(corners, -1, axis=0) - corners
-    return bool(np.all(edges[:, 1] * corners[:, 0] - edges[:, 0] * corners[:, 1] >= 0.0))
 
 
 def _shadow_outline(corners: FloatArray, range_m: float) -> FloatArray:

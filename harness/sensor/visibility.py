@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from mmpf.road import FloatArray, IntArray
 
@@ -90,6 +91,13 @@ def pack_boxes(
         0.5 * np.asarray(width),
     )
     return np.ascontiguousarray(np.stack(columns, axis=-1), dtype=np.float64)
+
+
+def contains_sensor(boxes: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return whether the sensor is in each rectangle or on its edge, shape (n,); boxes as ``pack_boxes`` gives them."""
+    x, y, cosine, sine, half_length, half_width = boxes.T
+    along, across = x * cosine + y * sine, y * cosine - x * sine
+    return np.asarray((np.abs(along) <= half_length + SAME_SURFACE) & (np.abs(across) <= half_width + SAME_SURFACE))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -244,6 +252,3 @@ def _edge_crossing(box: FloatArray, edge: int, other: FloatArray, other_edge: in
     s = ((cx - ax) * vy - (cy - ay) * vx) / cross
     t = ((cx - ax) * uy - (cy - ay) * ux) / cross
     return (0.0 <= s <= 1.0) and (0.0 <= t <= 1.0), ax + s * ux, ay + s * uy
-
-
-__all__ = ["NO_OCCLUDER", "first_hits", "pack_boxes", "visible_fractions"]

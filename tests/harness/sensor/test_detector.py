@@ -1,0 +1,226 @@
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sensor_scenes import MIDDLE, ROAD, frame_of
+
+from harness.sensor.detector import build_sensor
+from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE
+from harness.sensor.profiles import sensor_profiles, sensor_settings
+from mmpf.road import Road, highway
+
+SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}
+
+
+def look(frame, profile="lidar", seed=0, road=ROAD, **overrides):
+    sensor = build_sensor(sensor_settings(profile, overrides))
+    return sensor.observe(frame, road, np.random.default_rng(seed))
+
+
+def test_of_two_cars_in_line_only_the_nearer_is_detected():
+    seen = look(frame_of((30, 0), (50, 0)), **SURE)
+    assert seen.truth_id.tolist() == ["car1"]
+    assert seen.state.tolist() == [VISIBLE, VISIBLE, HIDDEN]
+    assert seen.occluder.tolist() == [-1, -1, 1]
+    assert seen.visible_fraction == pytest.approx([1.0, 1.0, 0.0])
+
+
+def test_a_car_behind_the_ego_is_seen_as_well_as_one_ahead():
+    ahead, behind = look(frame_of((30, 3)), **SURE), look(frame_of((-30, 3)), **SURE)
+    assert ahead.truth_id.tolist() == behind.truth_id.tolist() == ["car1"]
+    assert ahead.scan.detections.std_lon_m == pytest.approx(behind.scan.detections.std_lon_m)
+
+
+def test_the_ego_is_neither_detected_nor_in_its_own_way():
+    seen = look(frame_of((10, 0)), **SURE)
+    assert seen.truth_id.tolist() == ["car1"]
+    assert seen.state[0] == VISIBLE
+    assert seen.visible_fraction[0] == 1.0
+    assert seen.occluder.tolist() == [-1, -1]
+
+
+def test_a_partly_hidden_car_is_in_the_partial_state_and_rarer_and_noisier():
+    frame = frame_of((20, 0), (40, 1.4))
+    fraction = look(frame).visible_fraction[2]
+    assert 0.15 < fraction < 0.7
+    scans = [look(frame, seed=seed, clutter_per_scan=0.0) for seed in range(1000)]
+    assert {int(scan.state[2]) for scan in scans} == {PARTIAL}
+    hits = np.array([scan.truth_id.tolist().count("car2") for scan in scans])
+    expected = 0.95 * fraction / 0.7
+    assert hits.mean() == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / len(scans)))
+    alone = look(frame_of((40, 1.4)), **SURE).scan.detections.std_lon_m[0]
+    stds = {scan.scan.detections.std_lon_m[scan.truth_id == "car2"][0] for scan in scans if "car2" in scan.truth_id}
+    assert len(stds) == 1
+    assert stds.pop() / alone == pytest.approx(1 + 2 * (0.7 - fraction) / 0.55, rel=1e-3)
+
+
+def test_hidden_vehicles_never_give_a_detection():
+    frame = frame_of((12, 0), (30, 0.1), (60, 0), (-15, 0), (-40, 0.2), (9, 3.66), (40, 12))
+    for seed in range(200):
+        seen = look(frame, seed=seed, hidden_fraction=0.3)
+        hidden = frame.vehicle_id[seen.visible_fraction < 0.3]
+        assert len(hidden) >= 3
+        assert not set(seen.truth_id) & set(hidden)
+
+
+def test_beyond_the_range_nothing_is_detected_but_a_truck_that_reaches_in_still_hides():
+    frame = frame_of((101, 0), (98.9, 3.66), (99.5, 0.3))
+    frame = replace(frame, length_m=np.array([4.7, 16.0, 4.7, 1.0]))
+    seen = look(frame, **SURE)
+    assert seen.state.tolist() == [VISIBLE, OUT, VISIBLE, HIDDEN]
+    assert seen.in_range.tolist() == [True, False, True, True]
+    assert seen.visible_fraction[1] == 0.0
+    assert seen.occluder.tolist() == [-1, -1, -1, 1]
+    assert seen.truth_id.tolist() == ["car2"]
+
+
+def test_a_forward_sensor_sees_nothing_behind_it():
+    seen = look(frame_of((30, 0), (-30, 0), (0.5, 9)), field_of_view_deg=90.0, **SURE)
+    assert seen.truth_id.tolist() == ["car1"]
+    assert seen.state.tolist() == [VISIBLE, VISIBLE, OUT, OUT]
+
+
+def test_without_detections_only_clutter_is_left_and_its_number_is_poisson():
+    counts = []
+    for seed in range(800):
+        seen = look(frame_of((30, 0)), seed=seed, detection_probability=0.0, clutter_per_scan=3.0)
+        assert set(seen.truth_id) <= {""}
+        assert np.isnan(seen.detection_visible_fraction).all()
+        counts.append(len(seen.truth_id))
+    assert np.mean(counts) == pytest.approx(3.0, abs=4 * np.sqrt(3.0 / 800))
+    assert np.var(counts) == pytest.approx(3.0, rel=0.25)
+
+
+def test_clutter_spreads_evenly_over_the_lanes_in_range():
+    seen = look(frame_of(), clutter_per_scan=1000.0, range_m=60.0)
+    lon, lat = seen.scan.detections.lon_m - 300.0, seen.scan.detections.lat_m
+    assert (np.hypot(lon, lat - MIDDLE) <= 60.001).all()
+    assert (ROAD.lane_number_at(lon + 300.0, lat) > 0).all()
+    per_lane = np.bincount(ROAD.lane_number_at(lon + 300.0, lat), minlength=6)[1:]
+    assert per_lane == pytest.approx(np.full(5, len(lon) / 5), abs=4 * np.sqrt(len(lon) / 5))
+    assert np.mean(lon > 0) == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(len(lon)))
+
+
+def test_a_forward_sensor_has_clutter_only_ahead():
+    seen = look(frame_of(), clutter_per_scan=50.0, field_of_view_deg=90.0)
+    detections = seen.scan.detections
+    assert (np.abs(np.arctan2(detections.lat_m - MIDDLE, detections.lon_m - 300.0)) <= np.pi / 4 + 1e-3).all()
+
+
+def test_the_data_sheet_spreads_clutter_over_the_road_in_range():
+    sheet = build_sensor(sensor_settings("lidar", {"range_m": 80.0})).model()
+    assert sheet.clutter_area_m2 == pytest.approx(2 * 80 * 5 * 3.66)
+    assert sheet.range_m == 80.0
+
+
+@pytest.mark.parametrize("profile", list(sensor_profiles))
+def test_the_reported_deviations_are_those_of_the_errors(profile):
+    frame = frame_of((30, 0), (-40, 5), (8, -6))
+    seen = [look(frame, profile, seed=seed, **SURE) for seed in range(800)]
+    for car in (1, 2, 3):
+        rows = np.array(
+            [
+                (d.lon_m[k], d.std_lon_m[k], d.lat_m[k], d.std_lat_m[k])
+                for d, k in ((s.scan.detections, s.truth_id.tolist().index(f"car{car}")) for s in seen)
+            ]
+        )
+        for error, std in ((rows[:, 0] - frame.lon_m[car], rows[:, 1]), (rows[:, 2] - frame.lat_m[car], rows[:, 3])):
+            mean_absolute = std[0] * np.sqrt(2 / np.pi)
+            assert np.abs(error).mean() == pytest.approx(mean_absolute, rel=4 * 0.76 / np.sqrt(len(error)))
+            assert error.mean() == pytest.approx(0.0, abs=4 * std[0] / np.sqrt(len(error)))
+
+
+def test_a_camera_knows_the_bearing_well_and_the_range_badly():
+    seen = look(frame_of((80, 0)), "camera", **SURE).scan.detections
+    assert seen.std_lon_m[0] > 3.0
+    assert seen.std_lat_m[0] < 0.5
+
+
+def test_noise_grows_with_range():
+    near, far = (look(frame_of((x, 8)), **SURE).scan.detections for x in (20, 95))
+    assert far.std_lat_m[0] > near.std_lat_m[0]
+
+
+def test_only_the_radar_measures_speed_and_not_across_its_line_of_sight():
+    cars = frame_of((30, 0, 12.0), (-50, 5, 31.0), (1, 7, 20.0))
+    seen = look(cars, "radar", **SURE)
+    by_id = dict(zip(seen.truth_id, seen.scan.detections.speed_mps, strict=True))
+    assert by_id["car1"] == pytest.approx(12.0, abs=0.5)
+    assert by_id["car2"] == pytest.approx(31.0, abs=0.5)
+    assert np.isnan(by_id["car3"])
+    assert np.isnan(look(cars, "lidar", **SURE).scan.detections.speed_mps).all()
+
+
+def test_speed_errors_have_the_reported_deviation_for_cars_that_drift_as_usual():
+    frame = frame_of((30, 25))
+    errors, stds = [], []
+    for seed in range(800):
+        drifting = replace(frame, lat_speed_mps=np.array([0.0, np.random.default_rng(seed).normal(0, 0.35)]))
+        detections = look(drifting, "radar", seed=seed + 9000, **SURE).scan.detections
+        errors.append(detections.speed_mps[0] - 20.0)
+        stds.append(detections.std_speed_mps[0])
+    assert np.std(errors) == pytest.approx(stds[0], rel=0.1)
+
+
+def test_the_order_of_the_detections_says_nothing_of_the_vehicles():
+    frame = frame_of(*[(12.0 * k, 7.0 * (k % 2) - 3.5) for k in (-4, -3, -2, -1, 1, 2, 3, 4)])
+    first = [look(frame, seed=seed, clutter_per_scan=0.0).truth_id[0] for seed in range(400)]
+    seen_first = np.unique(first, return_counts=True)[1]
+    assert len(seen_first) >= 6
+    assert seen_first.max() < 400 / 3
+
+
+def test_the_same_stream_gives_the_same_observation_to_the_last_bit():
+    frame = frame_of((30, 0), (50, 4), (-20, -4))
+    one, two = look(frame, seed=7), look(frame, seed=7)
+    for column in fields(one.scan.detections):
+        name = column.name
+        assert getattr(one.scan.detections, name).tobytes() == getattr(two.scan.detections, name).tobytes()
+
+
+def test_the_sight_settings_do_not_shift_the_draws_of_the_vehicles():
+    frame = frame_of((30, 0), (-20, -4))
+    full = look(frame, detection_probability=1.0, clutter_per_scan=0.0)
+    crowded = look(frame, detection_probability=1.0, clutter_per_scan=5.0)
+    lon = dict(zip(crowded.truth_id, crowded.scan.detections.lon_m, strict=True))
+    assert {i: lon[i] for i in full.truth_id} == dict(zip(full.truth_id, full.scan.detections.lon_m, strict=True))
+
+
+def test_a_turn_of_the_whole_road_changes_no_observation():
+    turned = replace(highway(), reference_xy=((100.0, -50.0), (100.0 + np.cos(2.5), -50.0 + np.sin(2.5))))
+    frame = frame_of((20, 0), (40, 1.4), (-30, -6), heading=0.02)
+    straight, other = look(frame, seed=3), look(frame, seed=3, road=turned)
+    assert other.visible_fraction == pytest.approx(straight.visible_fraction, abs=1e-9)
+    assert other.scan.detections.lon_m == pytest.approx(straight.scan.detections.lon_m, abs=2e-4)
+    assert other.scan.detections.lat_m == pytest.approx(straight.scan.detections.lat_m, abs=2e-4)
+
+
+def test_on_a_bend_a_car_in_the_same_lane_need_not_hide_the_next():
+    angle = np.linspace(0, np.pi / 2, 60)
+    bend = Road(
+        lanes=highway().lanes, reference_xy=tuple(zip(60 * np.sin(angle), 60 - 60 * np.cos(angle), strict=True))
+    )
+    frame = frame_of((20, 0), (40, 0), ego_lon=10.0)
+    assert look(frame).state[2] == HIDDEN
+    assert look(frame, road=bend).state[2] == VISIBLE
+
+
+positions = st.lists(st.tuples(st.floats(-150, 150), st.floats(-9, 9)), max_size=12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(positions, st.sampled_from(list(sensor_profiles)), st.integers(0, 1000))
+def test_any_traffic_gives_a_valid_and_consistent_observation(cars, profile, seed):
+    frame = frame_of(*cars)
+    seen = look(frame, profile, seed)
+    seen.scan.detections.validate()
+    count = len(seen.scan.detections)
+    assert seen.truth_id.shape == seen.detection_visible_fraction.shape == (count,)
+    assert set(seen.truth_id) <= set(frame.vehicle_id[1:]) | {""}
+    assert len(set(seen.truth_id) - {""}) == np.count_nonzero(seen.truth_id != "")
+    assert ((seen.visible_fraction >= 0) & (seen.visible_fraction <= 1)).all()
+    assert ((seen.state == OUT) == ~seen.in_range).all()
+    real = np.flatnonzero(seen.truth_id != "")
+    assert (seen.detection_visible_fraction[real] >= 0.15).all()

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from harness.errors import UserError
+from harness.sensor.profiles import SensorSettings, sensor_profiles, sensor_settings
+
+
+def test_the_three_profiles_exist_and_explain_their_figures():
+    assert list(sensor_profiles) == ["camera", "lidar", "radar"]
+    assert all(len(sensor_profiles[name].__doc__ or "") > 200 for name in sensor_profiles)
+
+
+@pytest.mark.parametrize("field", sorted(SensorSettings.model_fields))
+def test_every_field_of_every_profile_can_be_replaced(field):
+    for profile in sensor_profiles:
+        old = getattr(sensor_settings(profile, {}), field)
+        new = 0.2 if old is None else old * 0.9 if field != "hidden_noise_factor" else old + 1
+        assert getattr(sensor_settings(profile, {field: new}), field) == pytest.approx(new)
+
+
+def test_a_number_given_as_text_counts_as_a_number():
+    assert sensor_settings("lidar", {"range_m": "80"}).range_m == 80.0
+
+
+@pytest.mark.parametrize(
+    ("profile", "overrides", "named"),
+    [
+        ("sonar", {}, "camera, lidar, radar"),
+        ("lidar", {"reach": 3}, "sensor.reach"),
+        ("lidar", {"range_m": -1}, "sensor.range_m"),
+        ("lidar", {"range_m": np.nan}, "sensor.range_m"),
+        ("lidar", {"range_m": "far"}, "sensor.range_m"),
+        ("lidar", {"detection_probability": 1.2}, "sensor.detection_probability"),
+        ("lidar", {"detection_probability": np.nan}, "sensor.detection_probability"),
+        ("lidar", {"hidden_fraction": 0.9}, "hidden_fraction must be below full_view_fraction"),
+    ],
+)
+def test_a_wrong_sensor_setting_is_refused_on_one_line_that_names_it(profile, overrides, named):
+    with pytest.raises(UserError) as refusal:
+        sensor_settings(profile, overrides)
+    assert named in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_settings_cannot_be_changed_after_they_are_made():
+    with pytest.raises(ValidationError):
+        sensor_settings("lidar", {}).range_m = 3.0
