@@ -11,7 +11,7 @@ from harness.sensor.noise import measured_speed, position_error, position_std
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation, Sensor
 from harness.sensor.profiles import SensorSettings
 from harness.sensor.shadows import free_space, sensor_position, wrap_angle
-from harness.sensor.visibility import NO_OCCLUDER, visible_fractions
+from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
 from mmpf.road import FloatArray, IntArray, Road
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
@@ -23,7 +23,8 @@ CLUTTER_SPEED_MPS = (0.0, 40.0)
 
 
 def build_sensor(settings: SensorSettings) -> Sensor:
-    """Return the sensor that has these settings."""
+    """Return the sensor that has these settings, ready to look."""
+    compile_kernels()
     return RayedSensor(settings)
 
 

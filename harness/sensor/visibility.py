@@ -100,6 +100,13 @@ def contains_sensor(boxes: FloatArray) -> npt.NDArray[np.bool_]:
     return np.asarray((np.abs(along) <= half_length + SAME_SURFACE) & (np.abs(across) <= half_width + SAME_SURFACE))
 
 
+def compile_kernels() -> None:
+    """Compile what has not been compiled on this machine yet, so that no scan pays for it."""
+    one = np.ones(1)
+    visible_fractions((0.0, 0.0), 9.0 * one, one, one, one, one)
+    first_hits(pack_boxes((0.0, 0.0), 9.0 * one, one, one, one, one), one)
+
+
 @numba.njit(cache=True, error_model="numpy")
 def _sweep(boxes: FloatArray, extents: FloatArray, angles: FloatArray) -> tuple[FloatArray, IntArray]:
     """Go round the circle from one order-change angle to the next and share out each interval."""
