@@ -1,0 +1,103 @@
+"""CLEAR MOT: misses, false tracks, identity switches, fragmentations (Bernardin & Stiefelhagen 2008)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.assignment import components, solve_dense, unrivalled
+from harness.scoring.pairs import GATE_SIMILARITY
+from harness.scoring.sequence import MotSequence
+from mmpf.road import IntArray
+
+CONTINUITY_BONUS = 1000.0
+"""Gain of keeping the last step's match, far above any similarity."""
+
+
+@dataclass(frozen=True)
+class ClearScores:
+    """CLEAR scores of a sequence.
+
+    Attributes:
+        mota: ``(matches - false_tracks - id_switches) / truth rows``, at most 1.
+        matches: Truth rows with a track.
+        missed: Truth rows without a track.
+        false_tracks: Track rows without a vehicle.
+        id_switches: Matches to another track than the vehicle's last one, however long ago that was.
+        fragmentations: Times that a vehicle's tracking stopped and went on.
+    """
+
+    mota: float
+    matches: int
+    missed: int
+    false_tracks: int
+    id_switches: int
+    fragmentations: int
+
+
+def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearScores:
+    """Score a sequence, equal to TrackEval's ``CLEAR``.
+
+    Args:
+        sequence: Truth and tracks.
+        threshold: Least similarity of a match.
+
+    Returns:
+        The scores; MOTA is 0 without truth or without tracks.
+    """
+    truths, tracks = len(sequence.truth_step), len(sequence.track_step)
+    scan = _scan_numbers(sequence)
+    order = np.lexsort((scan, sequence.truth_identity))
+    track_row = _match(sequence, threshold, _row_one_scan_before(sequence, scan, order))[order]
+    matched = track_row >= 0
+    identity = sequence.truth_identity[order][matched]
+    track = sequence.track_identity[track_row[matched]]
+    again = identity[1:] == identity[:-1]
+    switches = int((again & (track[1:] != track[:-1])).sum())
+    fragmentations = int((again & (np.diff(scan[order][matched]) > 1)).sum())
+    matches = int(matched.sum())
+    false_tracks = tracks - matches
+    mota = (matches - false_tracks - switches) / truths if truths and tracks else 0.0
+    return ClearScores(mota, matches, truths - matches, false_tracks, switches, fragmentations)
+
+
+def _scan_numbers(sequence: MotSequence) -> IntArray:
+    """Number each truth row's step among those with both truth and tracks; the others break no continuity."""
+    has_truth = np.bincount(sequence.truth_step, minlength=sequence.steps) > 0
+    has_track = np.bincount(sequence.track_step, minlength=sequence.steps) > 0
+    return np.cumsum(has_truth & has_track, dtype=np.int64)[sequence.truth_step]
+
+
+def _row_one_scan_before(sequence: MotSequence, scan: IntArray, order: IntArray) -> IntArray:
+    """Return the row of the same identity in the scan before, or -1, shape (n,); order sorts by identity and scan."""
+    before = np.full(len(order), -1)
+    follows = (np.diff(sequence.truth_identity[order]) == 0) & (np.diff(scan[order]) == 1)
+    before[order[1:][follows]] = order[:-1][follows]
+    return before
+
+
+def _match(sequence: MotSequence, threshold: float, row_before: IntArray) -> IntArray:
+    """Match scan by scan, keeping a vehicle's match of the scan before where it may; return track rows, shape (n,).
+
+    Pairs without a rival are matched whatever happened before, so only the contested ones are gone through in order.
+    """
+    gated = np.flatnonzero(sequence.pair_similarity >= threshold - np.finfo(float).eps)
+    truth, track = sequence.pair_truth[gated], sequence.pair_track[gated]
+    similarity = sequence.pair_similarity[gated]
+    track_row = np.full(len(sequence.truth_step), -1)
+    alone = unrivalled(truth, track)
+    track_row[truth[alone]] = track[alone]
+    contested = np.flatnonzero(~alone)
+    if not len(contested):
+        return track_row
+    label = components(truth[contested], track[contested])
+    order = np.lexsort((label, sequence.truth_step[truth[contested]]))
+    contested, label = contested[order], label[order]
+    for pairs in np.split(contested, np.flatnonzero(np.diff(label)) + 1):
+        before = row_before[truth[pairs]]
+        last = np.where(before >= 0, track_row[before], -1)
+        kept = (last >= 0) & (sequence.track_identity[last] == sequence.track_identity[track[pairs]])
+        chosen = pairs[solve_dense(truth[pairs], track[pairs], CONTINUITY_BONUS * kept + similarity[pairs])]
+        track_row[truth[chosen]] = track[chosen]
+    return track_row

@@ -1,0 +1,103 @@
+"""The table of errors: one row per vehicle that has been detected and step, who follows it and how far off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from harness.scoring.history import DetectionHistory
+from harness.scoring.matching import Matching
+from harness.scoring.pairs import similarity
+from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.observation import HIDDEN, OUT, VISIBILITY_STATES
+from mmpf.road import FloatArray, IntArray
+
+TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
+OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")
+MATCHED_BY = ("", "gate", "identity")
+
+
+def error_table(
+    truth: pd.DataFrame, rows: RunRows, history: DetectionHistory, matching: Matching, settings: ScoringSettings
+) -> pd.DataFrame:
+    """Tabulate the errors of the tracks, estimate minus truth, that MAE and calibration are computed from.
+
+    There is a row for every vehicle and step in range, from the vehicle's first detection on and while its last one
+    is at most ``memory_s`` ago. Outcomes of a visible or partly visible vehicle: *tracked* (matched within the gate)
+    or *missed*. Outcomes of a hidden vehicle, judged by the track that held it when it was last detected: *tracked*,
+    *lost* (that track is no longer reported), *hijacked* (that track is matched to another vehicle and nearer to it),
+    or *untracked* (no track held it). The errors of a hijacked vehicle are in the table but in no mean.
+
+    Args:
+        truth: The truth table, for the names.
+        rows: The run.
+        history: Detection history along the truth rows.
+        matching: Matches along the truth rows.
+        settings: For the memory.
+
+    Returns:
+        Columns step, time_s, episode, vehicle_id, track_id (-1 if none), state, seconds_hidden (since the last
+        detection while hidden, otherwise 0), lon_error_m, lat_error_m, speed_error_mps, lat_speed_error_mps,
+        std_lon_m, std_lat_m, std_speed_mps, matched_by ("gate", "identity" or ""), outcome. Sorted by step and vehicle.
+    """
+    vehicles, tracks = rows.truth, rows.tracks
+    kept = np.flatnonzero(vehicles.in_range & (vehicles.state != OUT) & history.remembered(settings))
+    kept = kept[np.lexsort((vehicles.vehicle[kept], vehicles.step[kept]))]
+    hidden = vehicles.state[kept] == HIDDEN
+    track_row = np.where(hidden, matching.holder_row[kept], matching.track_row[kept])
+    followed = track_row >= 0
+    stolen = hidden & _is_stolen(rows, matching, kept, track_row, settings)
+    held = matching.holder[kept] >= 0
+    outcome = np.where(
+        followed,
+        np.where(stolen, HIJACKED, TRACKED),
+        np.where(hidden, np.where(held, LOST, UNTRACKED), MISSED),
+    )
+    return pd.DataFrame(
+        {
+            "step": truth["step"].to_numpy()[vehicles.name_row[kept]],
+            "time_s": vehicles.time_s[kept],
+            "episode": rows.episode[vehicles.step[kept]],
+            "vehicle_id": truth["vehicle_id"].take(vehicles.name_row[kept]).to_numpy(),
+            "track_id": np.append(tracks.track_id, -1)[track_row],
+            "state": _labels(vehicles.state[kept], VISIBILITY_STATES),
+            "seconds_hidden": np.where(hidden, history.since_s[kept], 0.0),
+            "lon_error_m": _of_track(tracks.lon_m, track_row) - vehicles.lon_m[kept],
+            "lat_error_m": _of_track(tracks.lat_m, track_row) - vehicles.lat_m[kept],
+            "speed_error_mps": _of_track(tracks.speed_mps, track_row) - vehicles.speed_mps[kept],
+            "lat_speed_error_mps": _of_track(tracks.lat_speed_mps, track_row) - vehicles.lat_speed_mps[kept],
+            "std_lon_m": _of_track(tracks.std_lon_m, track_row),
+            "std_lat_m": _of_track(tracks.std_lat_m, track_row),
+            "std_speed_mps": _of_track(tracks.std_speed_mps, track_row),
+            "matched_by": _labels(np.where(followed, np.where(hidden, 2, 1), 0), MATCHED_BY),
+            "outcome": _labels(outcome, OUTCOMES),
+        }
+    )
+
+
+def _is_stolen(
+    rows: RunRows, matching: Matching, kept: IntArray, track_row: IntArray, settings: ScoringSettings
+) -> BoolArray:
+    """Return whether each kept row's track is matched to another vehicle and nearer to that one."""
+    vehicles, tracks = rows.truth, rows.tracks
+    stolen = np.zeros(len(kept), dtype=bool)
+    other = np.where(track_row >= 0, matching.truth_row[track_row], -1) if len(tracks) else track_row
+    suspect = np.flatnonzero((other >= 0) & (other != kept))
+    own, thief, track = kept[suspect], other[suspect], track_row[suspect]
+    near_own = similarity(
+        vehicles.lon_m[own] - tracks.lon_m[track], vehicles.lat_m[own] - tracks.lat_m[track], settings
+    )
+    near_thief = similarity(
+        vehicles.lon_m[thief] - tracks.lon_m[track], vehicles.lat_m[thief] - tracks.lat_m[track], settings
+    )
+    stolen[suspect] = near_thief > near_own
+    return stolen
+
+
+def _of_track(values: FloatArray, track_row: IntArray) -> FloatArray:
+    return np.append(values, np.nan)[track_row]
+
+
+def _labels(codes: IntArray, names: tuple[str, ...]) -> pd.Categorical[str]:
+    return pd.Categorical.from_codes(codes, categories=pd.Index(names))

@@ -1,0 +1,61 @@
+"""HOTA: higher order tracking accuracy (Luiten et al., IJCV 2021)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.assignment import best_assignment
+from harness.scoring.sequence import MotSequence
+from mmpf.road import FloatArray
+
+THRESHOLDS = np.arange(0.05, 0.99, 0.05)
+"""Similarity thresholds alpha that the score is averaged over."""
+
+
+@dataclass(frozen=True)
+class HotaScores:
+    """HOTA and its two halves, means over the thresholds, in [0, 1].
+
+    Attributes:
+        hota: Geometric mean of the two below per threshold, averaged.
+        deta: Detection accuracy.
+        assa: Association accuracy.
+    """
+
+    hota: float
+    deta: float
+    assa: float
+
+
+def hota(sequence: MotSequence) -> HotaScores:
+    """Score a sequence, equal to TrackEval's ``HOTA``; all 0 without truth or without tracks."""
+    truths, tracks = len(sequence.truth_step), len(sequence.track_step)
+    if not truths or not tracks or not len(sequence.pair_truth):
+        return HotaScores(0.0, 0.0, 0.0)
+    truth_count = np.bincount(sequence.truth_identity)
+    track_count = np.bincount(sequence.track_identity)
+    truth_identity = sequence.truth_identity[sequence.pair_truth]
+    track_identity = sequence.track_identity[sequence.pair_track]
+    couple, member = np.unique(truth_identity * len(track_count) + track_identity, return_inverse=True)
+    longest = truth_count[couple // len(track_count)] + track_count[couple % len(track_count)]
+
+    overlap = np.bincount(member, weights=_shared_similarity(sequence))
+    alignment = overlap / (longest - overlap)
+    chosen = best_assignment(sequence.pair_truth, sequence.pair_track, alignment[member] * sequence.pair_similarity)
+    above = sequence.pair_similarity[chosen][:, None] >= THRESHOLDS - np.finfo(float).eps
+    matches = np.zeros((len(couple), len(THRESHOLDS)))
+    np.add.at(matches, member[chosen], above)
+    true_positive = above.sum(axis=0)
+    deta = true_positive / (truths + tracks - true_positive)
+    association = matches / np.maximum(1.0, longest[:, None] - matches)
+    assa = (matches * association).sum(axis=0) / np.maximum(1.0, true_positive)
+    return HotaScores(float(np.sqrt(deta * assa).mean()), float(deta.mean()), float(assa.mean()))
+
+
+def _shared_similarity(sequence: MotSequence) -> FloatArray:
+    """Return each pair's similarity relative to all that its vehicle and its track share with others, shape (p,)."""
+    truth_sum = np.bincount(sequence.pair_truth, weights=sequence.pair_similarity)[sequence.pair_truth]
+    track_sum = np.bincount(sequence.pair_track, weights=sequence.pair_similarity)[sequence.pair_track]
+    return sequence.pair_similarity / (truth_sum + track_sum - sequence.pair_similarity)

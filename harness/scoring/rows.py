@@ -1,0 +1,254 @@
+"""A run as arrays: the tables of truth, detections and tracks, read once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from harness.sensor.observation import VISIBILITY_STATES
+from mmpf.road import FloatArray, IntArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class TruthRows:
+    """Every vehicle but the ego at every step, sorted by vehicle and then by step; arrays of shape (n,).
+
+    Attributes:
+        step: Index of the step among the run's steps, from 0.
+        time_s: Time of the step.
+        vehicle: Code of the vehicle within its episode; the same name in another episode is another vehicle.
+        name_row: Row of the truth table that this row comes from.
+        lon_m: Longitudinal position.
+        lat_m: Lateral position.
+        speed_mps: Longitudinal speed.
+        lat_speed_mps: Lateral speed.
+        in_range: Within the sensor's range.
+        state: Index into ``harness.sensor.observation.VISIBILITY_STATES``.
+        detected: At least one detection came from the vehicle at this step.
+    """
+
+    step: IntArray
+    time_s: FloatArray
+    vehicle: IntArray
+    name_row: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    in_range: BoolArray
+    state: IntArray
+    detected: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.step)
+
+
+@dataclass(frozen=True)
+class TrackRows:
+    """Every reported track at every step, sorted by step; arrays of shape (m,).
+
+    A tentative track is the tracker's private guess: it is not reported and so not scored.
+
+    Attributes:
+        step: Index of the step among the run's steps.
+        track: Code of the track within its episode, from 0.
+        track_id: The tracker's own number.
+        lon_m: Longitudinal position.
+        lat_m: Lateral position.
+        speed_mps: Longitudinal speed.
+        lat_speed_mps: Lateral speed.
+        std_lon_m: Standard deviation of the longitudinal position.
+        std_lat_m: Standard deviation of the lateral position.
+        std_speed_mps: Standard deviation of the speed.
+        hidden: The tracker itself says that it cannot see the vehicle.
+    """
+
+    step: IntArray
+    track: IntArray
+    track_id: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    std_lon_m: FloatArray
+    std_lat_m: FloatArray
+    std_speed_mps: FloatArray
+    hidden: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.step)
+
+
+@dataclass(frozen=True)
+class DetectionRows:
+    """The detections that came from a vehicle other than the ego, arrays of shape (d,).
+
+    Attributes:
+        truth_row: Row of ``TruthRows`` that each came from.
+        lon_m: Measured longitudinal position.
+        lat_m: Measured lateral position.
+    """
+
+    truth_row: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+
+
+@dataclass(frozen=True)
+class RunRows:
+    """A run as arrays.
+
+    Attributes:
+        time_s: Time of each step, shape (steps,).
+        episode: Episode of each step, shape (steps,).
+        truth: The vehicles.
+        detections: The detections that are not clutter.
+        tracks: The reported tracks.
+    """
+
+    time_s: FloatArray
+    episode: IntArray
+    truth: TruthRows
+    detections: DetectionRows
+    tracks: TrackRows
+
+
+def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> RunRows:
+    """Turn the three tables of a run into arrays.
+
+    Args:
+        truth: One row per vehicle and step; a missing column ``episode`` means a single episode.
+        detections: One row per detection; ``truth_id`` empty or null for clutter.
+        tracks: One row per track and step.
+
+    Returns:
+        The run's arrays.
+
+    Raises:
+        ValueError: A detection or track has a step that truth does not have, a truth state or track state is
+            unknown, or a reported track has a position that is not finite.
+    """
+    truth_step = _ints(truth, "step")
+    steps, first_row, step_index = np.unique(truth_step, return_index=True, return_inverse=True)
+    times = _floats(truth, "time_s")[first_row]
+    all_episodes = _ints(truth, "episode") if "episode" in truth else np.zeros(len(truth), dtype=np.int64)
+    episodes = all_episodes[first_row]
+    name_codes, names = pd.factorize(truth["vehicle_id"])
+    keep = np.flatnonzero(~truth["is_ego"].to_numpy(dtype=bool))
+    vehicle = _codes(all_episodes[keep], name_codes[keep].astype(np.int64))
+    order = np.lexsort((step_index[keep], vehicle))
+    rows, vehicle = keep[order], vehicle[order]
+    detection_row, detection_position = _detection_origins(
+        detections, steps, names, name_codes[rows].astype(np.int64), step_index[rows]
+    )
+    detected = np.zeros(len(rows), dtype=bool)
+    detected[detection_row] = True
+    return RunRows(
+        time_s=times,
+        episode=episodes,
+        truth=TruthRows(
+            step=step_index[rows],
+            time_s=times[step_index[rows]],
+            vehicle=vehicle,
+            name_row=rows,
+            lon_m=_floats(truth, "lon_m")[rows],
+            lat_m=_floats(truth, "lat_m")[rows],
+            speed_mps=_floats(truth, "speed_mps")[rows],
+            lat_speed_mps=_floats(truth, "lat_speed_mps")[rows],
+            in_range=truth["in_range"].to_numpy(dtype=bool)[rows],
+            state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
+            detected=detected,
+        ),
+        detections=DetectionRows(
+            truth_row=detection_row,
+            lon_m=_floats(detections, "lon_m")[detection_position],
+            lat_m=_floats(detections, "lat_m")[detection_position],
+        ),
+        tracks=_reported_tracks(tracks, steps, episodes),
+    )
+
+
+def _reported_tracks(tracks: pd.DataFrame, steps: IntArray, episodes: IntArray) -> TrackRows:
+    state = _state_codes(tracks["state"], ("tentative", "confirmed", "hidden"))
+    rows = np.flatnonzero(state > 0)
+    step = _step_index(_ints(tracks, "step")[rows], steps, "tracks")
+    order = np.argsort(step, kind="stable")
+    rows, step = rows[order], step[order]
+    lon, lat = _floats(tracks, "lon_m")[rows], _floats(tracks, "lat_m")[rows]
+    if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
+        raise ValueError("tracks: a reported track has a position that is not finite")
+    track_id = _ints(tracks, "track_id")[rows]
+    return TrackRows(
+        step=step,
+        track=_codes(episodes[step], track_id),
+        track_id=track_id,
+        lon_m=lon,
+        lat_m=lat,
+        speed_mps=_floats(tracks, "speed_mps")[rows],
+        lat_speed_mps=_floats(tracks, "lat_speed_mps")[rows],
+        std_lon_m=_floats(tracks, "std_lon_m")[rows],
+        std_lat_m=_floats(tracks, "std_lat_m")[rows],
+        std_speed_mps=_floats(tracks, "std_speed_mps")[rows],
+        hidden=state[rows] == 2,
+    )
+
+
+def _detection_origins(
+    detections: pd.DataFrame, steps: IntArray, names: pd.Index, row_name: IntArray, row_step: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Return the truth row of each detection that came from a vehicle, and that detection's place in the table."""
+    name = cast("IntArray", names.get_indexer(pd.Index(detections["truth_id"].astype("object"))).astype(np.int64))
+    position = np.flatnonzero(name >= 0)
+    step = _step_index(_ints(detections, "step")[position], steps, "detections")
+    row_key = row_step * max(len(names), 1) + row_name
+    by_key = np.argsort(row_key)
+    key = step * max(len(names), 1) + name[position]
+    place = np.minimum(np.searchsorted(row_key[by_key], key), max(len(by_key) - 1, 0))
+    if not len(by_key):
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    row = by_key[place]
+    known = row_key[row] == key
+    return row[known], position[known]
+
+
+def _codes(episode: IntArray, number: IntArray) -> IntArray:
+    """Number the distinct pairs of episode and number from 0."""
+    if not len(number):
+        return np.zeros(0, dtype=np.int64)
+    span = int(number.max() - number.min()) + 1
+    return np.unique(episode * span + (number - number.min()), return_inverse=True)[1].astype(np.int64)
+
+
+def _step_index(step: IntArray, steps: IntArray, table: str) -> IntArray:
+    index = np.searchsorted(steps, step)
+    known = index < len(steps)
+    known[known] = steps[index[known]] == step[known]
+    if not known.all():
+        raise ValueError(f"{table}: step {step[~known][0]} is not in truth")
+    return index.astype(np.int64)
+
+
+def _state_codes(states: pd.Series[str], names: tuple[str, ...]) -> IntArray:
+    codes, values = pd.factorize(states)
+    table = np.zeros(len(values) + 1, dtype=np.int64)
+    for place, value in enumerate(values):
+        if value not in names:
+            raise ValueError(f"state {value!r} is none of {', '.join(names)}")
+        table[place] = names.index(value)
+    if (codes < 0).any():
+        raise ValueError(f"a state is missing; it must be one of {', '.join(names)}")
+    return table[codes]
+
+
+def _floats(table: pd.DataFrame, column: str) -> FloatArray:
+    return table[column].to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+def _ints(table: pd.DataFrame, column: str) -> IntArray:
+    return table[column].to_numpy(dtype=np.int64)

@@ -1,0 +1,99 @@
+"""What the multi-object metrics compare: truth identities, track identities and their similarities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.history import DetectionHistory
+from harness.scoring.matching import gate_match
+from harness.scoring.pairs import Pairs
+from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.settings import ScoringSettings
+from mmpf.road import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class MotSequence:
+    """A sequence of truth and tracks, struct of arrays.
+
+    Attributes:
+        steps: Number of steps.
+        truth_step: Step of each truth row, shape (n,).
+        truth_identity: Identity of each truth row, from 0, shape (n,).
+        track_step: Step of each track row, shape (m,).
+        track_identity: Identity of each track row, from 0, shape (m,).
+        pair_truth: Truth row of each pair with a similarity above 0, shape (p,).
+        pair_track: Track row of each pair, same step as the truth row, shape (p,).
+        pair_similarity: Similarity of each pair in (0, 1], shape (p,).
+        pair_distance_m: Euclidean distance of each pair, shape (p,).
+    """
+
+    steps: int
+    truth_step: IntArray
+    truth_identity: IntArray
+    track_step: IntArray
+    track_identity: IntArray
+    pair_truth: IntArray
+    pair_track: IntArray
+    pair_similarity: FloatArray
+    pair_distance_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Rows of the run that a sequence is made of.
+
+    Attributes:
+        truth: Which truth rows count, shape (n,).
+        tracks: Which track rows count, shape (m,).
+    """
+
+    truth: BoolArray
+    tracks: BoolArray
+
+
+def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
+    """Select the vehicles in sight; tracks that the tracker flags as hidden and that match none of them are left out.
+
+    A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts.
+    """
+    in_sight = history.in_sight(settings)
+    chosen = gate_match(pairs, in_sight)
+    tracks = ~rows.tracks.hidden
+    tracks[chosen.track] = rows.truth.in_range[chosen.truth]
+    return Selection(in_sight & rows.truth.in_range, tracks)
+
+
+def select_remembered(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
+    """Select the vehicles detected within the memory; every reported track counts.
+
+    A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts.
+    """
+    remembered = history.remembered(settings)
+    chosen = gate_match(pairs, remembered)
+    tracks = np.ones(len(rows.tracks), dtype=bool)
+    tracks[chosen.track] = rows.truth.in_range[chosen.truth]
+    return Selection(remembered & rows.truth.in_range, tracks)
+
+
+def mot_sequence(rows: RunRows, history: DetectionHistory, pairs: Pairs, selection: Selection) -> MotSequence:
+    """Take the selected rows out of the run and number their identities from 0."""
+    kept = pairs.where(selection.truth[pairs.truth] & selection.tracks[pairs.track])
+    truth_place = np.cumsum(selection.truth) - 1
+    track_place = np.cumsum(selection.tracks) - 1
+    return MotSequence(
+        steps=len(rows.time_s),
+        truth_step=rows.truth.step[selection.truth],
+        truth_identity=np.unique(history.identity[selection.truth], return_inverse=True)[1],
+        track_step=rows.tracks.step[selection.tracks],
+        track_identity=np.unique(rows.tracks.track[selection.tracks], return_inverse=True)[1],
+        pair_truth=truth_place[kept.truth],
+        pair_track=track_place[kept.track],
+        pair_similarity=kept.similarity,
+        pair_distance_m=np.hypot(
+            rows.truth.lon_m[kept.truth] - rows.tracks.lon_m[kept.track],
+            rows.truth.lat_m[kept.truth] - rows.tracks.lat_m[kept.track],
+        ),
+    )

@@ -1,0 +1,59 @@
+"""The numbers of the scoring rules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ScoringSettings:
+    """Gates, times and counts of the scoring rules; the defaults are the rules that results are published under.
+
+    Attributes:
+        gate_lon_m: Longitudinal gate of a match.
+        gate_lat_m: Lateral gate of a match.
+        in_sight_detections: Detections that a vehicle needs to count as in sight.
+        in_sight_s: Longest time since the last detection of a vehicle in sight.
+        memory_s: A vehicle that goes undetected for longer ends as a truth identity and returns as a new one.
+        hold_s: A track holds a vehicle at its last detection if it was matched to it at most this long before.
+        event_s: Shortest time without detection of an occlusion event.
+        event_short_s: Longest time without detection of a short occlusion event.
+        event_hidden_share: Share of that time for which the vehicle must be hidden.
+        event_detections: Detections that the vehicle needs in the ``event_history_s`` before.
+        event_history_s: Length of the history of an occlusion event.
+        event_judged_s: Time from re-detection to judgement.
+        reacquire_limit_s: Longest time from re-detection to re-acquisition.
+        prompt_s: A vehicle that becomes visible should have a track after this time.
+        hidden_bins_s: Edges of the bins of the time since the last detection.
+        gospa_cutoff_m: Cut-off distance c of GOSPA.
+        gospa_order: Order p of GOSPA.
+        bootstrap_draws: Resamples behind each interval.
+    """
+
+    gate_lon_m: float = 4.0
+    gate_lat_m: float = 2.0
+    in_sight_detections: int = 3
+    in_sight_s: float = 0.5
+    memory_s: float = 10.0
+    hold_s: float = 0.5
+    event_s: float = 0.5
+    event_short_s: float = 3.0
+    event_hidden_share: float = 0.7
+    event_detections: int = 10
+    event_history_s: float = 3.0
+    event_judged_s: float = 0.5
+    reacquire_limit_s: float = 5.0
+    prompt_s: float = 0.5
+    hidden_bins_s: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0)
+    gospa_cutoff_m: float = 4.0
+    gospa_order: float = 1.0
+    bootstrap_draws: int = 1000
+
+    def __post_init__(self) -> None:
+        """Refuse a GOSPA cut-off beyond the distance up to which vehicles and tracks are compared at all."""
+        if self.gospa_cutoff_m > 2.0 * min(self.gate_lon_m, self.gate_lat_m):
+            raise ValueError(f"gospa_cutoff_m={self.gospa_cutoff_m} must be at most twice the smaller gate")
+
+
+TIME_TOLERANCE_S = 1e-6
+"""Times are multiples of a step in floating point; comparisons of times allow for their rounding."""

@@ -1,0 +1,146 @@
+"""Uncertainty of means: bootstrap over vehicles within a run or over seeds, and paired comparisons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.road import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A confidence interval; nan where there is nothing to estimate it from."""
+
+    low: float
+    high: float
+
+
+def bootstrap_ci(
+    values: FloatArray,
+    rng: np.random.Generator,
+    groups: IntArray | None = None,
+    level: float = 0.95,
+    draws: int = 1000,
+) -> Interval:
+    """Return the percentile bootstrap interval of a mean, resampling whole groups (Efron & Tibshirani 1993, ch. 13).
+
+    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent.
+
+    Args:
+        values: Values, shape (n,); nan is left out.
+        rng: Source of the resamples.
+        groups: Group of each value (vehicle, or seed), shape (n,); None resamples the single values.
+        level: Coverage.
+        draws: Number of resamples.
+
+    Returns:
+        The interval; nan bounds with fewer than two groups.
+    """
+    finite = np.isfinite(values)
+    kept = values[finite]
+    labels = np.arange(len(kept)) if groups is None else np.unique(groups[finite], return_inverse=True)[1]
+    sums, counts = group_sums(kept[:, None], labels)
+    return cluster_bootstrap(sums, counts, rng, level, draws)[0]
+
+
+def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Sum the columns of values, shape (n, k), over groups numbered from 0, shape (n,); nan is left out.
+
+    Returns:
+        Sums and numbers of finite values, both of shape (groups, k).
+    """
+    groups = int(group.max(initial=-1)) + 1
+    finite = np.isfinite(values)
+    sums = np.zeros((groups, values.shape[1]))
+    counts = np.zeros((groups, values.shape[1]))
+    for column in range(values.shape[1]):
+        kept = finite[:, column]
+        sums[:, column] = np.bincount(group[kept], weights=values[kept, column], minlength=groups)
+        counts[:, column] = np.bincount(group[kept], minlength=groups)
+    return sums, counts
+
+
+def cluster_bootstrap(
+    sums: FloatArray, counts: FloatArray, rng: np.random.Generator, level: float = 0.95, draws: int = 1000
+) -> list[Interval]:
+    """Return the percentile bootstrap intervals of several means that share their groups.
+
+    Args:
+        sums: Sum of each quantity over each group, shape (groups, quantities).
+        counts: Number of values behind each sum, same shape.
+        rng: Source of the resamples.
+        level: Coverage.
+        draws: Number of resamples.
+
+    Returns:
+        One interval per quantity; nan bounds where fewer than two groups have values.
+    """
+    groups = len(sums)
+    if groups < 2:
+        return [Interval(np.nan, np.nan)] * sums.shape[1]
+    weights = rng.multinomial(groups, np.full(groups, 1.0 / groups), size=draws).astype(np.float64)
+    total = weights @ counts
+    means = np.divide(weights @ sums, total, out=np.full_like(total, np.nan), where=total > 0)
+    tail = 0.5 * (1.0 - level)
+    intervals = []
+    for quantity in range(sums.shape[1]):
+        column = means[:, quantity]
+        column = column[np.isfinite(column)]
+        if np.count_nonzero(counts[:, quantity]) < 2:
+            intervals.append(Interval(np.nan, np.nan))
+        else:
+            low, high = np.quantile(column, (tail, 1.0 - tail))
+            intervals.append(Interval(float(low), float(high)))
+    return intervals
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """Difference of two arms over the same seeds or vehicles.
+
+    Attributes:
+        difference: Mean of b minus a.
+        interval: Bootstrap interval of that mean.
+        p: Two-sided p value of the sign-flip test of no difference.
+    """
+
+    difference: float
+    interval: Interval
+    p: float
+
+
+def paired_difference(
+    a: FloatArray, b: FloatArray, rng: np.random.Generator, level: float = 0.95, draws: int = 10_000
+) -> PairedDifference:
+    """Compare two arms that ran over the same seeds.
+
+    The p value is that of the sign-flip permutation test of the mean (exact up to 12 pairs, by ``draws`` random flips
+    beyond); it assumes only that under no difference b - a is symmetric about 0.
+
+    Args:
+        a: Values of the first arm, shape (n,).
+        b: Values of the second arm, shape (n,), in the same order. Pairs with a nan are left out.
+        rng: Source of the resamples.
+        level: Coverage of the interval.
+        draws: Number of resamples.
+
+    Returns:
+        The difference; all nan without a pair.
+    """
+    difference = b - a
+    difference = difference[np.isfinite(difference)]
+    n = len(difference)
+    if n == 0:
+        return PairedDifference(np.nan, Interval(np.nan, np.nan), np.nan)
+    mean = float(difference.mean())
+    interval = bootstrap_ci(difference, rng, level=level, draws=draws)
+    if n <= 12:
+        flips = 1.0 - 2.0 * ((np.arange(2**n)[:, None] >> np.arange(n)) & 1)
+        extra = 0
+    else:
+        flips = rng.choice((-1.0, 1.0), size=(draws, n))
+        extra = 1
+    as_extreme = np.abs(flips @ difference) >= abs(difference.sum()) * (1.0 - 1e-12)
+    return PairedDifference(mean, interval, float((as_extreme.sum() + extra) / (len(flips) + extra)))

@@ -1,0 +1,92 @@
+"""Small synthetic runs for the scoring tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+STEP_S = 0.1
+
+
+def traffic(steps: int = 100, vehicles: int = 20, seed: int = 0, clutter: float = 1.0):
+    """A jam-like run in which vehicles come and go out of view and tracks are noisy, die and swap."""
+    rng = np.random.default_rng(seed)
+    step = np.repeat(np.arange(steps), vehicles)
+    vehicle = np.tile(np.arange(vehicles), steps)
+    lane = vehicle % 5
+    speed = 10.0 + lane
+    lon = (vehicle // 5) * 12.0 + lane * 2.0 + speed * step * STEP_S
+    lat = lane * 3.6 + 0.2 * np.sin(0.1 * step + vehicle)
+    phase = rng.uniform(0, 2 * np.pi, vehicles)
+    period = rng.uniform(3, 25, vehicles)
+    visible_fraction = np.clip(0.5 + 0.8 * np.sin(2 * np.pi * step * STEP_S / period[vehicle] + phase[vehicle]), 0, 1)
+    distance = np.abs(lon - speed.mean() * step * STEP_S - 20.0)
+    in_range = distance < 40.0
+    state = np.where(visible_fraction < 0.15, "hidden", np.where(visible_fraction < 0.7, "partial", "visible"))
+    state = np.where(in_range, state, "out")
+    truth = pd.DataFrame(
+        {
+            "step": step,
+            "time_s": step * STEP_S,
+            "episode": 0,
+            "vehicle_id": np.array([f"car{v}" for v in vehicle]),
+            "lon_m": lon,
+            "lat_m": lat,
+            "heading_rad": 0.0,
+            "speed_mps": speed,
+            "lat_speed_mps": 0.0,
+            "accel_mps2": 0.0,
+            "lane": lane + 1,
+            "length_m": 4.7,
+            "width_m": 1.9,
+            "is_ego": vehicle == 0,
+            "in_range": in_range,
+            "visible_fraction": visible_fraction,
+            "state": state,
+        }
+    )
+    seen = in_range & (vehicle > 0) & (visible_fraction > 0.15) & (rng.random(len(step)) < 0.9)
+    hits = pd.DataFrame(
+        {
+            "step": step[seen],
+            "time_s": step[seen] * STEP_S,
+            "lon_m": lon[seen] + rng.normal(0, 0.3, seen.sum()),
+            "lat_m": lat[seen] + rng.normal(0, 0.2, seen.sum()),
+            "truth_id": truth["vehicle_id"].to_numpy()[seen],
+        }
+    )
+    n_clutter = int(clutter * steps)
+    clutter_step = rng.integers(0, steps, n_clutter)
+    noise = pd.DataFrame(
+        {
+            "step": clutter_step,
+            "time_s": clutter_step * STEP_S,
+            "lon_m": rng.uniform(0, 200, n_clutter),
+            "lat_m": rng.uniform(0, 18, n_clutter),
+            "truth_id": "",
+        }
+    )
+    detections = pd.concat([hits, noise]).sort_values("step", kind="stable").reset_index(drop=True)
+    drift = np.cumsum(rng.normal(0, 0.15, (steps, vehicles)), axis=0).ravel() * (visible_fraction < 0.15)
+    life = vehicle + vehicles * (step // rng.integers(20, 400, vehicles)[vehicle])
+    reported = in_range & (vehicle > 0) & (rng.random(len(step)) < 0.97)
+    swap = rng.permutation(int(life.max()) + 1)
+    track_id = np.where(step > steps // 2, swap[life], life)
+    tracks = pd.DataFrame(
+        {
+            "step": step,
+            "time_s": step * STEP_S,
+            "track_id": track_id,
+            "lon_m": lon + rng.normal(0, 0.8, len(step)) + drift,
+            "lat_m": lat + rng.normal(0, 0.4, len(step)),
+            "speed_mps": speed + rng.normal(0, 0.5, len(step)),
+            "lat_speed_mps": rng.normal(0, 0.2, len(step)),
+            "accel_mps2": 0.0,
+            "std_lon_m": 0.8,
+            "std_lat_m": 0.4,
+            "std_speed_mps": 0.5,
+            "existence": 0.99,
+            "state": np.where(visible_fraction < 0.15, "hidden", "confirmed"),
+        }
+    )[reported]
+    return truth, detections, tracks.drop_duplicates(["step", "track_id"]).reset_index(drop=True)
