@@ -1,0 +1,145 @@
+"""The command line: which commands there are, and what an error turns into.
+
+A command's module is imported only when that command is called, so ``--help`` answers at once. To add a command, write
+``harness/commands/<name>.py`` with a function ``command`` in typer's manner and add one line to ``COMMANDS``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import typer
+from typer.exceptions import Abort, TyperException
+from typer.main import get_command
+
+from harness.errors import RunError, UserError
+from mmpf.registry import UnknownNameError
+
+EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+
+
+@dataclass(frozen=True)
+class CommandEntry:
+    """One command of the command line.
+
+    Attributes:
+        name: What the user types.
+        help: One line for the overview.
+        panel: Heading of the overview under which the command stands.
+    """
+
+    name: str
+    help: str
+    panel: str = "Run and look"
+
+    @property
+    def module(self) -> str:
+        """Module that holds the command."""
+        return f"harness.commands.{self.name}"
+
+    def exists(self) -> bool:
+        """Whether the command's module is installed, found without importing it."""
+        return importlib.util.find_spec(self.module) is not None
+
+
+COMMANDS = (
+    CommandEntry("run", "Drive, sense, track and score once; leaves a run folder with tables and figures."),
+    CommandEntry("nets", "List the road networks and their named demands."),
+    CommandEntry("report", "Write a run's page of results."),
+    CommandEntry("export", "Turn a run into another program's format."),
+    CommandEntry("compare", "Tell whether one run is better or worse than another.", "Compare"),
+    CommandEntry("stress", "Run many densities, models and seeds.", "Compare"),
+    CommandEntry("study", "Repeat the published lane-keeping and lane-change cases.", "Compare"),
+    CommandEntry("bench", "Measure how long trackers take.", "Compare"),
+    CommandEntry("train", "Fit and select the behaviour model.", "Models and traffic"),
+    CommandEntry("fidelity", "Tell how real the simulated traffic is.", "Models and traffic"),
+    CommandEntry("calibrate", "Fit the simulated traffic to recorded traffic.", "Models and traffic"),
+)
+
+OVERVIEW = """Evaluate multi-vehicle tracking through occlusion: traffic, a sensor that it blocks, a tracker, scores.
+
+Start here:
+
+    python -m harness run --net us101
+
+Then, for example:
+
+    python -m harness run --net us101 --model cam --density 40 --duration 30 --seed 1
+
+    python -m harness nets
+
+    python -m harness run --help
+"""
+
+
+def run_command_line(arguments: Sequence[str]) -> int:
+    """Run one command.
+
+    Args:
+        arguments: What follows the program's name.
+
+    Returns:
+        Exit code: 0 done, 1 a regression was found, 2 wrong input, 3 a run failed part-way, 130 interrupted.
+    """
+    try:
+        outcome = get_command(_application(arguments))(
+            args=list(arguments), prog_name="python -m harness", standalone_mode=False
+        )
+    except (KeyboardInterrupt, Abort):
+        return _complain("interrupted", EXIT_INTERRUPTED)
+    except TyperException as error:
+        return _complain(error.format_message(), EXIT_USER_ERROR)
+    except (UserError, UnknownNameError) as error:
+        return _complain(str(error), EXIT_USER_ERROR)
+    except RunError as error:
+        return _complain(str(error), EXIT_RUN_FAILED)
+    except BrokenPipeError:
+        # The reader of a pipe went away; pointing stdout elsewhere keeps the interpreter from complaining at exit.
+        sys.stdout = None
+        return EXIT_DONE
+    return outcome if isinstance(outcome, int) else EXIT_DONE
+
+
+def _application(arguments: Sequence[str]) -> typer.Typer:
+    """Build the application with only the called command loaded."""
+    called = next((word for word in arguments if not word.startswith("-")), None)
+    application = typer.Typer(
+        help=OVERVIEW,
+        no_args_is_help=False,
+        add_completion=False,
+        rich_markup_mode="markdown",
+        invoke_without_command=True,
+    )
+    application.callback(invoke_without_command=True)(_without_command)
+    for entry in COMMANDS:
+        if not entry.exists():
+            continue
+        if entry.name == called:
+            command = importlib.import_module(entry.module).command
+            application.command(entry.name, rich_help_panel=entry.panel)(command)
+        else:
+            application.command(entry.name, help=entry.help, rich_help_panel=entry.panel)(_not_called)
+    return application
+
+
+def _without_command(context: typer.Context, version: bool = typer.Option(False, help="Print the version.")) -> None:
+    if version:
+        from importlib.metadata import version as installed_version  # noqa: PLC0415
+
+        print(f"mmpf-harness {installed_version('mmpf-harness')}")  # noqa: T201
+    elif context.invoked_subcommand is None:
+        print(context.get_help())  # noqa: T201
+
+
+def _not_called() -> None:
+    """Stand in the overview for a command that this call does not use."""
+
+
+def _complain(message: str, exit_code: int) -> int:
+    line = " ".join(message.split())
+    print(f"error: {line}" if exit_code != EXIT_INTERRUPTED else line, file=sys.stderr)  # noqa: T201
+    return exit_code

@@ -1,0 +1,61 @@
+"""What a run is driven by: live traffic and sensor, or an earlier run's recording of both."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from harness.config import RunConfig
+from harness.sensor.observation import Sensor
+from harness.truth.frame import TruthSource
+
+
+@dataclass(frozen=True)
+class RunInputs:
+    """Truth and sensor of a run.
+
+    Attributes:
+        truth: Yields the frames.
+        sensor: Looks at them.
+        files: The files that decided them, by a name for the manifest.
+    """
+
+    truth: TruthSource
+    sensor: Sensor
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    def hashes(self) -> dict[str, str]:
+        """Return the SHA-256 of each input file."""
+        return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in self.files.items()}
+
+
+def open_inputs(config: RunConfig) -> RunInputs:
+    """Open what the configuration asks for.
+
+    Raises:
+        UserError: There is no such network, demand, sensor or recording, or it is broken.
+    """
+    if config.replay is not None:
+        from harness.replay import open_recording  # noqa: PLC0415
+
+        return open_recording(Path(config.replay), config)
+    return _open_live(config)
+
+
+def _open_live(config: RunConfig) -> RunInputs:
+    from harness.sensor.detector import build_sensor  # noqa: PLC0415
+    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
+
+    # The sensor is checked first: it costs nothing, while opening traffic starts a simulation.
+    sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+    from harness.truth.network import load_network  # noqa: PLC0415
+    from harness.truth.sumo import open_traffic  # noqa: PLC0415
+
+    traffic = config.traffic
+    network = load_network(traffic.net)
+    truth = open_traffic(
+        network, density=traffic.density, demand=traffic.demand, duration_s=traffic.duration_s, seed=config.seed
+    )
+    return RunInputs(truth=truth, sensor=sensor, files=getattr(network, "files", {}))

@@ -1,0 +1,76 @@
+"""What made a run: versions, revision, inputs, machine and wall times."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
+
+
+def write_manifest(
+    path: Path,
+    *,
+    status: str,
+    command: str,
+    seed: int,
+    inputs: Mapping[str, str],
+    wall_times_s: Mapping[str, float],
+    steps: int,
+    problem: str | None = None,
+) -> None:
+    """Write ``manifest.json``.
+
+    Args:
+        path: File to write.
+        status: ``complete``, ``interrupted`` or ``failed``.
+        command: What the user typed.
+        seed: Root seed.
+        inputs: SHA-256 of each input file.
+        wall_times_s: Wall time of each phase.
+        steps: Finished steps.
+        problem: What ended the run, if it did not end by itself.
+    """
+    manifest = {
+        "status": status,
+        "problem": problem,
+        "command": command,
+        "seed": seed,
+        "steps": steps,
+        "versions": {name: _version(name) for name in PACKAGES} | {"python": platform.python_version()},
+        "git_revision": _git_revision(),
+        "inputs_sha256": dict(inputs),
+        "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
+        "wall_times_s": {name: round(seconds, 3) for name, seconds in wall_times_s.items()},
+    }
+    path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _git_revision() -> str | None:
+    """Return the revision of the source tree with ``-dirty`` where it was changed; None for an installed wheel."""
+    git = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    try:
+        answer = subprocess.run(git, capture_output=True, text=True, timeout=10.0, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return answer.stdout.strip() or None
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())

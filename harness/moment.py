@@ -1,0 +1,61 @@
+"""Keeps the one moment of a run that is most worth a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from harness.cosim import AnyTracker
+from harness.sensor.observation import Observation
+from harness.truth.frame import Frame
+from mmpf.road import FloatArray
+from mmpf.state import HIDDEN, Tracks
+
+
+@runtime_checkable
+class ParticleSource(Protocol):
+    """A tracker that can show its particles."""
+
+    def particle_positions(self) -> FloatArray:
+        """Return longitudinal and lateral position of every particle as it stands, shape (2, n)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One instant of a run.
+
+    Attributes:
+        frame: The truth.
+        observation: What the sensor made of it.
+        tracks: The tracks after it.
+        particles: Longitudinal and lateral position of every particle, shape (2, n); None where a tracker has none.
+    """
+
+    frame: Frame
+    observation: Observation
+    tracks: Tracks
+    particles: FloatArray | None
+
+
+@dataclass
+class MomentKeeper:
+    """Keeps the moment with the most hidden tracks, the first of equals.
+
+    Attributes:
+        moment: The best moment so far; None before the first step.
+    """
+
+    moment: Moment | None = None
+    _best: int = -1
+
+    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
+        """Look at one step."""
+        hidden = int(np.count_nonzero(tracks.state == HIDDEN))
+        if hidden <= self._best:
+            return
+        self._best = hidden
+        particles = tracker.particle_positions() if isinstance(tracker, ParticleSource) else None
+        self.moment = Moment(frame, observation, tracks, None if particles is None else particles.copy())

@@ -1,0 +1,89 @@
+"""The table that a run prints at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+VISIBILITY_ROWS = ("visible", "partial", "hidden", "all")
+MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"), ("lat_speed_mps", "lat speed m/s"))
+MOT_COLUMNS = (
+    ("hota", "HOTA %"),
+    ("idf1", "IDF1 %"),
+    ("mota", "MOTA %"),
+    ("id_switches", "switches"),
+    ("missed", "missed %"),
+    ("false_tracks", "false %"),
+)
+
+
+def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
+    """Print a run's main figures on stderr.
+
+    Args:
+        metrics: Content of ``metrics.json``.
+        folder: The run's folder.
+    """
+    run = metrics["run"]
+    title = " · ".join(str(run[key]) for key in ("net", "tracker", "model", "update") if run.get(key))
+    Console(stderr=True, highlight=False).print(
+        Group(
+            Text(f"\n{title} · seed {run['seed']}", style="bold"),
+            _error_table(metrics["mae"]),
+            _mot_table(metrics),
+            _lines(metrics),
+            Text(f"Results: {folder}", style="bold"),
+        )
+    )
+
+
+def _error_table(mae: Mapping[str, Any]) -> Table:
+    table = Table(title="Mean absolute error by visibility", box=box.SIMPLE, title_justify="left")
+    table.add_column("vehicles")
+    for _, heading in MAE_COLUMNS:
+        table.add_column(heading, justify="right")
+    table.add_column("samples", justify="right")
+    for name in VISIBILITY_ROWS:
+        row = mae[name]
+        table.add_row(name, *(_number(row.get(key), 2) for key, _ in MAE_COLUMNS), _number(row.get("n"), 0))
+    return table
+
+
+def _mot_table(metrics: Mapping[str, Any]) -> Table:
+    table = Table(title="Tracks against truth", box=box.SIMPLE, title_justify="left")
+    table.add_column("vehicles")
+    for _, heading in MOT_COLUMNS:
+        table.add_column(heading, justify="right")
+    for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
+        scores = metrics[key]
+        decimals = {"id_switches": 0}
+        table.add_row(name, *(_number(scores.get(score), decimals.get(score, 1)) for score, _ in MOT_COLUMNS))
+    return table
+
+
+def _lines(metrics: Mapping[str, Any]) -> Text:
+    occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
+    events = (
+        f"Occlusions: {_number(occlusion['events'], 0)}; survived {_number(occlusion['survived'], 0)}, "
+        f"hijacked {_number(occlusion['hijacked'], 0)}, lost {_number(occlusion['lost'], 0)}"
+    )
+    road = (
+        f"Traffic: {_number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "
+        f"{_number(traffic['flow_veh_per_h'], 0)} veh/h, {_number(traffic['mean_speed_mps'], 1)} m/s, "
+        f"{_number(traffic['vehicles_in_range'], 1)} in range"
+    )
+    speed = (
+        f"Time: {timing['steps']} steps in {_number(timing['total_s'], 1)} s, real-time factor "
+        f"{_number(timing['realtime_factor'], 1)}, tracker {_number(timing['tracker_ms']['p50'], 1)} ms a step"
+    )
+    return Text("\n".join((events, road, speed)))
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return "-" if value is None else f"{value:.{decimals}f}"

@@ -1,0 +1,244 @@
+"""One run from configuration to finished folder."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harness import runfolder
+from harness.config import RunConfig
+from harness.configfile import write_config
+from harness.cosim import AnyTracker, StageTimes, Streams, co_simulate
+from harness.errors import RunError, UserError
+from harness.inputs import RunInputs, open_inputs
+from harness.manifest import write_manifest
+from harness.metrics import as_json, assemble_metrics
+from harness.moment import MomentKeeper
+from harness.progress import progress_bar
+from harness.recorder import ColumnRecorder, RunTables, write_table
+from harness.roadfile import write_road
+from harness.sensor.observation import Observation
+from harness.trackers.catalogue import build_tracker
+from harness.trackers.protocol import TrackerSetting
+from harness.truth.frame import Frame
+from mmpf.road import highway
+from mmpf.scan import SensorModel
+from mmpf.state import Tracks
+
+
+class RunInterruptedError(KeyboardInterrupt):
+    """The user stopped a run; its finished steps are kept."""
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """A run that ended.
+
+    Attributes:
+        folder: Where its files lie.
+        metrics: Content of its ``metrics.json``.
+    """
+
+    folder: Path
+    metrics: dict[str, Any]
+
+
+def run(
+    config: RunConfig, *, out: Path | None = None, force: bool = False, command: str = "", quiet: bool = True
+) -> FinishedRun:
+    """Simulate or replay, track, score, draw, and leave a run folder.
+
+    Args:
+        config: What to run.
+        out: Where the folder goes; by default a name in ``results/`` that tells the main settings.
+        force: Whether an earlier run in ``out`` may be replaced.
+        command: What the user typed, for the manifest.
+        quiet: Whether to leave out the progress bar.
+
+    Raises:
+        UserError: The input is wrong; nothing is left behind.
+        RunError: The run failed part-way; its finished steps lie in a folder that says so.
+        RunInterruptedError: The user stopped the run; likewise.
+    """
+    check_tracker(config)
+    pending = runfolder.open_folder(out, config.default_folder_name(), force)
+    attempt = _Attempt(config, pending.path, command)
+    try:
+        metrics = attempt.complete(quiet)
+        return FinishedRun(folder=pending.finish(), metrics=metrics)
+    except UserError:
+        pending.discard()
+        raise
+    except KeyboardInterrupt:
+        if not attempt.recorder.steps:
+            pending.discard()
+            raise RunInterruptedError("interrupted before the first step; nothing is kept") from None
+        folder = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
+        raise RunInterruptedError(
+            f"interrupted after {attempt.recorder.steps} steps; the finished steps are in {folder}"
+        ) from None
+    except Exception as error:
+        folder = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
+        raise RunError(
+            f"the run failed after {attempt.recorder.steps} steps: {type(error).__name__}: {error}; the finished steps "
+            f"and the traceback (manifest.json) are in {folder}"
+        ) from error
+    finally:
+        attempt.close()
+
+
+def check_tracker(config: RunConfig) -> None:
+    """Build the tracker once for nothing, so that a wrong option is told before any traffic is simulated.
+
+    Raises:
+        UserError: There is no such tracker or it refuses its options.
+    """
+    setting = TrackerSetting(road=highway(), sensor=SensorModel(), rng=np.random.default_rng(0))
+    _build_tracker(config, setting)
+
+
+def _build_tracker(config: RunConfig, setting: TrackerSetting) -> AnyTracker:
+    try:
+        return build_tracker(config.tracker.name, setting, config.tracker.all_options())
+    except (ValueError, TypeError) as error:
+        raise UserError(f"tracker {config.tracker.name!r}: {error}") from None
+
+
+def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> Path:
+    with _uninterrupted():
+        attempt.write_tables(attempt.recorder.tables())
+        attempt.write_manifest(status, problem)
+        return pending.leave_incomplete()
+
+
+@dataclass
+class _Attempt:
+    """A run on its way: what is known so far, and how to write it."""
+
+    config: RunConfig
+    folder: Path
+    command: str
+    recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
+    moment: MomentKeeper = field(default_factory=MomentKeeper)
+    times: StageTimes = field(default_factory=StageTimes)
+    wall_s: dict[str, float] = field(default_factory=dict)
+    inputs: RunInputs | None = None
+
+    def complete(self, quiet: bool) -> dict[str, Any]:
+        """Do the whole run and return the metrics."""
+        begin = perf_counter()
+        write_config(self.config, self.folder / runfolder.CONFIG)
+        with self._timed("open"):
+            self.inputs = open_inputs(self.config)
+        write_road(self.inputs.truth.road, self.folder / runfolder.ROAD)
+        with self._timed("loop"):
+            self._loop(self.inputs, quiet)
+        tables = self.recorder.tables()
+        with self._timed("score"):
+            errors, scores = _score(tables, self.config.seed)
+        with self._timed("write"):
+            self.write_tables(tables)
+            write_table(errors, self.folder / runfolder.ERRORS)
+        with self._timed("draw"):
+            self._draw(errors, scores)
+        metrics = assemble_metrics(
+            self.config,
+            scores,
+            self.times,
+            self.inputs.truth.step_s,
+            perf_counter() - begin,
+            tables.truth,
+            self.inputs.truth.road,
+        )
+        (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
+        self.write_manifest(runfolder.COMPLETE, None)
+        return metrics
+
+    def write_tables(self, tables: RunTables) -> None:
+        """Write the recorded tables."""
+        write_table(tables.truth, self.folder / runfolder.TRUTH)
+        write_table(tables.detections, self.folder / runfolder.DETECTIONS)
+        write_table(tables.tracks, self.folder / runfolder.TRACKS)
+
+    def write_manifest(self, status: str, problem: str | None) -> None:
+        """Write the manifest as things stand."""
+        write_manifest(
+            self.folder / runfolder.MANIFEST,
+            status=status,
+            command=self.command,
+            seed=self.config.seed,
+            inputs=self.inputs.hashes() if self.inputs is not None else {},
+            wall_times_s=self.wall_s,
+            steps=self.recorder.steps,
+            problem=problem,
+        )
+
+    def close(self) -> None:
+        """Release the simulation."""
+        if self.inputs is not None:
+            self.inputs.truth.close()
+
+    def _loop(self, inputs: RunInputs, quiet: bool) -> None:
+        with progress_bar("tracking", inputs.truth.expected_steps, quiet) as advance:
+
+            def watch(frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
+                self.moment.watch(frame, observation, tracks, tracker)
+                advance()
+
+            co_simulate(
+                inputs.truth,
+                inputs.sensor,
+                lambda setting: _build_tracker(self.config, setting),
+                self.recorder,
+                Streams.from_seed(self.config.seed),
+                watch,
+                self.times,
+            )
+        if not self.recorder.steps:
+            raise UserError("the traffic has no ego vehicle in the section; choose another demand, density or duration")
+
+    def _draw(self, errors: pd.DataFrame, scores: dict[str, Any]) -> None:
+        from harness.report.figures import draw_figures  # noqa: PLC0415
+
+        assert self.inputs is not None
+        folder = self.folder / runfolder.FIGURES
+        folder.mkdir()
+        draw_figures(folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), errors, scores)
+
+    @contextmanager
+    def _timed(self, phase: str) -> Iterator[None]:
+        begin = perf_counter()
+        try:
+            yield
+        finally:
+            self.wall_s[phase] = perf_counter() - begin
+
+
+def _score(tables: RunTables, seed: int) -> tuple[pd.DataFrame, dict[str, Any]]:
+    from harness.scoring import score_run  # noqa: PLC0415
+
+    scored = score_run(tables.truth, tables.detections, tables.tracks, seed)
+    return scored.errors, scored.metrics
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let no second Ctrl-C cut short what is being saved after the first."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -1,0 +1,136 @@
+"""A run's folder: taken under a temporary name, renamed when the run is done, read back for replay and reports."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from harness.errors import UserError
+
+CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
+TRUTH, DETECTIONS, TRACKS, ERRORS = "truth.parquet", "detections.parquet", "tracks.parquet", "errors.parquet"
+FIGURES = "figures"
+COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
+DEFAULT_PARENT = Path("results")
+INCOMPLETE_SUFFIX = ".incomplete"
+
+
+@dataclass(frozen=True)
+class PendingFolder:
+    """A run folder that is being written.
+
+    Attributes:
+        path: Where files are written now.
+        final: The name that a finished run gets.
+    """
+
+    path: Path
+    final: Path
+
+    def finish(self) -> Path:
+        """Give the folder its final name, replacing an earlier run there, and return it."""
+        if self.final.exists():
+            shutil.rmtree(self.final)
+        self.path.rename(self.final)
+        return self.final
+
+    def leave_incomplete(self) -> Path:
+        """Give the folder a name that tells that the run did not end, and return it."""
+        marked = self.final.with_name(self.final.name + INCOMPLETE_SUFFIX)
+        if marked.exists():
+            shutil.rmtree(marked)
+        self.path.rename(marked)
+        return marked
+
+    def discard(self) -> None:
+        """Remove the folder."""
+        shutil.rmtree(self.path, ignore_errors=True)
+
+
+def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFolder:
+    """Make a folder for a new run.
+
+    Args:
+        out: Where the user wants it. Without it the run lands in ``results/<default_name>``, or in
+            ``<default_name>-2``, ``-3``, ... where that is taken.
+        default_name: Name for a run without ``out``.
+        force: Whether an earlier run in ``out`` may be replaced.
+
+    Raises:
+        UserError: The folder exists and may not be replaced, or can't be written.
+    """
+    final = out if out is not None else _first_free(DEFAULT_PARENT / default_name)
+    if final.exists() and not force:
+        raise UserError(f"--out: {final} exists; choose another folder or add --force to replace it")
+    if final.exists() and not _may_be_replaced(final):
+        raise UserError(f"--out: {final} is not a run's folder, so --force leaves it alone; choose another folder")
+    pending = final.with_name(f".{final.name}.running-{os.getpid()}")
+    try:
+        pending.mkdir(parents=True)
+    except OSError as error:
+        raise UserError(f"--out: can't write in {final.parent}: {error.strerror}; choose another folder") from None
+    return PendingFolder(path=pending, final=final)
+
+
+def read_manifest(folder: Path, option: str) -> dict[str, Any]:
+    """Return the manifest of a run folder.
+
+    Raises:
+        UserError: The folder is not a run's folder, or the run did not end.
+    """
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise UserError(f"{option}: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
+    if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
+        raise UserError(f"{option}: the run in {folder} did not end; run it again")
+    return manifest
+
+
+def read_config_table(folder: Path, option: str) -> dict[str, Any]:
+    """Return the recorded configuration of a run folder as a nested table.
+
+    Raises:
+        UserError: It can't be read.
+    """
+    try:
+        return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{option}: {folder / CONFIG} is missing or broken ({error})") from None
+
+
+def read_table(folder: Path, name: str, option: str) -> pd.DataFrame:
+    """Return one of the tables of a run folder.
+
+    Raises:
+        UserError: It is missing, truncated or not parquet.
+    """
+    path = folder / name
+    try:
+        return pq.read_table(path).to_pandas()
+    except (OSError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"{option}: {path} can't be read ({reason}); make the run again") from None
+
+
+def _first_free(path: Path) -> Path:
+    candidate, number = path, 2
+    while candidate.exists():
+        candidate = path.with_name(f"{path.name}-{number}")
+        number += 1
+    return candidate
+
+
+def _may_be_replaced(folder: Path) -> bool:
+    if not folder.is_dir():
+        return False
+    return (folder / MANIFEST).is_file() or not any(folder.iterdir())

@@ -1,0 +1,91 @@
+"""A small world for tests of the loop: cars at constant speed, the real sensor, and a tracker without memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.trackers.protocol import TrackerSetting
+from harness.truth.frame import Frame
+from mmpf.road import Road, highway
+from mmpf.scan import Scan
+from mmpf.state import CONFIRMED, Tracks
+
+
+@dataclass
+class SteadyTraffic:
+    """Cars in a queue on three lanes, each at its lane's speed; a new ego after every ``ego_stay`` frames."""
+
+    steps: int = 20
+    ego_stay: int = 10_000
+    cars_per_lane: int = 6
+    fail_at: int | None = None
+    road: Road = highway(3)
+    step_s: float = 0.1
+    closed: bool = False
+
+    @property
+    def expected_steps(self) -> int:
+        return self.steps
+
+    def frames(self) -> Iterator[Frame]:
+        lane = np.repeat([3, 2, 1], self.cars_per_lane)
+        start = np.tile(20.0 * np.arange(self.cars_per_lane), 3)
+        speed = 20.0 + 2.0 * (3 - lane)
+        count = len(lane)
+        for step in range(self.steps):
+            if step == self.fail_at:
+                raise RuntimeError("the traffic broke")
+            yield Frame(
+                step=step,
+                time_s=round(step * self.step_s, 1),
+                episode=step // self.ego_stay,
+                ego=(step // self.ego_stay) % count,
+                vehicle_id=np.array([f"car{k}" for k in range(count)]),
+                lon_m=start + speed * step * self.step_s,
+                lat_m=(3 - lane + 0.5) * 3.66,
+                heading_rad=np.zeros(count),
+                speed_mps=speed,
+                lat_speed_mps=np.zeros(count),
+                accel_mps2=np.zeros(count),
+                lane=lane,
+                length_m=np.full(count, 4.5),
+                width_m=np.full(count, 1.8),
+            )
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@dataclass
+class EchoTracker:
+    """Reports every detection as a new track with a little noise of its own; ids start at 0 in each episode."""
+
+    setting: TrackerSetting
+    next_id: int = 0
+
+    def step(self, scan: Scan) -> Tracks:
+        count = len(scan.detections)
+        ids = np.arange(self.next_id, self.next_id + count)
+        self.next_id += count
+        one = np.ones(count)
+        return Tracks(
+            track_id=ids,
+            lon_m=scan.detections.lon_m + 0.01 * self.setting.rng.standard_normal(count),
+            lat_m=scan.detections.lat_m,
+            speed_mps=20.0 * one,
+            lat_speed_mps=0.0 * one,
+            accel_mps2=0.0 * one,
+            std_lon_m=0.3 * one,
+            std_lat_m=0.2 * one,
+            std_speed_mps=one,
+            existence=one,
+            state=np.full(count, CONFIRMED, dtype=np.int8),
+        )
+
+
+def echo_tracker(setting: TrackerSetting, options: Mapping[str, object]) -> EchoTracker:
+    """Build one; takes no options that mean anything."""
+    return EchoTracker(setting)
