@@ -1,0 +1,137 @@
+"""Small scenes with known answers: cars at constant speed, looked at without occlusion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.road import FloatArray, IntArray, highway
+from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+
+ROAD = highway(section_m=(0.0, 2000.0))
+SENSOR = SensorModel()
+STD_LON_M, STD_LAT_M = 0.3, 0.2
+EGO_SPEED_MPS = 20.0
+EGO_START_M = 200.0
+
+
+@dataclass(frozen=True)
+class ScriptedCar:
+    """A car that holds its speed and lane.
+
+    Attributes:
+        name: True identity.
+        lon_m: Longitudinal position at time zero.
+        lane: Lane number.
+        speed_mps: Speed.
+        from_s: It is detected from then
+        until_s: until then.
+    """
+
+    name: str
+    lon_m: float
+    lane: int = 2
+    speed_mps: float = EGO_SPEED_MPS
+    from_s: float = 0.0
+    until_s: float = np.inf
+
+    @property
+    def lat_m(self) -> float:
+        """Lateral position: the middle of its lane."""
+        return next(lane.centre_m for lane in ROAD.lanes if lane.number == self.lane)
+
+    def lon_at(self, time_s: float) -> float:
+        """Return the longitudinal position at a time."""
+        return self.lon_m + self.speed_mps * time_s
+
+
+@dataclass(frozen=True)
+class LabelledScan:
+    """A scan and the car behind each of its detections, empty for clutter, shape (d,)."""
+
+    scan: Scan
+    truth_id: npt.NDArray[np.str_]
+
+
+def ego_at(time_s: float) -> EgoPose:
+    """Return the pose of the ego, which drives in the middle lane."""
+    return EgoPose(EGO_START_M + EGO_SPEED_MPS * time_s, 2.5 * 3.66, 0.0, EGO_SPEED_MPS, 4.7, 1.9)
+
+
+def detections_at(lon_m: FloatArray, lat_m: FloatArray) -> Detections:
+    """Return detections of positions, without speed, of the nominal noise."""
+    size = len(lon_m)
+    return Detections(
+        lon_m=np.asarray(lon_m, dtype=np.float64),
+        lat_m=np.asarray(lat_m, dtype=np.float64),
+        speed_mps=np.full(size, np.nan),
+        std_lon_m=np.full(size, STD_LON_M),
+        std_lat_m=np.full(size, STD_LAT_M),
+        std_speed_mps=np.full(size, np.nan),
+    )
+
+
+def labelled_scan(time_s: float, lon_m: Sequence[float], lat_m: Sequence[float], names: Sequence[str]) -> LabelledScan:
+    """Return one scan of given detections."""
+    detections = detections_at(np.array(lon_m, dtype=np.float64), np.array(lat_m, dtype=np.float64))
+    return LabelledScan(Scan(time_s, detections, ego_at(time_s)), np.array(list(names), dtype=np.str_))
+
+
+def scripted_scans(
+    cars: Sequence[ScriptedCar],
+    times_s: Sequence[float],
+    rng: np.random.Generator,
+    detection_probability: float = 1.0,
+    clutter_per_scan: float = 0.0,
+) -> list[LabelledScan]:
+    """Return what a sensor without occlusion makes of the cars.
+
+    Args:
+        cars: The cars.
+        times_s: Times of the scans.
+        rng: Draws noise, misses, clutter and the order of the detections.
+        detection_probability: For each car and scan.
+        clutter_per_scan: Expected number of false detections, spread over the road within range.
+    """
+    return [_look(cars, float(time_s), rng, detection_probability, clutter_per_scan) for time_s in times_s]
+
+
+def shuffled(scan: LabelledScan, order: IntArray) -> LabelledScan:
+    """Return the scan with its detections in another order."""
+    old = scan.scan.detections
+    detections = Detections(
+        old.lon_m[order],
+        old.lat_m[order],
+        old.speed_mps[order],
+        old.std_lon_m[order],
+        old.std_lat_m[order],
+        old.std_speed_mps[order],
+    )
+    return LabelledScan(Scan(scan.scan.time_s, detections, scan.scan.ego), scan.truth_id[order])
+
+
+def _look(
+    cars: Sequence[ScriptedCar],
+    time_s: float,
+    rng: np.random.Generator,
+    detection_probability: float,
+    clutter_per_scan: float,
+) -> LabelledScan:
+    ego = ego_at(time_s)
+    seen = [
+        car
+        for car in cars
+        if car.from_s <= time_s <= car.until_s
+        and abs(car.lon_at(time_s) - ego.lon_m) < SENSOR.range_m
+        and rng.random() < detection_probability
+    ]
+    false = int(rng.poisson(clutter_per_scan))
+    lon_m = [car.lon_at(time_s) + rng.normal(0.0, STD_LON_M) for car in seen]
+    lat_m = [car.lat_m + rng.normal(0.0, STD_LAT_M) for car in seen]
+    lon_m += (ego.lon_m + rng.uniform(-SENSOR.range_m, SENSOR.range_m, false)).tolist()
+    lat_m += rng.uniform(0.0, 5 * 3.66, false).tolist()
+    names = [car.name for car in seen] + [""] * false
+    return shuffled(labelled_scan(time_s, lon_m, lat_m, names), rng.permutation(len(names)))
