@@ -1,0 +1,222 @@
+"""The road seen from above at one moment: what is there, what the sensor sees, and what the tracker believes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import matplotlib.patheffects as path_effects
+import numpy as np
+import shapely
+from matplotlib import transforms
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse, Patch, Polygon, Rectangle
+
+from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
+from harness.sensor.shadows import sensor_position, shadow_polygons
+from harness.truth.frame import Frame
+from mmpf.road import FloatArray, Road
+from mmpf.state import HIDDEN as TRACK_HIDDEN
+from mmpf.state import TENTATIVE, Tracks
+
+# Okabe and Ito's colours, which colour-blind readers can tell apart.
+GREEN, ORANGE, VERMILION, BLUE, PURPLE = "#009E73", "#E69F00", "#D55E00", "#0072B2", "#882255"
+OUT_OF_SIGHT, SEEN_GROUND, SHADOW = "#ececec", "#ffffff", "#cfcfcf"
+VEHICLE_STYLES: dict[int, dict[str, Any]] = {
+    VISIBLE: {"facecolor": GREEN, "edgecolor": "none", "alpha": 0.75},
+    PARTIAL: {"facecolor": ORANGE, "edgecolor": "none", "alpha": 0.85},
+    HIDDEN: {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.3},
+    OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8},
+}
+VEHICLE_LABELS = {VISIBLE: "visible", PARTIAL: "partly hidden", HIDDEN: "hidden", OUT: "out of range"}
+# A two-dimensional normal distribution holds 95 % within this many standard deviations.
+ELLIPSE_SCALE = 2.4477
+MARGIN_M = 2.5
+
+
+def scene_figure(
+    frame: Frame,
+    observation: Observation,
+    tracks: Tracks,
+    road: Road,
+    range_m: float,
+    particles: FloatArray | None = None,
+    title: str = "",
+) -> Figure:
+    """Return a figure of the whole range in two strips: what lies ahead of the ego above, what lies behind it below.
+
+    Args:
+        frame: The truth.
+        observation: What the sensor made of it.
+        tracks: What the tracker made of that.
+        road: The lanes.
+        range_m: The sensor's range.
+        particles: Longitudinal and lateral position of every particle, shape (2, n).
+        title: What the picture shows, in one line.
+    """
+    low, high = _road_edges(road, float(frame.lon_m[frame.ego]), range_m)
+    overlap = 8.0
+    windows = ((-overlap, range_m + MARGIN_M), (-range_m - MARGIN_M, overlap))
+    width_in = 13.0
+    strip_in = width_in * (high - low + 2 * MARGIN_M) / (range_m + overlap + MARGIN_M)
+    figure = Figure(figsize=(width_in, 2 * strip_in + 2.2), dpi=120, layout="constrained")
+    for axes, window, name in zip(figure.subplots(2, 1), windows, ("ahead", "behind"), strict=True):
+        draw_scene(axes, frame, observation, tracks, road, range_m, particles, lon_window_m=window)
+        axes.set_title(name, loc="left", fontsize=9, color="#555555", pad=3)
+    figure.axes[0].set_xlabel("")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    figure.legend(handles=legend_entries(particles is not None), loc="outside lower center", ncols=6, frameon=False)
+    return figure
+
+
+def draw_scene(
+    axes: Axes,
+    frame: Frame,
+    observation: Observation,
+    tracks: Tracks,
+    road: Road,
+    range_m: float,
+    particles: FloatArray | None = None,
+    title: str = "",
+    lon_window_m: tuple[float, float] | None = None,
+) -> None:
+    """Draw one moment into the axes, in the road frame with the ego at longitudinal position zero.
+
+    Args:
+        axes: Where to draw.
+        frame: The truth.
+        observation: What the sensor made of it.
+        tracks: What the tracker made of that.
+        road: The lanes.
+        range_m: The sensor's range.
+        particles: Longitudinal and lateral position of every particle, shape (2, n).
+        title: Heading of the axes.
+        lon_window_m: Stretch to show, relative to the ego; the whole range by default.
+    """
+    origin = float(frame.lon_m[frame.ego])
+    window = lon_window_m or (-range_m - MARGIN_M, range_m + MARGIN_M)
+    _draw_ground(axes, observation, road, range_m, origin)
+    _draw_lanes(axes, road, origin, window)
+    if particles is not None:
+        axes.plot(particles[0] - origin, particles[1], ",", color=BLUE, alpha=0.25, zorder=4, rasterized=True)
+    _draw_vehicles(axes, frame, observation, origin)
+    detections = observation.scan.detections
+    axes.plot(detections.lon_m - origin, detections.lat_m, "x", color="black", ms=5, mew=1.2, zorder=6)
+    _draw_tracks(axes, tracks, origin, window)
+    low, high = _road_edges(road, origin, range_m)
+    axes.set(xlim=window, ylim=(low - MARGIN_M, high + MARGIN_M), aspect="equal")
+    axes.set(xlabel="metres ahead of the ego", ylabel="lateral position (m)")
+    axes.set_title(title, loc="left")
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=2, color="#999999")
+
+
+def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
+    """Return one entry for each kind of thing that ``draw_scene`` draws."""
+    entries: list[Patch | Line2D] = [Patch(facecolor="black", label="ego")]
+    entries += [Patch(label=f"vehicle: {VEHICLE_LABELS[state]}", **VEHICLE_STYLES[state]) for state in VEHICLE_LABELS]
+    entries += [
+        Patch(facecolor=SHADOW, label="shadow, from detections"),
+        Patch(facecolor=OUT_OF_SIGHT, label="beyond the sensor"),
+        Line2D([], [], ls="none", marker="x", color="black", ms=6, mew=1.2, label="detection"),
+        Line2D([], [], color=PURPLE, lw=1.4, label="track with its number, 95 % ellipse"),
+        Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track that the tracker holds hidden"),
+    ]
+    if with_particles:
+        entries.append(Line2D([], [], ls="none", marker="o", color=BLUE, ms=2.5, alpha=0.6, label="particles"))
+    return entries
+
+
+def _road_edges(road: Road, ego_lon_m: float, range_m: float) -> tuple[float, float]:
+    """Return the lowest and highest lateral position of the lanes within range."""
+    _, right, left, start, end = road.lane_table.T
+    near = (end > ego_lon_m - range_m) & (start < ego_lon_m + range_m)
+    return float(right[near].min()), float(left[near].max())
+
+
+def _draw_ground(axes: Axes, observation: Observation, road: Road, range_m: float, origin: float) -> None:
+    """Draw what the sensor can reach and, in it, what it cannot see."""
+    ego, detections = observation.scan.ego, observation.scan.detections
+    axes.set_facecolor(OUT_OF_SIGHT)
+    reach = np.full(720, range_m)
+    if observation.scan.free_space is not None:
+        reach = np.where(observation.scan.free_space.range_m > 0.0, range_m, 0.0)
+    bearings = -np.pi + 2.0 * np.pi / len(reach) * (np.arange(len(reach)) + 0.5)
+    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * reach[:, None] + sensor_position(ego, road)
+    axes.add_patch(Polygon(_in_road_frame(rim, road, origin), facecolor=SEEN_GROUND, edgecolor="none", zorder=0))
+    shadows = [_in_road_frame(outline, road, origin) for outline in shadow_polygons(detections, ego, road, range_m)]
+    axes.add_collection(PolyCollection(shadows, facecolor=SHADOW, edgecolor="none", zorder=1), autolim=False)
+
+
+def _in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:
+    """Return a Cartesian outline, shape (k, 2), in the road frame relative to the origin; straight edges may bend."""
+    if not road.is_straight:
+        outline = shapely.get_coordinates(shapely.segmentize(shapely.Polygon(outline), 2.0))
+    lon, lat = road.to_road(outline[:, 0], outline[:, 1])
+    return np.stack([lon - origin, lat], axis=-1)
+
+
+def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, float]) -> None:
+    """Draw each lane's two lines: dashed where the next lane begins, solid at the road's edge."""
+    sides = [(ln.right_m, ln.start_m, ln.end_m) for ln in road.lanes] + [
+        (ln.left_m, ln.start_m, ln.end_m) for ln in road.lanes
+    ]
+    for lat, start, end in sides:
+        lon = np.clip(np.array([start - origin, end - origin]), *window)
+        cuts = np.unique(np.concatenate([lon, [s - origin for ln in road.lanes for s in (ln.start_m, ln.end_m)]]))
+        cuts = cuts[(cuts >= lon[0]) & (cuts <= lon[1])]
+        for begin, finish in pairwise(cuts):
+            middle = np.full(2, 0.5 * (begin + finish) + origin)
+            both_sides = road.lane_index_at(middle, lat + np.array([-0.5, 0.5])) >= 0
+            style: Any = (0, (6, 8)) if both_sides.all() else "solid"
+            axes.plot([begin, finish], [lat, lat], color="#8c8c8c", lw=0.9, ls=style, zorder=2)
+
+
+def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: float) -> None:
+    patches = []
+    for i in range(len(frame)):
+        length, width = frame.length_m[i], frame.width_m[i]
+        x, y = frame.lon_m[i] - origin, frame.lat_m[i]
+        style = {"facecolor": "black", "edgecolor": "none"} if i == frame.ego else VEHICLE_STYLES[observation.state[i]]
+        body = Rectangle((x - length / 2, y - width / 2), length, width, **style)
+        turn = transforms.Affine2D().rotate_around(x, y, frame.heading_rad[i])
+        body.set_transform(turn + body.get_transform())
+        patches.append(body)
+    axes.add_collection(PatchCollection(patches, match_original=True, zorder=5), autolim=False)
+    axes.text(0.0, frame.lat_m[frame.ego], "ego", color="white", size=7, ha="center", va="center", zorder=7)
+
+
+def _draw_tracks(axes: Axes, tracks: Tracks, origin: float, window: tuple[float, float]) -> None:
+    outline = [path_effects.withStroke(linewidth=2.0, foreground="white")]
+    for i in range(len(tracks)):
+        x, y = tracks.lon_m[i] - origin, tracks.lat_m[i]
+        if not window[0] <= x <= window[1]:
+            continue
+        hidden = tracks.state[i] == TRACK_HIDDEN
+        ellipse = Ellipse(
+            (x, y),
+            2.0 * ELLIPSE_SCALE * tracks.std_lon_m[i],
+            2.0 * ELLIPSE_SCALE * tracks.std_lat_m[i],
+            facecolor="none",
+            edgecolor=PURPLE,
+            linewidth=1.4,
+            linestyle=(0, (3, 2)) if hidden else "solid",
+            alpha=0.5 if tracks.state[i] == TENTATIVE else 1.0,
+            zorder=8,
+        )
+        axes.add_patch(ellipse)
+        height = max(1.0, ELLIPSE_SCALE * tracks.std_lat_m[i])
+        axes.annotate(
+            str(tracks.track_id[i]),
+            (x, y + min(height, 1.6)),
+            color=PURPLE,
+            size=7.5,
+            ha="center",
+            va="bottom",
+            path_effects=outline,
+            zorder=9,
+            annotation_clip=True,
+        )

@@ -1,0 +1,105 @@
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
+
+from harness.report.scene import draw_scene, legend_entries, scene_figure
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
+from harness.truth.frame import Frame
+from mmpf.road import Lane, Road, highway
+from mmpf.state import CONFIRMED, HIDDEN, Tracks
+
+
+def jam(seed=4, count=34):
+    rng = np.random.default_rng(seed)
+    lane = rng.permutation(np.repeat(np.arange(5), 7))[:count]
+    lon = 300.0 + np.array([np.count_nonzero(lane[:i] == lane[i]) for i in range(count)]) * 29.0 - 95.0
+    lon += rng.uniform(-8, 8, count)
+    ego = int(np.argmin(np.abs(lon - 300.0) + 5.0 * np.abs(lane - 2)))
+    truck = rng.random(count) < 0.1
+    return Frame(
+        step=0,
+        time_s=0.0,
+        episode=0,
+        ego=ego,
+        vehicle_id=np.array([f"car{i}" for i in range(count)]),
+        lon_m=lon,
+        lat_m=(lane + 0.5) * 3.66 + rng.normal(0, 0.2, count),
+        heading_rad=rng.normal(0, 0.01, count),
+        speed_mps=np.full(count, 12.0),
+        lat_speed_mps=np.zeros(count),
+        accel_mps2=np.zeros(count),
+        lane=5 - lane,
+        length_m=np.where(truck, 14.0, 4.7),
+        width_m=np.where(truck, 2.5, 1.9),
+    )
+
+
+def observed(frame, road):
+    return build_sensor(sensor_settings("lidar", {})).observe(frame, road, np.random.default_rng(3))
+
+
+def tracked(frame, observation, rng):
+    near = np.flatnonzero((observation.state < 3) & (np.arange(len(frame)) != frame.ego))
+    hidden = observation.state[near] == 2
+    std_lon, std_lat = np.where(hidden, 2.5, 0.25), np.where(hidden, 0.5, 0.15)
+    zeros = np.zeros(len(near))
+    tracks = Tracks(
+        track_id=np.arange(1, len(near) + 1),
+        lon_m=frame.lon_m[near] + std_lon * rng.standard_normal(len(near)),
+        lat_m=frame.lat_m[near] + std_lat * rng.standard_normal(len(near)),
+        speed_mps=zeros + 12.0,
+        lat_speed_mps=zeros,
+        accel_mps2=zeros,
+        std_lon_m=std_lon,
+        std_lat_m=std_lat,
+        std_speed_mps=zeros + 1.0,
+        existence=zeros + 1.0,
+        state=np.where(hidden, HIDDEN, CONFIRMED).astype(np.int8),
+    )
+    spread = rng.standard_normal((2, 200, len(near))) * np.stack([std_lon, std_lat])[:, None]
+    particles = (np.stack([tracks.lon_m, tracks.lat_m])[:, None] + spread).reshape(2, -1)
+    return tracks, particles
+
+
+@pytest.fixture
+def road():
+    lanes = (*highway().lanes, Lane(number=6, right_m=-3.66, left_m=0.0, start_m=188.0, end_m=345.0))
+    return Road(lanes=lanes)
+
+
+def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
+    frame = jam()
+    observation = observed(frame, road)
+    tracks, particles = tracked(frame, observation, np.random.default_rng(0))
+    axes = Figure().subplots()
+    draw_scene(axes, frame, observation, tracks, road, 100.0, particles, title="A jam")
+    assert axes.get_aspect() == 1.0
+    assert "metres" in axes.get_xlabel()
+    assert "(m)" in axes.get_ylabel()
+    assert sum(isinstance(patch, Ellipse) for patch in axes.patches) == len(tracks)
+    written = {text.get_text() for text in axes.texts}
+    assert {str(number) for number in tracks.track_id} <= written
+    assert "ego" in written
+
+
+def test_every_kind_of_thing_is_in_the_legend_once():
+    labels = [entry.get_label() for entry in legend_entries(with_particles=True)]
+    assert len(labels) == len(set(labels)) == 11
+    assert len(legend_entries(with_particles=False)) == 10
+
+
+def test_the_figure_can_be_saved_without_tracks_or_particles_and_on_a_bend(road):
+    angle = np.linspace(0.0, 1.5, 60)
+    line = tuple(zip(400 * np.sin(angle), 400 - 400 * np.cos(angle), strict=True))
+    for ground in (road, replace(road, reference_xy=line)):
+        frame = jam(count=12)
+        figure = scene_figure(frame, observed(frame, ground), Tracks.none(), ground, 100.0, title="No tracks")
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=40)
+        assert buffer.getvalue().startswith(b"\x89PNG")
+        assert len(figure.axes) == 2
