@@ -78,7 +78,8 @@ class MaxLikelihoodUpdate:
         )
         posterior = replace(prior, cloud=cloud, components=components)
         effective_size = component_moments(posterior).effective_size
-        depleted = effective_size < self.options.resample_below * np.diff(posterior.starts)
+        size = np.diff(posterior.starts)
+        depleted = (effective_size < self.options.resample_below * size) | (size > 2 * self.options.particles)
         posterior, _ = resample(posterior, depleted, self.options.particles, rng)
         votes = np.bincount(chosen[chosen >= 0], minlength=len(detections)) / self.options.particles
         return Updated(
@@ -210,6 +211,8 @@ def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
 
 def _merge_overlaps(mixture: Mixture, rule: MaxLikelihoodOptions) -> tuple[Mixture, int]:
     """Pool the particles of components whose means overlap under the elder's identity."""
+    if len(mixture) < 2:
+        return mixture, 0
     mean = component_moments(mixture).mean
     overlap = (np.abs(mean[LON][:, None] - mean[LON]) < rule.merge_lon_m) & (
         np.abs(mean[LAT][:, None] - mean[LAT]) < rule.merge_lat_m

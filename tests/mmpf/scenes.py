@@ -1,0 +1,58 @@
+"""Small scenes with a known answer for the filter's tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.motion.protocol import Surroundings
+from mmpf.road import FloatArray, highway
+from mmpf.scan import Detections, EgoPose, Scan
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+
+ROAD = highway()
+LANE_WIDTH_M = 3.66
+
+
+def lane_centre(lane_from_right: int) -> float:
+    return (lane_from_right + 0.5) * LANE_WIDTH_M
+
+
+def ego_at(lon_m: float = 0.0, lat_m: float = lane_centre(2), speed_mps: float = 20.0) -> EgoPose:
+    return EgoPose(lon_m, lat_m, 0.0, speed_mps, 4.7, 1.9)
+
+
+def detections_at(positions: list[tuple[float, float]], std_lon_m: float = 0.3, std_lat_m: float = 0.2) -> Detections:
+    lon, lat = (np.array(positions, dtype=np.float64).reshape(-1, 2)).T
+    unmeasured = np.full(len(lon), np.nan)
+    return Detections(
+        lon, lat, unmeasured, np.full(len(lon), std_lon_m), np.full(len(lon), std_lat_m), unmeasured.copy()
+    )
+
+
+def scan_of(time_s: float, positions: list[tuple[float, float]], ego: EgoPose | None = None) -> Scan:
+    return Scan(time_s, detections_at(positions), ego or ego_at())
+
+
+@dataclass(frozen=True)
+class LinearGaussianMotion:
+    """Constant velocity with white Gaussian speed noise: a model whose exact filter is Kalman's."""
+
+    speed_std_mps: float = 0.2
+    name: str = "linear-gaussian"
+    latent_size: int = 0
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        return np.zeros((0, state.shape[1]))
+
+    def propagate(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        after = state.copy()
+        after[LON] += dt_s * state[SPEED]
+        after[LAT] += dt_s * state[LAT_SPEED]
+        after[SPEED] += self.speed_std_mps * rng.standard_normal(state.shape[1])
+        after[LAT_SPEED] += 0.1 * self.speed_std_mps * rng.standard_normal(state.shape[1])
+        after[[ACCEL, LAT_ACCEL]] = 0.0
+        return after, latents

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mmpf.birth import Traffic
+from mmpf.joint import JointUpdate
+from mmpf.max_likelihood import MaxLikelihoodUpdate
+from mmpf.motion.protocol import motion_models
+from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
+from mmpf.scan import SensorModel
+from mmpf.state import LAT, LON, Components, Mixture, ParticleCloud
+from mmpf.update import Occlusion, Situation, UpdateRule
+from tests.mmpf.scenes import lane_centre, scan_of
+
+PARTICLES = 400
+
+
+def mixture_at(places: list[tuple[float, float]], std_m: float = 1.0) -> Mixture:
+    rng = np.random.default_rng(0)
+    n = PARTICLES * len(places)
+    component = np.repeat(np.arange(len(places)), PARTICLES)
+    state = np.zeros((6, n))
+    state[LON] = np.array([lon for lon, _ in places])[component] + std_m * rng.standard_normal(n)
+    state[LAT] = np.array([lat for _, lat in places])[component] + 0.3 * rng.standard_normal(n)
+    even = np.full(n, -np.log(PARTICLES))
+    cloud = ParticleCloud(state, even, even, component, np.full(n, -np.log(len(places))), np.zeros((0, n)))
+    return Mixture(cloud, Components.newborn(np.arange(1, len(places) + 1), np.full(len(places), 0.9)), 100)
+
+
+def situation_with(detections: list[tuple[float, float]]) -> Situation:
+    scan = scan_of(0.1, detections)
+    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, Traffic(np.array([0.0]), np.array([20.0])))
+
+
+def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float, float]]) -> Mixture:
+    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.zeros(len(prior), dtype=np.bool_))
+    return rule.measurement_update(prior, seen, situation_with(detections), np.random.default_rng(0)).mixture
+
+
+@pytest.mark.parametrize("distance_m", [8.0, 15.0, 60.0, 500.0])
+@pytest.mark.parametrize(
+    "rule",
+    [
+        JointUpdate(FilterOptions(particles=PARTICLES, joint=JointOptions(exclusion_strength=0.0))),
+        MaxLikelihoodUpdate(
+            FilterOptions(particles=PARTICLES, max_likelihood=MaxLikelihoodOptions(gate_std=4.5)),
+        ),
+    ],
+    ids=["joint", "max_likelihood"],
+)
+def test_a_component_with_no_detection_in_its_gate_keeps_its_weights_at_any_distance(
+    rule: UpdateRule, distance_m: float
+) -> None:
+    prior = mixture_at([(30.0, lane_centre(2))])
+    posterior = weights_after(rule, prior, [(30.0 + distance_m, lane_centre(2))])
+    assert posterior.cloud.log_weight == pytest.approx(prior.cloud.log_weight)
+
+
+def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> None:
+    rule = MaxLikelihoodUpdate(FilterOptions(particles=PARTICLES))
+    prior = mixture_at([(30.0, lane_centre(2))])
+    posterior = weights_after(rule, prior, [(40.0, lane_centre(2))])
+    mean = np.average(posterior.cloud.state[LON], weights=np.exp(posterior.cloud.log_weight))
+    assert mean > 32.0
+
+
+def test_component_weights_follow_equation_11() -> None:
+    rule = MaxLikelihoodUpdate(FilterOptions(particles=PARTICLES, resample_below=0.0))
+    prior = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(1))], std_m=0.5)
+    detections = [(30.2, lane_centre(2)), (61.0, lane_centre(1))]
+    posterior = weights_after(rule, prior, detections)
+    likelihood = np.zeros(len(prior.cloud))
+    for lon, lat in detections:
+        density = np.exp(
+            -0.5 * ((prior.cloud.state[LON] - lon) / 0.3) ** 2 - 0.5 * ((prior.cloud.state[LAT] - lat) / 0.2) ** 2
+        ) / (2 * np.pi * 0.3 * 0.2)
+        likelihood = np.maximum(likelihood, density)
+    raw_sums = np.bincount(prior.cloud.component, likelihood / PARTICLES)
+    expected = 0.5 * raw_sums / (0.5 * raw_sums).sum()
+    assert np.exp(posterior.cloud.log_component_weight[posterior.starts[:-1]]) == pytest.approx(expected)
+
+
+def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() -> None:
+    rule = JointUpdate(FilterOptions(particles=PARTICLES))
+    prior = mixture_at([(30.0, lane_centre(2)), (-30.0, lane_centre(2))])
+    posterior = weights_after(rule, prior, [(30.0, lane_centre(2))])
+    assert posterior.components.existence[0] > 0.98
+    assert posterior.components.existence[1] < 0.85
+
+
+def test_one_detection_does_not_confirm_two_components() -> None:
+    rule = JointUpdate(FilterOptions(particles=PARTICLES))
+    prior = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=2.0)
+    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.zeros(2, dtype=np.bool_))
+    updated = rule.measurement_update(prior, seen, situation_with([(30.0, lane_centre(2))]), np.random.default_rng(0))
+    assert updated.was_hit.tolist() == [True, False]
