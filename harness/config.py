@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from mmpf.options import FilterOptions
 
 DEFAULT_DENSITY = 20.0
 
 # What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
-MMPF_DEFAULTS: dict[str, str | int] = {"model": "cvm", "update": "max_likelihood", "particles": 1000}
-
-TomlValue = bool | int | float | str | list[float] | list[str]
+MMPF_DEFAULTS: dict[str, str | int] = {
+    "model": "cvm",
+    "update": FilterOptions().update,
+    "particles": FilterOptions().particles,
+}
 
 
 class _Strict(BaseModel):
@@ -25,8 +29,8 @@ class TrafficConfig(_Strict):
     Attributes:
         net: Name of a network that travels with the package, or a folder or ``.sumocfg`` file.
         demand: Name of one of the network's demands; excludes ``density``.
-        density: Vehicles per kilometre and main lane; excludes ``demand``. 20 if neither is given, unless the network is
-            a SUMO configuration with a demand of its own.
+        density: Vehicles per kilometre and main lane; excludes ``demand``. 20 if neither is given, unless the network
+            is a SUMO configuration with a demand of its own.
         duration_s: Scored time in seconds; warm-up comes on top.
     """
 
@@ -81,7 +85,7 @@ class TrackerConfig(_Strict):
     update: Annotated[str, Field(min_length=1)] | None = None
     particles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     model_file: Annotated[str, Field(min_length=1)] | None = None
-    options: dict[str, TomlValue] = Field(default_factory=dict)
+    options: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _defaults_of_the_own_tracker(self) -> Self:
@@ -116,7 +120,7 @@ class RunConfig(_Strict):
 
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
-        return self.model_dump(mode="json", exclude_none=True)
+        return self.model_dump(exclude_none=True)
 
     def default_folder_name(self) -> str:
         """Return a name for the run's folder that tells its main settings."""

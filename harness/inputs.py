@@ -6,10 +6,15 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from harness.config import RunConfig
+from harness.cosim import Streams
 from harness.sensor.observation import Sensor
 from harness.truth.frame import TruthSource
+
+if TYPE_CHECKING:
+    from harness.truth.network import Network
 
 
 @dataclass(frozen=True)
@@ -31,8 +36,12 @@ class RunInputs:
         return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in self.files.items()}
 
 
-def open_inputs(config: RunConfig) -> RunInputs:
+def open_inputs(config: RunConfig, streams: Streams) -> RunInputs:
     """Open what the configuration asks for.
+
+    Args:
+        config: The configuration.
+        streams: The run's randomness, of which the traffic uses its part.
 
     Raises:
         UserError: There is no such network, demand, sensor or recording, or it is broken.
@@ -41,10 +50,10 @@ def open_inputs(config: RunConfig) -> RunInputs:
         from harness.replay import open_recording  # noqa: PLC0415
 
         return open_recording(Path(config.replay), config)
-    return _open_live(config)
+    return _open_live(config, streams)
 
 
-def _open_live(config: RunConfig) -> RunInputs:
+def _open_live(config: RunConfig, streams: Streams) -> RunInputs:
     from harness.sensor.detector import build_sensor  # noqa: PLC0415
     from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
 
@@ -56,6 +65,13 @@ def _open_live(config: RunConfig) -> RunInputs:
     traffic = config.traffic
     network = load_network(traffic.net)
     truth = open_traffic(
-        network, density=traffic.density, demand=traffic.demand, duration_s=traffic.duration_s, seed=config.seed
+        network, density=traffic.density, demand=traffic.demand, duration_s=traffic.duration_s, seed=streams.truth
     )
-    return RunInputs(truth=truth, sensor=sensor, files=getattr(network, "files", {}))
+    return RunInputs(truth=truth, sensor=sensor, files=_network_files(network))
+
+
+def _network_files(network: Network) -> dict[str, Path]:
+    files = {"net_file": network.net_file}
+    if network.vehicle_types_file is not None:
+        files["vehicle_types_file"] = network.vehicle_types_file
+    return files

@@ -11,15 +11,16 @@ from harness.cosim import AnyTracker
 from harness.sensor.observation import Observation
 from harness.truth.frame import Frame
 from mmpf.road import FloatArray
-from mmpf.state import HIDDEN, Tracks
+from mmpf.state import HIDDEN, LAT, LON, Mixture, Tracks
 
 
 @runtime_checkable
-class ParticleSource(Protocol):
+class ParticleFilter(Protocol):
     """A tracker that can show its particles."""
 
-    def particle_positions(self) -> FloatArray:
-        """Return longitudinal and lateral position of every particle as it stands, shape (2, n)."""
+    @property
+    def mixture(self) -> Mixture:
+        """The belief after the last scan."""
         ...
 
 
@@ -57,5 +58,5 @@ class MomentKeeper:
         if hidden <= self._best:
             return
         self._best = hidden
-        particles = tracker.particle_positions() if isinstance(tracker, ParticleSource) else None
-        self.moment = Moment(frame, observation, tracks, None if particles is None else particles.copy())
+        particles = tracker.mixture.cloud.state[[LON, LAT]] if isinstance(tracker, ParticleFilter) else None
+        self.moment = Moment(frame, observation, tracks, particles)

@@ -13,7 +13,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from harness import runfolder
 from harness.config import RunConfig
@@ -27,6 +26,7 @@ from harness.moment import MomentKeeper
 from harness.progress import progress_bar
 from harness.recorder import ColumnRecorder, RunTables, write_table
 from harness.roadfile import write_road
+from harness.scoring import ScoredRun, score_run
 from harness.sensor.observation import Observation
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
@@ -72,7 +72,7 @@ def run(
     """
     check_tracker(config)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
-    attempt = _Attempt(config, pending.path, command)
+    attempt = _Attempt(config, pending.path, command, Streams.from_seed(config.seed))
     try:
         metrics = attempt.complete(quiet)
         return FinishedRun(folder=pending.finish(), metrics=metrics)
@@ -88,6 +88,9 @@ def run(
             f"interrupted after {attempt.recorder.steps} steps; the finished steps are in {folder}"
         ) from None
     except Exception as error:
+        if isinstance(error, RunError) and not attempt.recorder.steps:
+            pending.discard()
+            raise
         folder = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
         raise RunError(
             f"the run failed after {attempt.recorder.steps} steps: {type(error).__name__}: {error}; the finished steps "
@@ -128,6 +131,7 @@ class _Attempt:
     config: RunConfig
     folder: Path
     command: str
+    streams: Streams
     recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
     moment: MomentKeeper = field(default_factory=MomentKeeper)
     times: StageTimes = field(default_factory=StageTimes)
@@ -139,21 +143,22 @@ class _Attempt:
         begin = perf_counter()
         write_config(self.config, self.folder / runfolder.CONFIG)
         with self._timed("open"):
-            self.inputs = open_inputs(self.config)
+            self.inputs = open_inputs(self.config, self.streams)
         write_road(self.inputs.truth.road, self.folder / runfolder.ROAD)
         with self._timed("loop"):
             self._loop(self.inputs, quiet)
         tables = self.recorder.tables()
         with self._timed("score"):
-            errors, scores = _score(tables, self.config.seed)
+            scored = score_run(tables.truth, tables.detections, tables.tracks, self.config.seed)
         with self._timed("write"):
             self.write_tables(tables)
-            write_table(errors, self.folder / runfolder.ERRORS)
+            write_table(scored.errors, self.folder / runfolder.ERRORS)
+            write_table(scored.events, self.folder / runfolder.EVENTS)
         with self._timed("draw"):
-            self._draw(errors, scores)
+            self._draw(scored)
         metrics = assemble_metrics(
             self.config,
-            scores,
+            scored.metrics,
             self.times,
             self.inputs.truth.step_s,
             perf_counter() - begin,
@@ -200,20 +205,20 @@ class _Attempt:
                 inputs.sensor,
                 lambda setting: _build_tracker(self.config, setting),
                 self.recorder,
-                Streams.from_seed(self.config.seed),
+                self.streams,
                 watch,
                 self.times,
             )
         if not self.recorder.steps:
             raise UserError("the traffic has no ego vehicle in the section; choose another demand, density or duration")
 
-    def _draw(self, errors: pd.DataFrame, scores: dict[str, Any]) -> None:
+    def _draw(self, scored: ScoredRun) -> None:
         from harness.report.figures import draw_figures  # noqa: PLC0415
 
         assert self.inputs is not None
         folder = self.folder / runfolder.FIGURES
         folder.mkdir()
-        draw_figures(folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), errors, scores)
+        draw_figures(folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), scored)
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:
@@ -222,13 +227,6 @@ class _Attempt:
             yield
         finally:
             self.wall_s[phase] = perf_counter() - begin
-
-
-def _score(tables: RunTables, seed: int) -> tuple[pd.DataFrame, dict[str, Any]]:
-    from harness.scoring import score_run  # noqa: PLC0415
-
-    scored = score_run(tables.truth, tables.detections, tables.tracks, seed)
-    return scored.errors, scored.metrics
 
 
 @contextmanager

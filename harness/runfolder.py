@@ -17,7 +17,13 @@ import pyarrow.parquet as pq
 from harness.errors import UserError
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
-TRUTH, DETECTIONS, TRACKS, ERRORS = "truth.parquet", "detections.parquet", "tracks.parquet", "errors.parquet"
+TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS = (
+    "truth.parquet",
+    "detections.parquet",
+    "tracks.parquet",
+    "errors.parquet",
+    "events.parquet",
+)
 FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
 
 from harness.moment import Moment
+from harness.scoring import ScoredRun
 from mmpf.road import Road
 from mmpf.scan import SensorModel
 
@@ -18,7 +15,6 @@ def draw_figures(
     moment: Moment | None,
     road: Road,
     sensor: SensorModel,
-    errors: pd.DataFrame,
-    scores: Mapping[str, Any],
+    scored: ScoredRun,
 ) -> None:
     """Draw everything."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class SteadyTraffic:
     ego_stay: int = 10_000
     cars_per_lane: int = 6
     fail_at: int | None = None
-    road: Road = highway(3)
+    road: Road = field(default_factory=lambda: highway(3))
     step_s: float = 0.1
     closed: bool = False
 
