@@ -1,0 +1,197 @@
+"""Holds the traffic at its demand while it runs: vehicles enter upstream, and a slower exit holds them back.
+
+The number of vehicles in the section is steered by what leaves it, because that acts at once, whereas a vehicle that
+enters upstream reaches the section only later. In free flow nothing can be held back; then the inflow is steered.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import count
+from types import ModuleType
+
+import numpy as np
+
+from harness.truth.demand import Demand, Equilibrium
+from harness.truth.fill import Placement, fill, leaving_share, main_lane_density, route_of
+from harness.truth.network import Network
+from harness.truth.population import Vehicle, draw_vehicle
+
+SLOWEST_EXIT_MPS = 1.0
+CONTROL_EVERY_S = 0.5
+HOLD_WITHIN_S = 25.0
+LEARN_WITHIN_S = 100.0
+RAMP_ENTRY_M = 8.0
+
+
+class TrafficControl:
+    """Fills the road, lets vehicles in, and sets the exit's speed, through SUMO's ``libsumo`` interface."""
+
+    def __init__(
+        self,
+        sumo: ModuleType,
+        network: Network,
+        demand: Demand,
+        relation: Equilibrium,
+        rng: np.random.Generator,
+        step_s: float,
+    ) -> None:
+        """Take hold of a simulation that has started and has no vehicles yet."""
+        self._sumo = sumo
+        self._network = network
+        self._demand = demand
+        self._relation = relation
+        self._rng = rng
+        self._step_s = step_s
+        self._names = count()
+        self._routes: set[str] = set()
+        lanes = network.corridor.main_lanes
+        section_km = (network.section_m[1] - network.section_m[0]) / 1000.0
+        self._target = demand.density_veh_per_km_lane * lanes * section_km
+        self._lane_density = main_lane_density(network, demand)
+        self._learned_flow = 0.0
+        self._phase = float(rng.uniform())
+        self._inflow_scale = 1.0
+        self._waiting = [draw_vehicle(rng, relation) for _ in range(lanes)]
+        self._jitter = rng.uniform(-0.5, 0.5, lanes)
+        self._next_spacing_m = [self._draw_spacing(lane) for lane in range(lanes)]
+        self._next_ramp_s = [float(rng.uniform()) * self._ramp_interval_s() for _ in network.on_ramps]
+        # SUMO puts the first vehicles on the road in its first step, and refuses speeds above the exit's limit then.
+        self._next_control_s = 0.5 * step_s
+
+    def fill(self) -> None:
+        """Put the first vehicles on the road."""
+        for placement in fill(self._network, self._demand, self._relation, self._rng):
+            self._add(placement)
+
+    def before_step(self, time_s: float, count_vehicles: Callable[[], int]) -> None:
+        """Let vehicles in and adjust the exit before SUMO's next step.
+
+        Args:
+            time_s: Simulation time.
+            count_vehicles: Counts the vehicles on the section's lanes now.
+        """
+        if time_s >= self._next_control_s:
+            self._steer(time_s, count_vehicles())
+            self._next_control_s = time_s + CONTROL_EVERY_S
+        for lane in range(self._network.corridor.main_lanes):
+            self._let_in(lane)
+        for index in range(len(self._network.on_ramps)):
+            self._let_in_by_ramp(index, time_s)
+
+    @property
+    def _congested(self) -> bool:
+        return self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km
+
+    def _steer(self, time_s: float, vehicles: int) -> None:
+        lanes = self._network.corridor.main_lanes
+        excess = vehicles - self._target
+        self._inflow_scale = float(np.clip(1.0 - excess / self._target, 0.7, 1.3))
+        if not self._congested:
+            return
+        self._learned_flow += excess / lanes / HOLD_WITHIN_S / LEARN_WITHIN_S * CONTROL_EVERY_S
+        wave = math.sin(2.0 * math.pi * (time_s / self._demand.wave_period_s + self._phase))
+        flow = self._relation.flow_veh_per_s(self._lane_density) * (1.0 + 0.5 * self._demand.wave_amplitude * wave)
+        flow += excess / lanes / HOLD_WITHIN_S + self._learned_flow
+        self._set_exit_speed(self._relation.congested_speed_mps(max(0.0, flow)))
+
+    def _set_exit_speed(self, speed_mps: float) -> None:
+        edge = self._network.corridor.edges[-1]
+        limit = edge.speed_limit_mps if not self._congested else min(edge.speed_limit_mps, speed_mps)
+        self._sumo.edge.setMaxSpeed(edge.name, max(SLOWEST_EXIT_MPS, limit))
+
+    def _let_in(self, lane: int) -> None:
+        """Let the waiting vehicle of a main lane in once the last one is its spacing ahead."""
+        edge = self._network.corridor.edges[0]
+        lane_index = lane + edge.extra_lanes
+        vehicle = self._waiting[lane]
+        wish_mps = min(edge.speed_limit_mps * vehicle.speed_factor, self._relation.speed_mps(self._lane_density) * 1.1)
+        rearmost = self._rearmost(f"{edge.name}_{lane_index}")
+        position_m, speed_mps = 0.5, wish_mps
+        if rearmost is not None:
+            ahead_m, ahead_mps, ahead_length_m = rearmost
+            position_m = ahead_m + ahead_mps * self._step_s - self._next_spacing_m[lane]
+            speed_mps = _safe_entry_speed(vehicle, wish_mps, ahead_m - ahead_length_m - max(0.5, position_m), ahead_mps)
+            if position_m < 0.5:
+                return
+        share = leaving_share(self._network, self._demand, self._relation)
+        route = route_of(self._network, 0, lane, share, self._rng)
+        self._add(Placement(vehicle, edge.name, lane_index, min(position_m, 5.0), speed_mps, route))
+        self._waiting[lane] = draw_vehicle(self._rng, self._relation)
+        self._next_spacing_m[lane] = self._draw_spacing(lane)
+
+    def _draw_spacing(self, lane: int) -> float:
+        """Return the front-to-front distance to the next vehicle: scattered about an even grid, so that counts hold."""
+        crowding = min(1.0, self._lane_density / self._relation.critical_density_veh_per_km)
+        jitter = float(self._rng.uniform(-0.5, 0.5)) * (1.0 - 0.7 * crowding)
+        spacings = 1.0 + jitter - self._jitter[lane]
+        self._jitter[lane] = jitter
+        vehicle = self._waiting[lane]
+        shortest_m = vehicle.length_m + vehicle.minimum_gap_m + 2.0
+        return float(max(shortest_m, spacings * 1000.0 / (self._lane_density * self._inflow_scale)))
+
+    def _let_in_by_ramp(self, index: int, time_s: float) -> None:
+        ramp = self._network.on_ramps[index]
+        if self._demand.on_ramp_veh_per_h <= 0.0 or time_s < self._next_ramp_s[index]:
+            return
+        vehicle = draw_vehicle(self._rng, self._relation)
+        wish_mps = 0.8 * ramp.speed_limit_mps
+        rearmost = self._rearmost(f"{ramp.name}_0")
+        if rearmost is not None:
+            ahead_m, ahead_mps, ahead_length_m = rearmost
+            gap_m = ahead_m - ahead_length_m - RAMP_ENTRY_M
+            if gap_m < vehicle.minimum_gap_m + 3.0:
+                return
+            wish_mps = _safe_entry_speed(vehicle, wish_mps, gap_m, ahead_mps)
+        route = (ramp.name, *(edge.name for edge in self._network.corridor.edges[ramp.index :]))
+        self._add(Placement(vehicle, ramp.name, 0, RAMP_ENTRY_M, wish_mps, route))
+        self._next_ramp_s[index] += self._ramp_interval_s() * float(self._rng.uniform(0.6, 1.4))
+
+    def _ramp_interval_s(self) -> float:
+        return 3600.0 / max(1.0, self._demand.on_ramp_veh_per_h)
+
+    def _rearmost(self, lane: str) -> tuple[float, float, float] | None:
+        """Return front position, speed and length of a lane's last vehicle, None if it is empty."""
+        names = self._sumo.lane.getLastStepVehicleIDs(lane)
+        if not names:
+            return None
+        vehicle = self._sumo.vehicle
+        last = min(names, key=vehicle.getLanePosition)
+        return vehicle.getLanePosition(last), vehicle.getSpeed(last), vehicle.getLength(last)
+
+    def _add(self, placement: Placement) -> None:
+        sumo, vehicle = self._sumo.vehicle, placement.vehicle
+        name = f"{vehicle.kind}{next(self._names)}"
+        speed_limit_mps = self._sumo.lane.getMaxSpeed(f"{placement.edge}_{placement.lane_index}")
+        speed_mps = min(placement.speed_mps, 0.99 * speed_limit_mps * min(1.0, vehicle.speed_factor))
+        sumo.add(
+            name,
+            self._route(placement.route),
+            vehicle.kind,
+            departLane=str(placement.lane_index),
+            departPos=f"{placement.position_m:.3f}",
+            departSpeed=f"{speed_mps:.3f}",
+        )
+        sumo.setLength(name, vehicle.length_m)
+        sumo.setWidth(name, vehicle.width_m)
+        sumo.setMinGap(name, vehicle.minimum_gap_m)
+        sumo.setTau(name, vehicle.headway_s)
+        sumo.setAccel(name, vehicle.accel_mps2)
+        sumo.setSpeedFactor(name, vehicle.speed_factor)
+        sumo.setLateralAlignment(name, f"{vehicle.lateral_offset_m:.3f}")
+
+    def _route(self, edges: tuple[str, ...]) -> str:
+        name = ">".join(edges)
+        if name not in self._routes:
+            self._sumo.route.add(name, list(edges))
+            self._routes.add(name)
+        return name
+
+
+def _safe_entry_speed(vehicle: Vehicle, wish_mps: float, gap_m: float, ahead_mps: float) -> float:
+    """Return a speed from which a vehicle can follow the one ahead without braking hard."""
+    room_m = gap_m - vehicle.minimum_gap_m
+    if room_m > wish_mps * vehicle.headway_s:
+        return wish_mps if wish_mps <= ahead_mps else min(wish_mps, ahead_mps + 0.1 * room_m)
+    return max(0.0, min(wish_mps, ahead_mps, room_m / vehicle.headway_s))

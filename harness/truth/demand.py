@@ -1,0 +1,107 @@
+"""How much traffic is asked for, and the speed and spacing that go with it.
+
+The relation between density and speed is the triangular one that the improved intelligent driver model has in
+equilibrium (Treiber and Kesting, Traffic Flow Dynamics, 2013, chapter 11): gap = minimum gap + speed x time headway
+up to the desired speed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from harness.errors import UserError
+
+DENSITY_RANGE = (5.0, 65.0)
+DEFAULT_DENSITY = 30.0
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Traffic to be held on a section.
+
+    Attributes:
+        density_veh_per_km_lane: Vehicles per kilometre and main lane, space-mean over the section.
+        on_ramp_veh_per_h: Flow entering by each on-ramp.
+        off_ramp_veh_per_h: Flow leaving by each off-ramp.
+        wave_amplitude: How far density swings about its mean along the road, as a share of the mean.
+        wave_period_s: Time between two waves at a fixed place.
+    """
+
+    density_veh_per_km_lane: float
+    on_ramp_veh_per_h: float
+    off_ramp_veh_per_h: float
+    wave_amplitude: float
+    wave_period_s: float
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Speed and flow of one lane in equilibrium.
+
+    Attributes:
+        vehicle_length_m: Mean vehicle length.
+        minimum_gap_m: Mean gap at standstill.
+        headway_s: Mean time headway that drivers keep beyond the minimum gap.
+        free_speed_mps: Mean desired speed.
+    """
+
+    vehicle_length_m: float = 4.64
+    minimum_gap_m: float = 2.6
+    headway_s: float = 1.6
+    free_speed_mps: float = 28.0
+
+    @property
+    def standing_spacing_m(self) -> float:
+        """Front-to-front distance at standstill."""
+        return self.vehicle_length_m + self.minimum_gap_m
+
+    @property
+    def critical_density_veh_per_km(self) -> float:
+        """Density at capacity: below it traffic is free, above it congested."""
+        return 1000.0 / (self.standing_spacing_m + self.free_speed_mps * self.headway_s)
+
+    @property
+    def wave_speed_mps(self) -> float:
+        """Speed at which congestion waves travel upstream."""
+        return self.standing_spacing_m / self.headway_s
+
+    def speed_mps(self, density_veh_per_km: float) -> float:
+        """Return the speed at a density."""
+        following = (1000.0 / density_veh_per_km - self.standing_spacing_m) / self.headway_s
+        return min(self.free_speed_mps, max(0.5, following))
+
+    def flow_veh_per_s(self, density_veh_per_km: float) -> float:
+        """Return one lane's flow at a density."""
+        return density_veh_per_km / 1000.0 * self.speed_mps(density_veh_per_km)
+
+    def congested_speed_mps(self, flow_veh_per_s: float) -> float:
+        """Return the speed of congested traffic that carries a flow; the free speed at or above capacity."""
+        room = 1.0 - flow_veh_per_s * self.headway_s
+        if room <= 0.0:
+            return self.free_speed_mps
+        return min(self.free_speed_mps, flow_veh_per_s * self.standing_spacing_m / room)
+
+
+def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation: Equilibrium | None = None) -> Demand:
+    """Return the demand that ``--density`` asks for: ramp flows and waves that go with the density.
+
+    Raises:
+        UserError: The density is not a number or out of range.
+    """
+    lowest, highest = DENSITY_RANGE
+    if not (math.isfinite(density_veh_per_km_lane) and lowest <= density_veh_per_km_lane <= highest):
+        raise UserError(
+            f"--density {density_veh_per_km_lane:g} is out of range: give {lowest:g} to {highest:g} "
+            "vehicles per km and lane"
+        )
+    relation = relation or Equilibrium()
+    main_flow_veh_per_h = 3600.0 * lanes * relation.flow_veh_per_s(density_veh_per_km_lane)
+    congestion = (density_veh_per_km_lane - relation.critical_density_veh_per_km) / 25.0
+    return Demand(
+        density_veh_per_km_lane=density_veh_per_km_lane,
+        on_ramp_veh_per_h=min(600.0, 0.06 * main_flow_veh_per_h),
+        off_ramp_veh_per_h=min(380.0, 0.035 * main_flow_veh_per_h),
+        wave_amplitude=0.4 * min(1.0, max(0.0, congestion)),
+        wave_period_s=60.0,
+    )

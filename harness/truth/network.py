@@ -1,0 +1,239 @@
+"""Networks: the ones that come with the project, and SUMO networks of the user's own.
+
+A network of the project is a folder with a ``network.toml``: which edges are the main road, where the scored section
+lies, and which demands are known. Adding a network is adding such a folder to ``networks/``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from harness.errors import UserError
+from harness.truth.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
+from harness.truth.demand import DENSITY_RANGE, Demand, demand_for_density
+from harness.truth.sumocfg import SumoConfiguration, read_sumocfg
+from mmpf.road import Road
+
+METADATA_FILE = "network.toml"
+
+
+class DemandFile(BaseModel):
+    """A named demand as ``network.toml`` gives it; what is left out follows from the density."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    description: str
+    density_veh_per_km_lane: float = Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])
+    on_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
+    off_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
+    wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
+    wave_period_s: float | None = Field(default=None, gt=0.0)
+
+
+class NetworkFile(BaseModel):
+    """The content of ``network.toml``."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    description: str
+    net_file: str
+    vehicle_types_file: str
+    corridor: tuple[str, ...] = Field(min_length=1)
+    on_ramps: tuple[str, ...] = ()
+    off_ramps: tuple[str, ...] = ()
+    corridor_start_m: float
+    section_m: tuple[float, float]
+    ego_lanes: tuple[int, ...] = Field(min_length=1)
+    demands: dict[str, DemandFile] = {}
+
+    @model_validator(mode="after")
+    def _section_is_ahead_of_the_start(self) -> NetworkFile:
+        if not self.corridor_start_m <= self.section_m[0] < self.section_m[1]:
+            raise ValueError("section_m must lie behind corridor_start_m and must not be empty")
+        return self
+
+
+@dataclass(frozen=True)
+class NetworkDescription:
+    """One line about a network, for ``nets``.
+
+    Attributes:
+        name: What ``--net`` takes.
+        description: What it is.
+        demands: Name and description of each demand.
+        section_length_m: Length of the section that is scored.
+        lanes: Number of main lanes.
+        size_kb: Size of the network file.
+    """
+
+    name: str
+    description: str
+    demands: tuple[tuple[str, str], ...]
+    section_length_m: float
+    lanes: int
+    size_kb: float
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network that traffic can be opened on.
+
+    Attributes:
+        name: Its name, or the path that the user gave.
+        description: What it is.
+        net_file: SUMO's network file.
+        corridor: The main road's edges and the road frame along them.
+        section_m: Start and end of the scored section.
+        ego_lanes: Lanes that an ego is chosen from.
+        on_ramps: Ramps that vehicles enter by.
+        off_ramps: Ramps that vehicles leave by.
+        vehicle_types_file: SUMO's file of base vehicle types; none where the user's own demand is used.
+        demand_files: The named demands.
+        configuration: The user's own SUMO configuration; none for networks with a ``network.toml``.
+    """
+
+    name: str
+    description: str
+    net_file: Path
+    corridor: Corridor
+    section_m: tuple[float, float]
+    ego_lanes: tuple[int, ...]
+    on_ramps: tuple[Ramp, ...] = ()
+    off_ramps: tuple[Ramp, ...] = ()
+    vehicle_types_file: Path | None = None
+    demand_files: dict[str, DemandFile] = field(default_factory=dict)
+    configuration: SumoConfiguration | None = None
+
+    @property
+    def demands(self) -> tuple[str, ...]:
+        """Names of the known demands."""
+        return tuple(self.demand_files)
+
+    @cached_property
+    def road(self) -> Road:
+        """The road frame with the section that is scored."""
+        return self.corridor.road(self.section_m)
+
+    def demand(self, name: str) -> Demand:
+        """Return a named demand.
+
+        Raises:
+            UserError: The network has no demand of that name.
+        """
+        if name not in self.demand_files:
+            known = ", ".join(self.demand_files) or "none"
+            raise UserError(f"--demand {name}: {self.name} has no such demand; known are: {known}")
+        entry = self.demand_files[name]
+        standard = demand_for_density(entry.density_veh_per_km_lane, self.corridor.main_lanes)
+        given = entry.model_dump(exclude={"description"}, exclude_none=True)
+        return Demand(**{**standard.__dict__, **given})
+
+
+def available_networks() -> tuple[NetworkDescription, ...]:
+    """Describe the networks that come with the project, by name."""
+    return tuple(_describe(load_network(folder.name)) for folder in _network_folders())
+
+
+def load_network(name_or_path: str) -> Network:
+    """Load a network by its name, or from a folder or ``.sumocfg`` file of the user's own.
+
+    Raises:
+        UserError: There is no such network, or its files are missing or malformed.
+    """
+    for folder in _network_folders():
+        if folder.name == name_or_path:
+            return _from_metadata(folder, name_or_path)
+    path = Path(name_or_path)
+    if path.is_dir():
+        return _from_folder(path)
+    if path.suffix == ".sumocfg":
+        return _from_sumocfg(path)
+    known = ", ".join(folder.name for folder in _network_folders())
+    raise UserError(f"--net {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
+
+
+def _network_folders() -> list[Path]:
+    root = Path(str(files("networks")))
+    return sorted(entry.parent for entry in root.glob(f"*/{METADATA_FILE}"))
+
+
+def _from_folder(folder: Path) -> Network:
+    if (folder / METADATA_FILE).is_file():
+        return _from_metadata(folder, str(folder))
+    configurations = sorted(folder.glob("*.sumocfg"))
+    if len(configurations) != 1:
+        raise UserError(
+            f"--net {folder}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
+            f"it has {len(configurations)} of the latter"
+        )
+    return _from_sumocfg(configurations[0])
+
+
+def _from_metadata(folder: Path, name: str) -> Network:
+    content = _read_metadata(folder / METADATA_FILE)
+    net_file = folder / content.net_file
+    net = read_net(net_file)
+    types_file = folder / content.vehicle_types_file
+    if not types_file.is_file():
+        raise UserError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
+    corridor = corridor_from_net(net, content.corridor, content.corridor_start_m)
+    return Network(
+        name=name,
+        description=content.description,
+        net_file=net_file,
+        corridor=corridor,
+        section_m=content.section_m,
+        ego_lanes=content.ego_lanes,
+        on_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=True) for ramp in content.on_ramps),
+        off_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=False) for ramp in content.off_ramps),
+        vehicle_types_file=types_file,
+        demand_files=content.demands,
+    )
+
+
+def _from_sumocfg(path: Path) -> Network:
+    """Take the longest stretch of road as the main road and leave a margin at its ends unscored."""
+    configuration = read_sumocfg(path)
+    net = read_net(configuration.net_file)
+    edges, length_m = longest_corridor(net)
+    margin_m = min(150.0, 0.15 * length_m)
+    corridor = corridor_from_net(net, edges, -margin_m)
+    return Network(
+        name=str(path),
+        description=f"the user's own network, main road {edges[0]} ... {edges[-1]}",
+        net_file=configuration.net_file,
+        corridor=corridor,
+        section_m=(0.0, length_m - 2.0 * margin_m),
+        ego_lanes=tuple(range(1, corridor.main_lanes + 1))[1:-1] or tuple(range(1, corridor.main_lanes + 1)),
+        configuration=configuration,
+    )
+
+
+def _read_metadata(path: Path) -> NetworkFile:
+    try:
+        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        return NetworkFile.model_validate(content)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise UserError(f"{path}: cannot be read as TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise UserError(f"{path}: {where}: {first['msg']}") from error
+
+
+def _describe(network: Network) -> NetworkDescription:
+    return NetworkDescription(
+        name=network.name,
+        description=network.description,
+        demands=tuple((name, entry.description) for name, entry in network.demand_files.items()),
+        section_length_m=network.section_m[1] - network.section_m[0],
+        lanes=network.corridor.main_lanes,
+        size_kb=network.net_file.stat().st_size / 1024.0,
+    )

@@ -1,0 +1,91 @@
+"""Reads SUMO's vehicles into frames: centres in the road frame instead of front bumpers in SUMO's plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import ModuleType
+
+import numpy as np
+
+from harness.truth.ego import NO_EGO_INDEX
+from harness.truth.frame import Frame
+from mmpf.road import NO_LANE, FloatArray, Road
+
+BESIDE_SECTION_M = 150.0
+OFF_ROAD_WITHIN_M = 15.0
+DECIMALS = 4
+
+
+def read_frame(sumo: ModuleType, road: Road, step: int, time_s: float) -> Frame:
+    """Return the vehicles within 150 m of the section, values rounded to 1e-4; the frame has no ego yet.
+
+    SUMO's lateral position is taken as the centre's, so that lateral speed is its derivative; on a ramp, which lies at
+    an angle to the road, the centre is half a length behind the front bumper along SUMO's heading.
+    """
+    vehicle = sumo.vehicle
+    names = vehicle.getIDList()
+    front_lon, front_lat = front_positions(sumo, road, names)
+    start_m, end_m = road.section_m
+    near = (front_lon > start_m - BESIDE_SECTION_M) & (front_lon < end_m + BESIDE_SECTION_M)
+    near &= _beside_the_road(road, front_lat)
+    chosen = np.flatnonzero(near)
+    names = [names[k] for k in chosen]
+    front_lon, front_lat = front_lon[chosen], front_lat[chosen]
+
+    length = np.array([vehicle.getLength(name) for name in names])
+    speed = np.array([vehicle.getSpeed(name) for name in names])
+    lat_speed = np.array([vehicle.getLateralSpeed(name) for name in names])
+    drift = np.arctan2(lat_speed, np.maximum(speed, 3.0 * np.abs(lat_speed) + 1e-9))
+    heading, along_road = drift.copy(), np.ones(len(names), dtype=bool)
+    on_ramp = np.flatnonzero(road.lane_number_at(front_lon, front_lat) == NO_LANE)
+    along_road[on_ramp] = False
+    heading[on_ramp] = [_heading(vehicle.getAngle(names[k])) for k in on_ramp]
+    heading[on_ramp] -= road.heading_at(front_lon[on_ramp])
+    lon = front_lon - 0.5 * length * np.where(along_road, 1.0, np.cos(heading))
+    lat = front_lat - 0.5 * length * np.where(along_road, 0.0, np.sin(heading))
+    return Frame(
+        step=step,
+        time_s=time_s,
+        episode=0,
+        ego=NO_EGO_INDEX,
+        vehicle_id=np.array(names, dtype=np.str_),
+        lon_m=_rounded(lon),
+        lat_m=_rounded(lat),
+        heading_rad=_rounded((heading + np.pi) % (2.0 * np.pi) - np.pi),
+        speed_mps=_rounded(np.where(along_road, speed, speed * np.cos(heading))),
+        lat_speed_mps=_rounded(np.where(along_road, lat_speed, speed * np.sin(heading))),
+        accel_mps2=_rounded(np.array([vehicle.getAcceleration(name) for name in names])),
+        lane=road.lane_number_at(lon, lat),
+        length_m=_rounded(length),
+        width_m=_rounded(np.array([vehicle.getWidth(name) for name in names])),
+    )
+
+
+def vehicles_in_section(sumo: ModuleType, road: Road) -> int:
+    """Return how many vehicles are on the section's lanes, ramps left out."""
+    names = sumo.vehicle.getIDList()
+    lon, lat = front_positions(sumo, road, names)
+    start_m, end_m = road.section_m
+    return int(np.sum((lon >= start_m) & (lon < end_m) & (road.lane_number_at(lon, lat) != NO_LANE)))
+
+
+def front_positions(sumo: ModuleType, road: Road, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Return the front bumpers' longitudinal and lateral positions, each (n,)."""
+    position = sumo.vehicle.getPosition
+    xy = np.array([position(name) for name in names], dtype=np.float64).reshape(-1, 2)
+    return road.to_road(xy[:, 0], xy[:, 1])
+
+
+def _beside_the_road(road: Road, lat_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    _, right, left, _, _ = road.lane_table.T
+    return np.asarray((lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M))
+
+
+def _heading(sumo_angle_deg: float) -> float:
+    """Turn SUMO's compass angle, clockwise from north, into one counterclockwise from the x axis."""
+    return float(np.radians(90.0 - sumo_angle_deg))
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    # Adding zero turns -0.0 into 0.0.
+    return np.asarray(np.round(values, DECIMALS) + 0.0)

@@ -1,0 +1,121 @@
+"""Truth played back from a run's ``truth.parquet``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.errors import UserError
+from harness.truth.frame import Frame
+from mmpf.road import Road
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = (
+    "step",
+    "time_s",
+    "episode",
+    "vehicle_id",
+    "lon_m",
+    "lat_m",
+    "heading_rad",
+    "speed_mps",
+    "lat_speed_mps",
+    "accel_mps2",
+    "lane",
+    "length_m",
+    "width_m",
+    "is_ego",
+)
+_PER_VEHICLE_FLOATS = (
+    "lon_m",
+    "lat_m",
+    "heading_rad",
+    "speed_mps",
+    "lat_speed_mps",
+    "accel_mps2",
+    "length_m",
+    "width_m",
+)
+
+
+class RecordedTruth:
+    """Frames of a recorded run, in order.
+
+    Attributes:
+        road: The road that the run was driven on.
+        step_s: Time between frames.
+        expected_steps: How many frames there are.
+    """
+
+    def __init__(self, table: pd.DataFrame, road: Road) -> None:
+        """Take the rows of ``truth.parquet``."""
+        times = np.unique(table["time_s"].to_numpy(dtype=np.float64))
+        self.road = road
+        self.step_s = float(np.round(np.median(np.diff(times)), 6)) if len(times) > 1 else 0.1
+        self.expected_steps = len(times)
+        self._table = table
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in order."""
+        return frames_from_table(self._table)
+
+    def close(self) -> None:
+        """Do nothing: a table holds nothing open."""
+
+
+def read_truth(path: Path) -> pd.DataFrame:
+    """Read ``truth.parquet`` and check that it has the columns of a recording.
+
+    Raises:
+        UserError: The file is missing, truncated, no parquet file, empty, or lacks columns.
+    """
+    import pandas as pd  # noqa: PLC0415  (heavy)
+    import pyarrow as pa  # noqa: PLC0415  (heavy)
+
+    if not path.is_file():
+        raise UserError(f"{path}: the file does not exist; give the folder of a finished run")
+    try:
+        table = pd.read_parquet(path)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: cannot be read as parquet, it is truncated or damaged: {reason}") from error
+    missing = [column for column in COLUMNS if column not in table.columns]
+    if missing:
+        raise UserError(f"{path}: no recorded truth, it lacks the columns {', '.join(missing)}")
+    if table.empty:
+        raise UserError(f"{path}: the recording is empty")
+    return table
+
+
+def frames_from_table(table: pd.DataFrame) -> Iterator[Frame]:
+    """Yield the frames of a table with the columns of ``truth.parquet``, vehicles in the table's order.
+
+    A frame without a row that ``is_ego`` has ``ego`` -1.
+    """
+    steps = table["step"].to_numpy(dtype=np.int64)
+    order = np.argsort(steps, kind="stable")
+    steps = steps[order]
+    time = table["time_s"].to_numpy(dtype=np.float64)[order]
+    episode = table["episode"].to_numpy(dtype=np.int64)[order]
+    vehicle = table["vehicle_id"].to_numpy().astype(np.str_)[order]
+    lane = table["lane"].to_numpy(dtype=np.int64)[order]
+    is_ego = table["is_ego"].to_numpy(dtype=bool)[order]
+    floats = {name: table[name].to_numpy(dtype=np.float64)[order] for name in _PER_VEHICLE_FLOATS}
+    starts = np.flatnonzero(np.diff(steps, prepend=steps[0] - 1)) if len(steps) else np.zeros(0, dtype=np.int64)
+    for start, end in zip(starts, np.append(starts[1:], len(steps)), strict=True):
+        rows = slice(int(start), int(end))
+        egos = np.flatnonzero(is_ego[rows])
+        yield Frame(
+            step=int(steps[start]),
+            time_s=float(time[start]),
+            episode=int(episode[start]),
+            ego=int(egos[0]) if len(egos) else -1,
+            vehicle_id=vehicle[rows],
+            lane=lane[rows],
+            **{name: values[rows] for name, values in floats.items()},
+        )
