@@ -8,7 +8,6 @@ from typing import Any
 import matplotlib.patheffects as path_effects
 import numpy as np
 import shapely
-from matplotlib import transforms
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -24,10 +23,10 @@ from mmpf.state import TENTATIVE, Tracks
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
 GREEN, ORANGE, VERMILION, BLUE, PURPLE = "#009E73", "#E69F00", "#D55E00", "#0072B2", "#882255"
-OUT_OF_SIGHT, SEEN_GROUND, SHADOW = "#ececec", "#ffffff", "#cfcfcf"
+OUT_OF_SIGHT, SEEN_GROUND, SHADOW = "#efece6", "#ffffff", "#d9d9d9"
 VEHICLE_STYLES: dict[int, dict[str, Any]] = {
-    VISIBLE: {"facecolor": GREEN, "edgecolor": "none", "alpha": 0.75},
-    PARTIAL: {"facecolor": ORANGE, "edgecolor": "none", "alpha": 0.85},
+    VISIBLE: {"facecolor": GREEN, "edgecolor": "none"},
+    PARTIAL: {"facecolor": ORANGE, "edgecolor": "none"},
     HIDDEN: {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.3},
     OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8},
 }
@@ -101,7 +100,9 @@ def draw_scene(
     _draw_ground(axes, observation, road, range_m, origin)
     _draw_lanes(axes, road, origin, window)
     if particles is not None:
-        axes.plot(particles[0] - origin, particles[1], ",", color=BLUE, alpha=0.25, zorder=4, rasterized=True)
+        axes.plot(
+            particles[0] - origin, particles[1], ".", color=BLUE, ms=1.6, mew=0, alpha=0.45, zorder=5.5, rasterized=True
+        )
     _draw_vehicles(axes, frame, observation, origin)
     detections = observation.scan.detections
     axes.plot(detections.lon_m - origin, detections.lat_m, "x", color="black", ms=5, mew=1.2, zorder=6)
@@ -181,10 +182,9 @@ def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: f
         length, width = frame.length_m[i], frame.width_m[i]
         x, y = frame.lon_m[i] - origin, frame.lat_m[i]
         style = {"facecolor": "black", "edgecolor": "none"} if i == frame.ego else VEHICLE_STYLES[observation.state[i]]
-        body = Rectangle((x - length / 2, y - width / 2), length, width, **style)
-        turn = transforms.Affine2D().rotate_around(x, y, frame.heading_rad[i])
-        body.set_transform(turn + body.get_transform())
-        patches.append(body)
+        corner = (x - length / 2, y - width / 2)
+        angle = np.rad2deg(frame.heading_rad[i])
+        patches.append(Rectangle(corner, length, width, angle=angle, rotation_point="center", **style))
     axes.add_collection(PatchCollection(patches, match_original=True, zorder=5), autolim=False)
     axes.text(0.0, frame.lat_m[frame.ego], "ego", color="white", size=7, ha="center", va="center", zorder=7)
 

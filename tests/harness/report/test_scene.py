@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
@@ -82,6 +83,10 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
     assert "metres" in axes.get_xlabel()
     assert "(m)" in axes.get_ylabel()
     assert sum(isinstance(patch, Ellipse) for patch in axes.patches) == len(tracks)
+    bodies = next(c for c in axes.collections if isinstance(c, PatchCollection)).get_paths()
+    centres = np.array([body.vertices[:4].mean(axis=0) for body in bodies])
+    assert centres[:, 0] == pytest.approx(frame.lon_m - frame.lon_m[frame.ego])
+    assert centres[:, 1] == pytest.approx(frame.lat_m)
     written = {text.get_text() for text in axes.texts}
     assert {str(number) for number in tracks.track_id} <= written
     assert "ego" in written
