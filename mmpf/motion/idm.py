@@ -9,13 +9,12 @@ from importlib.resources import files
 
 import numpy as np
 
-from mmpf.motion.kinematics import keep_lane, move_along, no_latents
+from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, keep_lane, move_along, no_latents
 from mmpf.motion.process_noise import ProcessNoise, process_noise
 from mmpf.motion.protocol import Neighbour, Surroundings, motion_models
 from mmpf.road import FloatArray
 from mmpf.state import SPEED
 
-HARDEST_BRAKING_MPS2 = 9.0
 SMALLEST_GAP_M = 0.1
 
 

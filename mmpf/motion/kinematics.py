@@ -11,6 +11,8 @@ from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
 LANE_ATTRACTION_PER_S2 = 0.1
 LANE_DAMPING_PER_S = 0.7
+HARDEST_BRAKING_MPS2 = 9.0
+STRONGEST_ACCEL_MPS2 = 5.0
 
 
 def no_latents(state: FloatArray) -> FloatArray:

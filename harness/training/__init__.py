@@ -1,0 +1,1 @@
+"""Training of the behaviour models: recorded traffic, samples, fits and their cards."""

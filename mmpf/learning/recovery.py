@@ -1,0 +1,148 @@
+"""Samples that teach a driver model to come back: recovery labels and data as demonstrator.
+
+A model fitted to recorded states alone never sees its own mistakes, so closed-loop errors grow. Recovery labels perturb
+the recorded state and ask for the acceleration that leads back to the recorded trajectory. Data as demonstrator
+(Venkatraman, Hebert and Bagnell, AAAI 2015) does the same to the states that the fitted model itself reaches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.motion.features import SMALLEST_GAP_M, situation
+from mmpf.motion.scaled_gmm import ScaledGmm
+from mmpf.road import FloatArray, IntArray
+
+PERTURBED_SHARE = 0.7
+POSITION_SPREAD_M = 3.0
+SPEED_SPREAD_MPS = 1.0
+ACCEL_SPREAD_MPS2 = 0.5
+SPREAD_OF_LOG_SPREAD = 0.5
+LEAST_GAP_LEFT_M = 0.5
+FURTHEST_ASTRAY_M = 15.0
+KEEP_EVERY_STEP = 3
+
+
+@dataclass(frozen=True)
+class RecoveryGains:
+    """How the way back to the recorded trajectory is demonstrated.
+
+    Attributes:
+        position_per_s2: Acceleration asked for per metre astray.
+        speed_per_s: Acceleration asked for per m/s astray.
+        lag_per_s: Rate at which acceleration approaches what is asked for.
+    """
+
+    position_per_s2: float = 0.05
+    speed_per_s: float = 0.4
+    lag_per_s: float = 1.5
+
+
+@dataclass(frozen=True)
+class FollowingRecords:
+    """Recorded followers and leaders, arrays of shape (windows, steps); ``habit`` of shape (windows, h)."""
+
+    gap_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    leader_speed_mps: FloatArray
+    leader_accel_mps2: FloatArray
+    habit: FloatArray
+    step_s: float
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Inputs of shape (n, p) and outputs of shape (n, q)."""
+
+    x: FloatArray
+    y: FloatArray
+
+
+def recovery_samples(records: FollowingRecords, count: int, gains: RecoveryGains, rng: np.random.Generator) -> Samples:
+    """Draw samples of the records, most of them perturbed and labelled with the way back.
+
+    Args:
+        records: Recorded windows.
+        count: Number of samples.
+        gains: How to come back.
+        rng: Source of randomness.
+    """
+    windows, steps = records.gap_m.shape
+    window, step = rng.integers(windows, size=count), rng.integers(steps - 1, size=count)
+    perturbed = rng.random(count) < PERTURBED_SHARE
+    spread = perturbed * np.exp(SPREAD_OF_LOG_SPREAD * rng.standard_normal(count))
+    recorded_gap, recorded_speed = records.gap_m[window, step], records.speed_mps[window, step]
+    astray_m = np.minimum(POSITION_SPREAD_M * spread * rng.standard_normal(count), recorded_gap - LEAST_GAP_LEFT_M)
+    astray_m = np.where(perturbed, astray_m, 0.0)
+    speed = np.maximum(recorded_speed + SPEED_SPREAD_MPS * spread * rng.standard_normal(count), 0.0)
+    accel = records.accel_mps2[window, step] + perturbed * ACCEL_SPREAD_MPS2 * rng.standard_normal(count)
+    x = _inputs(records, window, step, recorded_gap - astray_m, speed, accel)
+    recorded_next = records.accel_mps2[window, step + 1]
+    back = _way_back(accel, recorded_next, astray_m, speed - recorded_speed, gains, records.step_s)
+    return Samples(x, np.where(perturbed, back, recorded_next)[:, None])
+
+
+def demonstrated_samples(
+    records: FollowingRecords, model: ScaledGmm, rollouts: int, gains: RecoveryGains, rng: np.random.Generator
+) -> Samples:
+    """Roll the model out behind the recorded leaders and label the states that it reaches with the way back.
+
+    Args:
+        records: Recorded windows.
+        model: Mixture whose output is the acceleration of the next step.
+        rollouts: Number of windows to roll out over.
+        gains: How to come back.
+        rng: Source of randomness.
+    """
+    window = rng.choice(len(records.gap_m), size=min(rollouts, len(records.gap_m)), replace=False)
+    speed, accel = records.speed_mps[window, 0], records.accel_mps2[window, 0]
+    astray_m = np.zeros(len(window))
+    inputs, outputs = [], []
+    for step in range(records.gap_m.shape[1] - 1):
+        gap = records.gap_m[window, step] - astray_m
+        x = _inputs(records, window, np.full(len(window), step), gap, speed, accel)
+        if step % KEEP_EVERY_STEP == 0:
+            recorded_next = records.accel_mps2[window, step + 1]
+            away = speed - records.speed_mps[window, step]
+            back = _way_back(accel, recorded_next, astray_m, away, gains, records.step_s)
+            kept = (np.abs(astray_m) < FURTHEST_ASTRAY_M) & (gap > SMALLEST_GAP_M)
+            inputs.append(x[kept])
+            outputs.append(back[kept, None])
+        next_speed = np.maximum(speed + records.step_s * model.sample(x, rng)[:, 0], 0.0)
+        recorded_mean = 0.5 * (records.speed_mps[window, step] + records.speed_mps[window, step + 1])
+        astray_m = astray_m + records.step_s * (0.5 * (speed + next_speed) - recorded_mean)
+        accel = (next_speed - speed) / records.step_s
+        speed = next_speed
+    return Samples(np.concatenate(inputs), np.concatenate(outputs))
+
+
+def join_samples(first: Samples, second: Samples) -> Samples:
+    """Return the samples of both."""
+    return Samples(np.concatenate([first.x, second.x]), np.concatenate([first.y, second.y]))
+
+
+def _inputs(
+    records: FollowingRecords,
+    window: IntArray,
+    step: IntArray,
+    gap: FloatArray,
+    speed: FloatArray,
+    accel: FloatArray,
+) -> FloatArray:
+    leader_speed, leader_accel = records.leader_speed_mps[window, step], records.leader_accel_mps2[window, step]
+    return np.hstack([situation(gap, speed, accel, leader_speed, leader_accel), records.habit[window]])
+
+
+def _way_back(
+    accel: FloatArray,
+    recorded_next: FloatArray,
+    astray_m: FloatArray,
+    speed_astray: FloatArray,
+    gains: RecoveryGains,
+    step_s: float,
+) -> FloatArray:
+    wanted = recorded_next - gains.position_per_s2 * astray_m - gains.speed_per_s * speed_astray
+    return accel + gains.lag_per_s * step_s * (wanted - accel)

@@ -1,0 +1,37 @@
+"""What the learned driver sees: the inputs of its mixtures, alike in training and in use."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.road import FloatArray
+
+SMALLEST_GAP_M = 0.3
+STANDSTILL_GAP_M = 2.0
+SLOWEST_HEADWAY_SPEED_MPS = 3.0
+
+
+def situation(
+    gap_m: FloatArray,
+    speed_mps: FloatArray,
+    accel_mps2: FloatArray,
+    leader_speed_mps: FloatArray,
+    leader_accel_mps2: FloatArray,
+) -> FloatArray:
+    """Return a follower's view, (n, 5): log gap, own speed and acceleration, closing speed, leader's acceleration.
+
+    Args:
+        gap_m: Clear distance to the leader, shape (n,); an overlap counts as a very small gap.
+        speed_mps: Own speed, shape (n,).
+        accel_mps2: Own acceleration, shape (n,).
+        leader_speed_mps: Leader's speed, shape (n,).
+        leader_accel_mps2: Leader's acceleration, shape (n,).
+    """
+    log_gap = np.log(np.maximum(gap_m, SMALLEST_GAP_M))
+    return np.stack([log_gap, speed_mps, accel_mps2, speed_mps - leader_speed_mps, leader_accel_mps2], axis=1)
+
+
+def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    """Return the logarithm of the time headway beyond the standstill gap, in the arguments' shape."""
+    beyond_standstill = np.maximum(gap_m - STANDSTILL_GAP_M, SMALLEST_GAP_M)
+    return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
