@@ -105,10 +105,10 @@ def _first_complaint(error: ValidationError) -> str:
 def lidar() -> SensorSettings:
     """Return a roof lidar with a box detector: position only.
 
-    The position errors are of the order of the average translation errors of lidar detectors for cars on the nuScenes
-    benchmark (Caesar et al., CVPR 2020: centre distance 0.2 to 0.3 m), larger along the vehicle than across it
-    because mostly one end is seen. Range accuracy 3 cm and beam spacing 0.1 to 0.2 degrees are usual for spinning
-    automotive lidars. A false detection a scan and a detection probability of 0.95 are assumptions.
+    The position errors are of the order of the average translation error (centre distance) by which the nuScenes
+    benchmark ranks lidar detectors (Caesar et al., CVPR 2020): a few tenths of a metre for cars, taken larger along
+    the vehicle than across it because mostly one end is seen. Range error 3 cm and bearing error 0.1 degrees are usual
+    for spinning automotive lidars. A false detection a scan and a detection probability of 0.95 are assumptions.
     """
     return SensorSettings()
 
@@ -117,10 +117,10 @@ def lidar() -> SensorSettings:
 def radar() -> SensorSettings:
     """Return radars all round: position, and speed from the range rate.
 
-    Range accuracy 0.4 m and range-rate accuracy 0.1 m/s are usual data-sheet figures of 77 GHz long-range radars; the
-    bearing accuracy of half a degree lies between that of their far beam (0.1 degrees) and their near beam (1 degree
-    and more). The reflection wanders over the body, so that the fitted centre is worse than a lidar's (Richards,
-    Fundamentals of Radar Signal Processing, ch. 2, on target glint). Detection probability and clutter are assumptions.
+    Range error 0.4 m, range-rate error 0.1 m/s and a bearing error between 0.1 degrees (far beam) and a degree and
+    more (near beam) are usual data-sheet figures of 77 GHz long-range radars; half a degree is taken for all beams.
+    The reflection wanders over the body (glint), so that the fitted centre is worse than a lidar's. How much worse,
+    the detection probability and the clutter are assumptions.
     """
     return SensorSettings(
         detection_probability=0.9,
@@ -137,10 +137,10 @@ def radar() -> SensorSettings:
 def camera() -> SensorSettings:
     """Return cameras all round: bearing good, range poor.
 
-    The range error of a single camera that uses the ground contact is 5 % of the range at 44 m (Stein, Mano &
-    Shashua, IEEE IV 2003: one pixel, focal length 740 pixels, 1.2 m mounting height). There it grows with the square
-    of the range; here in proportion to it, as a stand-in for detectors that also use the vehicle's apparent size.
-    The bearing error is two pixels of such a camera (0.08 degrees each). The rest are assumptions.
+    The range error of a single camera that uses the ground contact is range^2 / (focal length * height) for each pixel
+    of error (Stein, Mano & Shashua, IEEE IV 2003): 5 % of the range at 44 m with 740 pixels and 1.2 m. It grows with
+    the square of the range there; here in proportion to it, as a stand-in for detectors that also use the vehicle's
+    apparent size. The bearing error is two pixels of such a camera (0.08 degrees each). The rest are assumptions.
     """
     return SensorSettings(
         detection_probability=0.9,
