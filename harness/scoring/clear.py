@@ -48,7 +48,7 @@ def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearSco
     """
     truths, tracks = len(sequence.truth_step), len(sequence.track_step)
     scan = _scan_numbers(sequence)
-    order = np.lexsort((scan, sequence.truth_identity))
+    order = np.lexsort((sequence.truth_step, sequence.truth_identity))
     track_row = _match(sequence, threshold, _row_one_scan_before(sequence, scan, order))[order]
     matched = track_row >= 0
     identity = sequence.truth_identity[order][matched]
@@ -63,17 +63,19 @@ def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearSco
 
 
 def _scan_numbers(sequence: MotSequence) -> IntArray:
-    """Number each truth row's step among those with both truth and tracks; the others break no continuity."""
+    """Number each truth row's step among those with both truth and tracks; -1 at the others, which break nothing."""
     has_truth = np.bincount(sequence.truth_step, minlength=sequence.steps) > 0
     has_track = np.bincount(sequence.track_step, minlength=sequence.steps) > 0
-    return np.cumsum(has_truth & has_track, dtype=np.int64)[sequence.truth_step]
+    both = has_truth & has_track
+    return np.where(both, np.cumsum(both) - 1, -1)[sequence.truth_step]
 
 
 def _row_one_scan_before(sequence: MotSequence, scan: IntArray, order: IntArray) -> IntArray:
-    """Return the row of the same identity in the scan before, or -1, shape (n,); order sorts by identity and scan."""
+    """Return the row of the same identity in the scan before, or -1, shape (n,); order sorts by identity and step."""
     before = np.full(len(order), -1)
-    follows = (np.diff(sequence.truth_identity[order]) == 0) & (np.diff(scan[order]) == 1)
-    before[order[1:][follows]] = order[:-1][follows]
+    rows = order[scan[order] >= 0]
+    follows = (np.diff(sequence.truth_identity[rows]) == 0) & (np.diff(scan[rows]) == 1)
+    before[rows[1:][follows]] = rows[:-1][follows]
     return before
 
 

@@ -90,3 +90,80 @@ def traffic(steps: int = 100, vehicles: int = 20, seed: int = 0, clutter: float 
         }
     )[reported]
     return truth, detections, tracks.drop_duplicates(["step", "track_id"]).reset_index(drop=True)
+
+
+class Scene:
+    """A run built by hand: vehicles and tracks at given positions, nothing random."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self.truth, self.detections, self.tracks = [], [], []
+        self.vehicle("ego", lon=0.0, is_ego=True)
+
+    def vehicle(self, name, lon, lat=0.0, state="visible", detected=False, episode=0, is_ego=False, at=None):
+        """Add a vehicle; arguments are constants or one value per step. ``at`` chooses the steps it exists at."""
+        step = np.arange(self.steps) if at is None else np.asarray(at)
+        table = pd.DataFrame(
+            {
+                "step": step,
+                "time_s": step * STEP_S,
+                "episode": episode,
+                "vehicle_id": name,
+                "lon_m": lon,
+                "lat_m": lat,
+                "speed_mps": 10.0,
+                "lat_speed_mps": 0.0,
+                "is_ego": is_ego,
+                "state": state,
+            }
+        )
+        table["in_range"] = table["state"] != "out"
+        self.truth.append(table)
+        seen = table[np.broadcast_to(detected, len(table))]
+        self.detections.append(seen[["step", "time_s", "lon_m", "lat_m"]].assign(truth_id=name))
+        return self
+
+    def track(self, number, lon, lat=0.0, at=None, state="confirmed", speed=10.0, std=1.0):
+        """Add a track; ``at`` chooses the steps that it is reported at."""
+        step = np.arange(self.steps) if at is None else np.asarray(at)
+        self.tracks.append(
+            pd.DataFrame(
+                {
+                    "step": step,
+                    "time_s": step * STEP_S,
+                    "track_id": number,
+                    "lon_m": lon,
+                    "lat_m": lat,
+                    "speed_mps": speed,
+                    "lat_speed_mps": 0.0,
+                    "std_lon_m": std,
+                    "std_lat_m": std,
+                    "std_speed_mps": std,
+                    "state": state,
+                }
+            )
+        )
+        return self
+
+    def tables(self):
+        """Return truth, detections and tracks."""
+        empty = {
+            "step": np.zeros(0, dtype=np.int64),
+            "track_id": np.zeros(0, dtype=np.int64),
+            "state": np.array([], dtype=str),
+            **{
+                name: np.zeros(0)
+                for name in (
+                    "time_s",
+                    "lon_m",
+                    "lat_m",
+                    "speed_mps",
+                    "lat_speed_mps",
+                    "std_lon_m",
+                    "std_lat_m",
+                    "std_speed_mps",
+                )
+            },
+        }
+        tracks = pd.concat(self.tracks, ignore_index=True) if self.tracks else pd.DataFrame(empty)
+        return pd.concat(self.truth, ignore_index=True), pd.concat(self.detections, ignore_index=True), tracks

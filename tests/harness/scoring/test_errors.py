@@ -1,0 +1,131 @@
+"""Who is scored by which track, on scenes that a reader can check by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.scoring.score import evaluate
+from tests.harness.scoring.scenes import Scene
+
+
+def errors_of(scene: Scene, name="a"):
+    table = evaluate(*scene.tables()).errors
+    return table[table["vehicle_id"] == name].set_index("step")
+
+
+def hidden_after(steps, first_hidden, seen="visible"):
+    return np.where(np.arange(steps) < first_hidden, seen, "hidden")
+
+
+def test_a_visible_vehicle_is_scored_by_the_track_within_the_gate():
+    table = errors_of(Scene(5).vehicle("a", lon=20.0, lat=1.0, detected=True).track(7, lon=23.0, lat=2.5, speed=8.0))
+    assert (table["outcome"] == "tracked").all()
+    assert (table["matched_by"] == "gate").all()
+    assert (table["track_id"] == 7).all()
+    assert table["lon_error_m"].to_numpy() == pytest.approx(3.0)
+    assert table["lat_error_m"].to_numpy() == pytest.approx(1.5)
+    assert table["speed_error_mps"].to_numpy() == pytest.approx(-2.0)
+
+
+@pytest.mark.parametrize(("lon", "lat"), [(24.1, 0.0), (20.0, 2.1)])
+def test_a_visible_vehicle_with_a_track_beyond_the_gate_is_missed(lon, lat):
+    table = errors_of(Scene(5).vehicle("a", lon=20.0, detected=True).track(7, lon=lon, lat=lat))
+    assert (table["outcome"] == "missed").all()
+    assert table["lon_error_m"].isna().all()
+
+
+def test_a_hidden_vehicle_is_scored_by_its_last_track_however_far_that_is():
+    steps = np.arange(30)
+    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
+    table = errors_of(scene.track(7, lon=20.0 + np.maximum(0, steps - 9)))
+    assert (table["outcome"] == "tracked").all()
+    assert table.loc[29, "lon_error_m"] == pytest.approx(20.0)
+    assert table.loc[29, "matched_by"] == "identity"
+    assert table.loc[29, "seconds_hidden"] == pytest.approx(2.0)
+    assert table.loc[5, "seconds_hidden"] == 0.0
+
+
+def test_a_nearer_track_that_never_held_the_hidden_vehicle_does_not_score_it():
+    steps = np.arange(30)
+    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
+    scene.track(7, lon=20.5, at=steps[:15]).track(8, lon=20.0, at=steps[12:])
+    table = errors_of(scene)
+    assert (table.loc[10:14, "outcome"] == "tracked").all()
+    assert (table.loc[10:14, "track_id"] == 7).all()
+    assert (table.loc[15:, "outcome"] == "lost").all()
+    assert (table.loc[15:, "track_id"] == -1).all()
+
+
+def test_a_track_that_jumps_from_a_hidden_vehicle_to_a_visible_one_is_hijacked():
+    steps = np.arange(30)
+    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
+    scene.vehicle("b", lon=40.0, detected=steps >= 20).track(7, lon=np.where(steps < 20, 20.0, 40.5))
+    table = errors_of(scene)
+    assert (table.loc[:19, "outcome"] == "tracked").all()
+    assert (table.loc[20:, "outcome"] == "hijacked").all()
+    mae = evaluate(*scene.tables()).scores.mae["hidden"]
+    assert (mae.n, mae.lon_m) == (10, 0.0)
+
+
+def test_a_track_between_its_hidden_vehicle_and_a_visible_one_but_nearer_its_own_is_not_hijacked():
+    steps = np.arange(30)
+    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
+    scene.vehicle("b", lon=25.0, detected=True).track(7, lon=22.0)
+    assert (errors_of(scene)["outcome"] == "tracked").all()
+
+
+def test_a_vehicle_that_was_never_detected_is_in_no_error_row():
+    scene = Scene(10).vehicle("a", lon=20.0).track(7, lon=20.0)
+    evaluation = evaluate(*scene.tables())
+    assert len(evaluation.errors) == 0
+    assert evaluation.scores.coverage.never_detected == 1
+    assert np.isnan(evaluation.scores.mae["all"].lon_m)
+
+
+def test_a_vehicle_that_no_track_held_at_its_last_detection_is_untracked_while_hidden():
+    steps = np.arange(20)
+    scene = Scene(20).vehicle("a", lon=20.0, state=hidden_after(20, 10), detected=steps < 10)
+    table = errors_of(scene.track(7, lon=20.0, at=steps[:3]))
+    assert (table.loc[3:9, "outcome"] == "missed").all()
+    assert (table.loc[10:, "outcome"] == "untracked").all()
+
+
+def test_a_tentative_track_is_not_scored():
+    table = errors_of(Scene(5).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, state="tentative"))
+    assert (table["outcome"] == "missed").all()
+
+
+def test_ten_seconds_after_its_last_detection_a_hidden_vehicle_is_no_longer_scored():
+    steps = np.arange(150)
+    scene = Scene(150).vehicle("a", lon=20.0, state=hidden_after(150, 10), detected=steps < 10)
+    assert errors_of(scene.track(7, lon=20.0)).index.max() == 109
+
+
+def test_the_holder_of_a_vehicle_does_not_outlive_its_episode():
+    steps = np.arange(20)
+    first, second = steps[:10], steps[10:]
+    scene = Scene(0)
+    scene.vehicle("ego", lon=0.0, is_ego=True, at=first, episode=0).vehicle(
+        "ego", 0.0, is_ego=True, at=second, episode=1
+    )
+    scene.vehicle("a", lon=20.0, at=first, detected=True, episode=0)
+    scene.vehicle("a", lon=20.0, at=second, state="hidden", episode=1)
+    table = errors_of(scene.track(7, lon=20.0, at=steps))
+    assert table.index.max() == 9
+
+
+def test_means_by_time_hidden_use_the_time_since_the_last_detection():
+    steps = np.arange(60)
+    scene = Scene(60).vehicle("a", lon=20.0, state=hidden_after(60, 10), detected=steps < 10)
+    scene.track(7, lon=20.0 + np.maximum(0, steps - 9))
+    bins = evaluate(*scene.tables()).scores.by_seconds_hidden
+    assert [(row.from_s, row.to_s, row.errors.n) for row in bins] == [
+        (0, 1, 10),
+        (1, 2, 10),
+        (2, 3, 10),
+        (3, 5, 20),
+        (5, 10, 0),
+    ]
+    assert [row.errors.lon_m for row in bins[:4]] == pytest.approx([5.5, 15.5, 25.5, 40.5])
+    assert np.isnan(bins[4].errors.lon_m)

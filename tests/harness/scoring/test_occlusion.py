@@ -1,0 +1,94 @@
+"""Occlusion events on scenes that a reader can check by hand: seen for 3 s, hidden, seen again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.scoring.score import evaluate
+from tests.harness.scoring.scenes import Scene
+
+GONE, BACK, END = 30, 50, 80
+STEPS = np.arange(END)
+
+
+def occluded(back=BACK, end=END, hidden_share=1.0):
+    """One vehicle, last detected at step ``GONE - 1`` and again from ``back`` on."""
+    steps = np.arange(end)
+    dark = (steps >= GONE) & (steps < GONE + round(hidden_share * (back - GONE)))
+    return Scene(end).vehicle(
+        "a", lon=20.0, state=np.where(dark, "hidden", "visible"), detected=(steps < GONE) | (steps >= back)
+    )
+
+
+def outcome_of(scene):
+    evaluation = evaluate(*scene.tables())
+    assert len(evaluation.events) == 1
+    counts = evaluation.scores.occlusion
+    assert counts.events == counts.survived + counts.hijacked + counts.lost == 1
+    return evaluation.events.iloc[0]
+
+
+def test_a_track_that_waits_for_its_vehicle_keeps_the_same_id():
+    event = outcome_of(occluded().track(7, lon=20.0))
+    assert event["outcome"] == "same_id"
+    assert event["track_id"] == 7
+    assert event["duration_s"] == pytest.approx(2.1)
+    assert event["reacquire_s"] == 0.0
+
+
+def test_a_track_that_finds_its_vehicle_late_reacquires_late():
+    event = outcome_of(occluded().track(7, lon=np.where((STEPS >= 35) & (STEPS < BACK + 4), 30.0, 20.0)))
+    assert event["outcome"] == "same_id"
+    assert event["reacquire_s"] == pytest.approx(0.4)
+
+
+def test_a_track_that_dies_in_the_dark_is_lost_even_if_a_new_one_takes_over_at_once():
+    event = outcome_of(occluded().track(7, lon=20.0, at=STEPS[:40]).track(8, lon=20.0, at=STEPS[BACK:]))
+    assert event["outcome"] == "lost"
+    assert np.isnan(event["reacquire_s"])
+
+
+def test_a_track_that_ends_on_another_vehicle_is_hijacked():
+    scene = occluded().vehicle("b", lon=60.0, detected=True).track(7, lon=np.where(STEPS < 40, 20.0, 60.0))
+    assert outcome_of(scene)["outcome"] == "hijacked"
+
+
+def test_a_track_that_is_alive_on_nothing_has_survived_without_its_vehicle():
+    event = outcome_of(occluded().track(7, lon=np.where(STEPS < 40, 20.0, 90.0)))
+    assert event["outcome"] == "survived"
+
+
+def test_a_vehicle_without_a_track_at_the_onset_counts_as_lost_and_untracked():
+    scene = occluded()
+    assert outcome_of(scene)["outcome"] == "lost"
+    assert evaluate(*scene.tables()).scores.occlusion.untracked == 1
+
+
+def test_three_seconds_part_short_from_long_events():
+    for gap_steps, short, long in ((30, 1, 0), (31, 0, 1), (100, 0, 1)):
+        scene = occluded(back=GONE - 1 + gap_steps, end=170).track(7, lon=20.0)
+        scores = evaluate(*scene.tables()).scores
+        assert (scores.occlusion_short.events, scores.occlusion_long.events) == (short, long)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        occluded(back=GONE + 3),
+        occluded(back=GONE - 1 + 101, end=170),
+        occluded(hidden_share=0.6),
+        occluded(end=BACK + 5),
+    ],
+    ids=["shorter than 0.5 s", "longer than 10 s", "in plain view for too much of it", "over before it can be judged"],
+)
+def test_what_is_no_occlusion_event(scene):
+    assert evaluate(*scene.track(7, lon=20.0, at=np.arange(scene.steps)).tables()).scores.occlusion.events == 0
+
+
+def test_a_vehicle_with_fewer_than_ten_detections_in_the_three_seconds_before_makes_no_event():
+    for detections, events in ((9, 0), (10, 1)):
+        seen = ((STEPS < GONE) & (GONE - detections <= STEPS)) | (STEPS >= BACK)
+        dark = np.where((STEPS >= GONE) & (STEPS < BACK), "hidden", "visible")
+        scene = Scene(END).vehicle("a", lon=20.0, state=dark, detected=seen).track(7, lon=20.0)
+        assert evaluate(*scene.tables()).scores.occlusion.events == events

@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.scoring.statistics import bootstrap_ci, paired_difference
+
+
+def test_the_interval_of_a_mean_has_the_width_that_theory_gives():
+    values = np.random.default_rng(0).normal(5.0, 2.0, 400)
+    interval = bootstrap_ci(values, np.random.default_rng(1), draws=4000)
+    half_width = 1.96 * values.std() / np.sqrt(400)
+    assert interval.low == pytest.approx(values.mean() - half_width, abs=0.1 * half_width)
+    assert interval.high == pytest.approx(values.mean() + half_width, abs=0.1 * half_width)
+
+
+def test_repeating_each_vehicles_error_a_hundred_times_does_not_narrow_the_interval():
+    values = np.random.default_rng(0).normal(size=50)
+    vehicle = np.arange(50)
+    once = bootstrap_ci(values, np.random.default_rng(1), vehicle)
+    often = bootstrap_ci(np.repeat(values, 100), np.random.default_rng(1), np.repeat(vehicle, 100))
+    assert often.low == pytest.approx(once.low)
+    assert often.high == pytest.approx(once.high)
+
+
+def test_the_interval_covers_the_true_mean_about_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    covered = 0
+    for _ in range(300):
+        vehicle_mean = rng.normal(size=30)
+        values = np.repeat(vehicle_mean, 10) + rng.normal(0, 0.1, 300)
+        interval = bootstrap_ci(values, rng, np.repeat(np.arange(30), 10), draws=300)
+        covered += interval.low <= 0.0 <= interval.high
+    assert 0.89 < covered / 300 < 0.98
+
+
+def test_one_group_gives_no_interval():
+    interval = bootstrap_ci(np.ones(10), np.random.default_rng(0), np.zeros(10, dtype=np.int64))
+    assert np.isnan(interval.low)
+    assert np.isnan(interval.high)
+
+
+def test_values_that_are_missing_are_left_out():
+    values = np.array([1.0, np.nan, 3.0, 2.0])
+    with_gap = bootstrap_ci(values, np.random.default_rng(0))
+    without = bootstrap_ci(values[[0, 2, 3]], np.random.default_rng(0))
+    assert with_gap == without
+
+
+def test_five_differences_of_one_sign_have_p_of_one_sixteenth():
+    difference = paired_difference(np.zeros(5), np.array([1.0, 2.0, 3.0, 4.0, 5.0]), np.random.default_rng(0))
+    assert difference.p == pytest.approx(2 / 2**5)
+    assert difference.difference == 3.0
+    assert difference.interval.low > 0.0
+
+
+def test_two_equal_arms_differ_by_nothing():
+    values = np.random.default_rng(0).normal(size=20)
+    difference = paired_difference(values, values, np.random.default_rng(1))
+    assert difference.difference == 0.0
+    assert difference.p == 1.0
+
+
+def test_without_a_difference_small_p_values_are_as_rare_as_they_say():
+    rng = np.random.default_rng(0)
+    p = np.array([paired_difference(*rng.normal(size=(2, 10)), rng, draws=200).p for _ in range(400)])
+    assert (p <= 0.05).mean() == pytest.approx(0.05, abs=0.035)
