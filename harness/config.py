@@ -122,6 +122,13 @@ class RunConfig(_Strict):
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
         return self.model_dump(exclude_none=True)
 
+    def title(self) -> str:
+        """Return what is run in a few words."""
+        traffic, tracker = self.traffic, self.tracker
+        demand = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
+        parts = [traffic.net, demand, tracker.name, tracker.model, tracker.update]
+        return ", ".join(part for part in parts if part)
+
     def default_folder_name(self) -> str:
         """Return a name for the run's folder that tells its main settings."""
         traffic = self.traffic

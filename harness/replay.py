@@ -19,7 +19,7 @@ from harness.sensor.observation import VISIBILITY_STATES, Observation
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from harness.sensor.shadows import free_space
 from harness.truth.frame import Frame
-from harness.truth.recording import frames_from_table
+from harness.truth.recording import RecordedTruth, read_truth
 from mmpf.road import FloatArray, Road
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 
@@ -38,11 +38,11 @@ def open_recording(folder: Path, config: RunConfig) -> RunInputs:
         UserError: The folder is no finished run, or one of its files is missing, truncated or broken.
     """
     runfolder.read_manifest(folder, OPTION)
-    truth = runfolder.read_table(folder, runfolder.TRUTH, OPTION)
+    truth = read_truth(folder / runfolder.TRUTH)
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, OPTION)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     return RunInputs(
-        truth=frames_from_table(truth, read_road(folder / runfolder.ROAD, OPTION)),
+        truth=RecordedTruth(truth, read_road(folder / runfolder.ROAD, OPTION)),
         sensor=RecordedSensor(settings, _steps_of(truth), _steps_of(detections)),
         files={f"replay/{name}": folder / name for name in RECORDED},
     )

@@ -218,7 +218,9 @@ class _Attempt:
         assert self.inputs is not None
         folder = self.folder / runfolder.FIGURES
         folder.mkdir()
-        draw_figures(folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), scored)
+        draw_figures(
+            folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), scored, self.config.title()
+        )
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:

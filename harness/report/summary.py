@@ -1,8 +1,8 @@
-"""The table that a run prints at its end."""
+"""The tables that commands print."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,17 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-VISIBILITY_ROWS = ("visible", "partial", "hidden", "all")
+from harness.truth.network import NetworkDescription
+
+VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
 MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"), ("lat_speed_mps", "lat speed m/s"))
 MOT_COLUMNS = (
     ("hota", "HOTA %"),
     ("idf1", "IDF1 %"),
     ("mota", "MOTA %"),
     ("id_switches", "switches"),
-    ("missed", "missed %"),
-    ("false_tracks", "false %"),
+    ("missed", "missed"),
+    ("false_tracks", "false"),
 )
 
 
@@ -43,15 +45,28 @@ def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
     )
 
 
+def print_networks(networks: Sequence[NetworkDescription]) -> None:
+    """Print the networks and their demands on stdout, one line each."""
+    table = Table(box=box.SIMPLE)
+    for heading in ("--net", "--demand", "what it is"):
+        table.add_column(heading, no_wrap=heading.startswith("--"))
+    for network in networks:
+        size = f"{network.section_length_m:.0f} m scored, {network.lanes} main lanes"
+        table.add_row(network.name, "", f"{network.description} ({size})", style="bold")
+        for name, description in network.demands:
+            table.add_row("", name, description)
+    Console(highlight=False).print(table)
+
+
 def _error_table(mae: Mapping[str, Any]) -> Table:
     table = Table(title="Mean absolute error by visibility", box=box.SIMPLE, title_justify="left")
     table.add_column("vehicles")
     for _, heading in MAE_COLUMNS:
         table.add_column(heading, justify="right")
     table.add_column("samples", justify="right")
-    for name in VISIBILITY_ROWS:
-        row = mae[name]
-        table.add_row(name, *(_number(row.get(key), 2) for key, _ in MAE_COLUMNS), _number(row.get("n"), 0))
+    for key, name in VISIBILITY_ROWS:
+        row = mae[key]
+        table.add_row(name, *(_number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS), _number(row.get("n"), 0))
     return table
 
 
@@ -62,8 +77,9 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
         table.add_column(heading, justify="right")
     for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
         scores = metrics[key]
-        decimals = {"id_switches": 0}
-        table.add_row(name, *(_number(scores.get(score), decimals.get(score, 1)) for score, _ in MOT_COLUMNS))
+        table.add_row(
+            name, *(_number(scores[score], 1 if heading.endswith("%") else 0) for score, heading in MOT_COLUMNS)
+        )
     return table
 
 

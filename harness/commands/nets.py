@@ -1,0 +1,34 @@
+"""``nets``: which road networks and demands there are."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def command(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON on stdout.")] = False,
+) -> None:
+    """List the road networks that travel with the package, and their named demands.
+
+    A network of your own, a folder or a .sumocfg file, goes straight to --net.
+
+    Examples:
+        python -m harness nets
+
+        python -m harness run --net us101 --demand us101-0805
+    """
+    from harness.truth.network import available_networks  # noqa: PLC0415
+
+    networks = available_networks()
+    if as_json:
+        import json  # noqa: PLC0415
+        from dataclasses import asdict  # noqa: PLC0415
+
+        typer.echo(json.dumps([asdict(network) for network in networks], indent=2))
+        return
+
+    from harness.report.summary import print_networks  # noqa: PLC0415
+
+    print_networks(networks)
