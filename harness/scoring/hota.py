@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.scoring.assignment import best_assignment
 from harness.scoring.sequence import MotSequence
-from mmpf.road import FloatArray
+from mmpf.road import FloatArray, IntArray
 
 THRESHOLDS = np.arange(0.05, 0.99, 0.05)
 """Similarity thresholds alpha that the score is averaged over."""
@@ -44,10 +44,8 @@ def hota(sequence: MotSequence) -> HotaScores:
     overlap = np.bincount(member, weights=_shared_similarity(sequence))
     alignment = overlap / (longest - overlap)
     chosen = best_assignment(sequence.pair_truth, sequence.pair_track, alignment[member] * sequence.pair_similarity)
-    above = sequence.pair_similarity[chosen][:, None] >= THRESHOLDS - np.finfo(float).eps
-    matches = np.zeros((len(couple), len(THRESHOLDS)))
-    np.add.at(matches, member[chosen], above)
-    true_positive = above.sum(axis=0)
+    matches = _matches_by_threshold(sequence.pair_similarity[chosen], member[chosen], len(couple))
+    true_positive = matches.sum(axis=0)
     deta = true_positive / (truths + tracks - true_positive)
     association = matches / np.maximum(1.0, longest[:, None] - matches)
     assa = (matches * association).sum(axis=0) / np.maximum(1.0, true_positive)
@@ -59,3 +57,11 @@ def _shared_similarity(sequence: MotSequence) -> FloatArray:
     truth_sum = np.bincount(sequence.pair_truth, weights=sequence.pair_similarity)[sequence.pair_truth]
     track_sum = np.bincount(sequence.pair_track, weights=sequence.pair_similarity)[sequence.pair_track]
     return sequence.pair_similarity / (truth_sum + track_sum - sequence.pair_similarity)
+
+
+def _matches_by_threshold(similarity: FloatArray, couple: IntArray, couples: int) -> FloatArray:
+    """Count the matches of each couple of identities that pass each threshold, shape (couples, thresholds)."""
+    levels = len(THRESHOLDS) + 1
+    passed = np.searchsorted(THRESHOLDS - np.finfo(float).eps, similarity, side="right")
+    exactly = np.bincount(couple * levels + passed, minlength=couples * levels).reshape(couples, levels)
+    return exactly[:, :0:-1].cumsum(axis=1)[:, ::-1].astype(np.float64)
