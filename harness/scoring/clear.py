@@ -25,7 +25,7 @@ class ClearScores:
         missed: Truth rows without a track.
         false_tracks: Track rows without a vehicle.
         id_switches: Matches to another track than the vehicle's last one, however long ago that was.
-        fragmentations: Times that a vehicle's tracking stopped and went on.
+        fragmentations: Times that a vehicle's tracking stopped and went on, be it because the vehicle was absent.
     """
 
     mota: float

@@ -132,7 +132,7 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
 
     Raises:
         ValueError: A detection or track has a step that truth does not have, a truth state or track state is
-            unknown, or a reported track has a position that is not finite.
+            unknown, or a reported track has a position that is not finite or is there twice at one step.
     """
     truth_step = _ints(truth, "step")
     steps, first_row, step_index = np.unique(truth_step, return_index=True, return_inverse=True)
@@ -184,9 +184,12 @@ def _reported_tracks(tracks: pd.DataFrame, steps: IntArray, episodes: IntArray) 
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
         raise ValueError("tracks: a reported track has a position that is not finite")
     track_id = _ints(tracks, "track_id")[rows]
+    track = _codes(episodes[step], track_id)
+    if len(np.unique(track * len(steps) + step)) < len(track):
+        raise ValueError("tracks: a track is reported twice at one step")
     return TrackRows(
         step=step,
-        track=_codes(episodes[step], track_id),
+        track=track,
         track_id=track_id,
         lon_m=lon,
         lat_m=lat,

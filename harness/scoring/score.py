@@ -1,4 +1,14 @@
-"""The score of a run: every metric from its three tables."""
+"""The score of a run: every metric from its three tables.
+
+Conventions of all scores: the ego is no vehicle; tentative tracks are not reported and not scored; accuracies and
+shares are in percent; errors are estimate minus truth; vehicles and tracks of different episodes have nothing to do
+with each other; a vehicle beyond the sensor's range is neither missed nor is the track on it false. What has no rows
+behind it is nan here and null in ``metrics.json``.
+
+The error of a hidden vehicle counts only while its track is alive and its own, so a tracker that soon lets go of hidden
+vehicles has small errors over few rows: read it beside ``hidden_outcomes``, or compare trackers on the rows that both
+follow (``harness.scoring.paired``).
+"""
 
 from __future__ import annotations
 
@@ -45,7 +55,7 @@ class MotScores:
         idf1: Identity F1 score.
         mota: CLEAR accuracy.
         id_switches: Identity switches.
-        fragmentations: Times that a vehicle's tracking stopped and went on.
+        fragmentations: Times that a vehicle's tracking stopped and went on, be it because the vehicle left the set.
         missed: Vehicle-steps without a track.
         false_tracks: Track-steps without a vehicle.
         false_tracks_per_scan: The same per step.

@@ -91,6 +91,15 @@ def test_a_vehicle_that_no_track_held_at_its_last_detection_is_untracked_while_h
     assert (table.loc[10:, "outcome"] == "untracked").all()
 
 
+def test_a_track_that_held_a_vehicle_until_just_before_its_last_detection_still_stands_for_it():
+    steps = np.arange(20)
+    state = hidden_after(20, 10)
+    for missed_for, outcome in ((5, "tracked"), (6, "untracked")):
+        scene = Scene(20).vehicle("a", lon=20.0, state=state, detected=steps < 10)
+        off = (steps >= 10 - missed_for) & (steps < 10)
+        assert errors_of(scene.track(7, lon=np.where(off, 30.0, 20.0))).loc[15, "outcome"] == outcome
+
+
 def test_a_tentative_track_is_not_scored():
     table = errors_of(Scene(5).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, state="tentative"))
     assert (table["outcome"] == "missed").all()

@@ -23,6 +23,7 @@ PUBLISHED = {
     "calibration": {"nees"},
     "calibration.coverage95": {"lon", "lat", "speed"},
 }
+SCORED_ALIKE = ("mot", "mot_all", "gospa", "occlusion.short", "hidden_outcomes", "calibration.hidden.coverage95")
 
 
 def at(metrics, path):
@@ -65,6 +66,25 @@ def test_the_order_of_the_rows_does_not_matter(tables, scored):
     shuffled = [table.sample(frac=1.0, random_state=1) for table in tables]
     metrics = score_run(*shuffled).metrics
     for path in ("mot.hota", "mot_all.id_switches", "mae.hidden.lon_m", "gospa.mean", "occlusion.same_id"):
+        assert at(metrics, path) == pytest.approx(at(scored.metrics, path))
+
+
+def test_other_names_for_vehicles_and_tracks_give_the_same_scores(tables, scored):
+    truth, detections, tracks = tables
+    number = tracks["track_id"].to_numpy()
+    renamed = score_run(
+        truth.assign(vehicle_id=truth["vehicle_id"].str[::-1]),
+        detections.assign(truth_id=detections["truth_id"].str[::-1]),
+        tracks.assign(track_id=np.random.default_rng(0).permutation(number.max() + 1)[number] * 1000 - 5000),
+    )
+    for path in SCORED_ALIKE:
+        assert at(renamed.metrics, path) == pytest.approx(at(scored.metrics, path))
+
+
+def test_another_origin_of_the_road_gives_the_same_scores(tables, scored):
+    moved = [table.assign(lon_m=table["lon_m"] + 512.0, lat_m=table["lat_m"] - 64.0) for table in tables]
+    metrics = score_run(*moved).metrics
+    for path in SCORED_ALIKE:
         assert at(metrics, path) == pytest.approx(at(scored.metrics, path))
 
 
@@ -117,6 +137,17 @@ def test_a_track_at_a_step_that_truth_does_not_have_is_refused(tables):
     truth, detections, tracks = tables
     with pytest.raises(ValueError, match="tracks: step 999"):
         score_run(truth, detections, tracks.assign(step=999))
+
+
+def test_a_track_that_is_there_twice_at_a_step_is_refused():
+    scene = Scene(3).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0).track(7, lon=30.0)
+    with pytest.raises(ValueError, match="twice"):
+        score_run(*scene.tables())
+
+
+def test_a_track_without_a_position_is_refused():
+    with pytest.raises(ValueError, match="not finite"):
+        score_run(*Scene(3).track(7, lon=np.nan).tables())
 
 
 def test_an_unknown_state_is_refused(tables):
