@@ -7,6 +7,7 @@ and the global generator is lent for the length of a step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
@@ -15,9 +16,11 @@ import numpy as np
 from ordered_set import OrderedSet
 from stonesoup.base import Property
 from stonesoup.deleter.base import Deleter
+from stonesoup.hypothesiser.base import Hypothesiser
 from stonesoup.initiator.simple import MultiMeasurementInitiator, SimpleMeasurementInitiator
 from stonesoup.models.measurement.linear import LinearGaussian
 from stonesoup.types.detection import Detection
+from stonesoup.types.multihypothesis import MultipleHypothesis
 from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 from stonesoup.types.update import Update
@@ -25,6 +28,9 @@ from stonesoup.types.update import Update
 from mmpf.road import IntArray
 from mmpf.scan import Detections
 
+_NOISE_STEP = 1.1
+_MEASURED = "measured values with their standard deviations"
+_COARSE_MARGIN = 1.5
 _EPOCH = datetime(2000, 1, 1)
 
 
@@ -52,7 +58,8 @@ def lent_global_generator(rng: np.random.Generator) -> Iterator[None]:
 class DetectionMaker:
     """Turns our detections into Stone Soup's, each with its own measurement noise.
 
-    Detections of equal noise share one measurement model, so that Stone Soup's caches of predicted measurements work.
+    Noise is rounded to a scale of steps of a tenth, and detections of equal noise share one measurement model, so that
+    Stone Soup predicts one measurement for all of them: deviations off by at most 5 % for half the time.
     """
 
     def __init__(self, state_size: int, mapping: tuple[int, int, int]) -> None:
@@ -81,7 +88,12 @@ class DetectionMaker:
         if with_speed:
             values.append(detections.speed_mps[k])
             stds.append(float(detections.std_speed_mps[k]))
-        return Detection(np.array(values)[:, None], timestamp=moment, measurement_model=self._model(tuple(stds)))
+        return Detection(
+            np.array(values)[:, None],
+            timestamp=moment,
+            measurement_model=self._model(tuple(_NOISE_STEP ** round(math.log(std, _NOISE_STEP)) for std in stds)),
+            metadata={_MEASURED: tuple(zip(map(float, values), stds, strict=True))},
+        )
 
     def _model(self, stds: tuple[float, ...]) -> LinearGaussian:
         if stds not in self._models:
@@ -93,6 +105,36 @@ class DetectionMaker:
                 noise_covar=np.diag(np.square(stds)),
             )
         return self._models[stds]
+
+
+class CoarselyGated(Hypothesiser):
+    """Shows the hypothesiser inside only those detections that may lie in its gate.
+
+    A detection whose Mahalanobis distance is within the gate is so in each coordinate too; the rest, which the gate
+    would throw out after long computation, is left out before it.
+    """
+
+    hypothesiser: Hypothesiser = Property(doc="What makes the hypotheses.")
+    mapping: tuple[int, int, int] = Property(doc="State rows of what is measured.")
+    gate_std: float = Property(doc="Width of the gate in standard deviations.")
+
+    def hypothesise(
+        self, track: Track, detections: Iterable[Detection], timestamp: datetime, **kwargs: object
+    ) -> MultipleHypothesis:
+        """Return the hypotheses of one track."""
+        prediction = self.hypothesiser.predictor.predict(track, timestamp=timestamp)
+        mean = np.asarray(prediction.mean, dtype=float).ravel()
+        variance = np.diagonal(np.asarray(prediction.covar, dtype=float))
+        centre = [(float(mean[row]), float(variance[row])) for row in self.mapping]
+        near = OrderedSet(detection for detection in detections if self._may_lie_in_gate(detection, centre))
+        return self.hypothesiser.hypothesise(track, near, timestamp, **kwargs)
+
+    def _may_lie_in_gate(self, detection: Detection, centre: list[tuple[float, float]]) -> bool:
+        reach = _COARSE_MARGIN * self.gate_std
+        return all(
+            abs(value - mean) <= reach * math.sqrt(variance + std**2)
+            for (value, std), (mean, variance) in zip(detection.metadata[_MEASURED], centre, strict=False)
+        )
 
 
 class NumberedInitiator(SimpleMeasurementInitiator):
