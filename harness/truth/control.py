@@ -13,16 +13,21 @@ from types import ModuleType
 
 import numpy as np
 
+from harness.truth.corridor import CorridorEdge
 from harness.truth.demand import Demand, Equilibrium
 from harness.truth.fill import Placement, fill, leaving_share, main_lane_density, route_of
 from harness.truth.network import Network
 from harness.truth.population import Vehicle, draw_vehicle
 
-SLOWEST_EXIT_MPS = 1.0
+SLOWEST_MPS = 1.0
 CONTROL_EVERY_S = 0.5
-HOLD_WITHIN_S = 25.0
-LEARN_WITHIN_S = 100.0
+HOLD_WITHIN_S = 14.0
+LEARN_WITHIN_S = 60.0
 RAMP_ENTRY_M = 8.0
+# Drivers hold a little more than the equilibrium gap close to the speed limit.
+SPEED_MARGIN = 1.15
+ENTRY_HEADROOM = 1.1
+EXIT_WAVE_SHARE = 0.4
 
 
 class TrafficControl:
@@ -65,15 +70,15 @@ class TrafficControl:
         for placement in fill(self._network, self._demand, self._relation, self._rng):
             self._add(placement)
 
-    def before_step(self, time_s: float, count_vehicles: Callable[[], int]) -> None:
+    def before_step(self, time_s: float, measure: Callable[[], tuple[int, float]]) -> None:
         """Let vehicles in and adjust the exit before SUMO's next step.
 
         Args:
             time_s: Simulation time.
-            count_vehicles: Counts the vehicles on the section's lanes now.
+            measure: Counts the vehicles on the section's lanes now and takes their mean speed.
         """
         if time_s >= self._next_control_s:
-            self._steer(time_s, count_vehicles())
+            self._steer(time_s, *measure())
             self._next_control_s = time_s + CONTROL_EVERY_S
         for lane in range(self._network.corridor.main_lanes):
             self._let_in(lane)
@@ -84,22 +89,36 @@ class TrafficControl:
     def _congested(self) -> bool:
         return self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km
 
-    def _steer(self, time_s: float, vehicles: int) -> None:
+    def _steer(self, time_s: float, vehicles: int, speed_mps: float) -> None:
         lanes = self._network.corridor.main_lanes
         excess = vehicles - self._target
-        self._inflow_scale = float(np.clip(1.0 - excess / self._target, 0.7, 1.3))
-        if not self._congested:
-            return
-        self._learned_flow += excess / lanes / HOLD_WITHIN_S / LEARN_WITHIN_S * CONTROL_EVERY_S
-        wave = math.sin(2.0 * math.pi * (time_s / self._demand.wave_period_s + self._phase))
-        flow = self._relation.flow_veh_per_s(self._lane_density) * (1.0 + 0.5 * self._demand.wave_amplitude * wave)
-        flow += excess / lanes / HOLD_WITHIN_S + self._learned_flow
-        self._set_exit_speed(self._relation.congested_speed_mps(max(0.0, flow)))
+        if self._congested:
+            self._steer_exit(time_s, excess / lanes)
+            self._steer_entry(excess / lanes)
+        else:
+            self._inflow_scale = float(np.clip(1.0 - excess / self._target, 0.7, 1.3))
+            self._inflow_scale *= float(np.clip(speed_mps / self._relation.speed_mps(self._lane_density), 0.6, 1.1))
 
-    def _set_exit_speed(self, speed_mps: float) -> None:
-        edge = self._network.corridor.edges[-1]
-        limit = edge.speed_limit_mps if not self._congested else min(edge.speed_limit_mps, speed_mps)
-        self._sumo.edge.setMaxSpeed(edge.name, max(SLOWEST_EXIT_MPS, limit))
+    def _steer_exit(self, time_s: float, excess: float) -> None:
+        usual = self._relation.flow_veh_per_s(self._lane_density)
+        wave = math.sin(2.0 * math.pi * (time_s / self._demand.wave_period_s + self._phase))
+        correction = excess / HOLD_WITHIN_S
+        self._learned_flow += correction / LEARN_WITHIN_S * CONTROL_EVERY_S
+        self._learned_flow = float(np.clip(self._learned_flow, -0.1 * usual, 0.1 * usual))
+        correction = float(np.clip(correction + self._learned_flow, -0.4 * usual, 0.4 * usual))
+        flow = usual * (1.0 + EXIT_WAVE_SHARE * self._demand.wave_amplitude * wave) + correction
+        self._limit_speed(self._network.corridor.edges[-1], flow)
+
+    def _steer_entry(self, excess: float) -> None:
+        """Meter what enters the section while it holds too many: a queue cannot discharge faster than it does."""
+        usual = self._relation.flow_veh_per_s(self._lane_density)
+        surplus = max(0.0, excess / HOLD_WITHIN_S)
+        self._limit_speed(self._network.corridor.edges[0], max(0.4 * usual, ENTRY_HEADROOM * usual - surplus))
+
+    def _limit_speed(self, edge: CorridorEdge, flow_veh_per_s: float) -> None:
+        """Let at most a flow, per lane, through an edge by lowering its speed limit."""
+        speed_mps = self._relation.congested_speed_mps(flow_veh_per_s) * SPEED_MARGIN
+        self._sumo.edge.setMaxSpeed(edge.name, float(np.clip(speed_mps, SLOWEST_MPS, edge.speed_limit_mps)))
 
     def _let_in(self, lane: int) -> None:
         """Let the waiting vehicle of a main lane in once the last one is its spacing ahead."""

@@ -14,6 +14,7 @@ from harness.errors import UserError
 
 DENSITY_RANGE = (5.0, 65.0)
 DEFAULT_DENSITY = 30.0
+ROUNDING = 4.0
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ class Equilibrium:
     """
 
     vehicle_length_m: float = 4.64
-    minimum_gap_m: float = 2.6
-    headway_s: float = 1.6
-    free_speed_mps: float = 28.0
+    minimum_gap_m: float = 2.8
+    headway_s: float = 1.35
+    free_speed_mps: float = 27.0
 
     @property
     def standing_spacing_m(self) -> float:
@@ -67,9 +68,9 @@ class Equilibrium:
         return self.standing_spacing_m / self.headway_s
 
     def speed_mps(self, density_veh_per_km: float) -> float:
-        """Return the speed at a density."""
-        following = (1000.0 / density_veh_per_km - self.standing_spacing_m) / self.headway_s
-        return min(self.free_speed_mps, max(0.5, following))
+        """Return the speed at a density, the corner at capacity rounded off since desired speeds differ."""
+        following = max(0.5, (1000.0 / density_veh_per_km - self.standing_spacing_m) / self.headway_s)
+        return float((self.free_speed_mps**-ROUNDING + following**-ROUNDING) ** (-1.0 / ROUNDING))
 
     def flow_veh_per_s(self, density_veh_per_km: float) -> float:
         """Return one lane's flow at a density."""
@@ -102,6 +103,6 @@ def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation:
         density_veh_per_km_lane=density_veh_per_km_lane,
         on_ramp_veh_per_h=min(600.0, 0.06 * main_flow_veh_per_h),
         off_ramp_veh_per_h=min(380.0, 0.035 * main_flow_veh_per_h),
-        wave_amplitude=0.4 * min(1.0, max(0.0, congestion)),
-        wave_period_s=60.0,
+        wave_amplitude=0.55 * min(1.0, max(0.0, congestion)),
+        wave_period_s=45.0,
     )

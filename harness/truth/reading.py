@@ -61,12 +61,14 @@ def read_frame(sumo: ModuleType, road: Road, step: int, time_s: float) -> Frame:
     )
 
 
-def vehicles_in_section(sumo: ModuleType, road: Road) -> int:
-    """Return how many vehicles are on the section's lanes, ramps left out."""
+def count_and_speed_in_section(sumo: ModuleType, road: Road) -> tuple[int, float]:
+    """Return how many vehicles are on the section's lanes, ramps left out, and their mean speed, 0 for none."""
     names = sumo.vehicle.getIDList()
     lon, lat = front_positions(sumo, road, names)
     start_m, end_m = road.section_m
-    return int(np.sum((lon >= start_m) & (lon < end_m) & (road.lane_number_at(lon, lat) != NO_LANE)))
+    inside = np.flatnonzero((lon >= start_m) & (lon < end_m) & (road.lane_number_at(lon, lat) != NO_LANE))
+    speeds = [sumo.vehicle.getSpeed(names[k]) for k in inside]
+    return len(speeds), float(np.mean(speeds)) if speeds else 0.0
 
 
 def front_positions(sumo: ModuleType, road: Road, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:

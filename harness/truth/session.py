@@ -34,7 +34,8 @@ def start_sumo(arguments: Sequence[str], step_s: float, seed: int) -> ModuleType
         raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
     except libsumo.FatalTraCIError as error:
         raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
-    return libsumo
+    module: ModuleType = libsumo
+    return module
 
 
 def step_sumo(sumo: ModuleType) -> None:

@@ -13,7 +13,7 @@ from harness.truth.demand import DEFAULT_DENSITY, Demand, Equilibrium, demand_fo
 from harness.truth.ego import NO_EGO, EgoChoice, choose_ego
 from harness.truth.frame import Frame
 from harness.truth.network import Network
-from harness.truth.reading import read_frame, vehicles_in_section
+from harness.truth.reading import count_and_speed_in_section, read_frame
 from harness.truth.session import start_sumo, step_sumo, stop_sumo
 from mmpf.road import Road
 
@@ -90,7 +90,7 @@ class SumoTruth:
         for _ in range(round(duration_s / self.step_s)):
             self._advance()
         for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
-            if vehicles_in_section(self._sumo, self.road):
+            if count_and_speed_in_section(self._sumo, self.road)[0]:
                 return
             self._advance()
         raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
@@ -117,12 +117,11 @@ class SumoTruth:
 
     def _advance(self) -> None:
         if self._control is not None:
-            self._control.before_step(self._sumo.simulation.getTime(), self._count)
+            self._control.before_step(self._sumo.simulation.getTime(), self._measure)
         step_sumo(self._sumo)
 
-    @property
-    def _count(self) -> Callable[[], int]:
-        return lambda: vehicles_in_section(self._sumo, self.road)
+    def _measure(self) -> tuple[int, float]:
+        return count_and_speed_in_section(self._sumo, self.road)
 
 
 def _open_held_demand(
