@@ -149,3 +149,11 @@ def test_a_track_remembers_no_more_than_since_its_last_update():
     for labelled in scripted_scans(CARS, times(3.0), np.random.default_rng(8)):
         tracker.step(labelled.scan)
     assert max(len(track.states) for track in tracker._assembly.tracker.tracks) <= 2
+
+
+@pytest.mark.parametrize("name", ["stonesoup-gnn", "stonesoup-jpda"])
+def test_leaving_out_far_detections_early_changes_no_track(name: str):
+    scans = scripted_scans(CARS, times(3.0), np.random.default_rng(9), 0.9, 4.0)
+    for coarse, plain in zip(follow(name, scans, coarse_gate=True), follow(name, scans), strict=True):
+        for column in fields(Tracks):
+            np.testing.assert_array_equal(getattr(coarse, column.name), getattr(plain, column.name))
