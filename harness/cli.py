@@ -1,7 +1,8 @@
 """The command line: which commands there are, and what an error turns into.
 
 A command's module is imported only when that command is called, so ``--help`` answers at once. To add a command, write
-``harness/commands/<name>.py`` with a function ``command`` in typer's manner and add one line to ``COMMANDS``.
+``harness/commands/<name>.py`` with a function ``command`` in typer's manner and add one line to ``COMMANDS``. The
+function's docstring is its help: lines of at most 78 characters, examples indented by two under a line "Examples:".
 """
 
 from __future__ import annotations
@@ -13,13 +14,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import typer
-from typer.exceptions import Abort, TyperException
+from typer.exceptions import TyperException
 from typer.main import get_command
 
-from harness.errors import RunError, UserError
+from harness.errors import RunError, RunInterruptedError, UserError
 from mmpf.registry import UnknownNameError
 
 EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+
+
+EXIT_CODES: dict[type[Exception], int] = {
+    UserError: EXIT_USER_ERROR,
+    UnknownNameError: EXIT_USER_ERROR,
+    TyperException: EXIT_USER_ERROR,
+    RunError: EXIT_RUN_FAILED,
+    RunInterruptedError: EXIT_INTERRUPTED,
+}
 
 
 @dataclass(frozen=True)
@@ -63,16 +73,12 @@ COMMANDS = (
 OVERVIEW = """Evaluate multi-vehicle tracking through occlusion: traffic, a sensor that it blocks, a tracker, scores.
 
 Start here:
-
-    python -m harness run --net us101
+  python -m harness run --net us101
 
 Then, for example:
-
-    python -m harness run --net us101 --model cam --density 40 --duration 30 --seed 1
-
-    python -m harness nets
-
-    python -m harness run --help
+  python -m harness run --density 40 --model cam --duration 30 --seed 1
+  python -m harness nets
+  python -m harness run --help
 """
 
 
@@ -89,18 +95,12 @@ def run_command_line(arguments: Sequence[str]) -> int:
         outcome = get_command(_application(arguments))(
             args=list(arguments), prog_name="python -m harness", standalone_mode=False
         )
-    except (KeyboardInterrupt, Abort):
+    except tuple(EXIT_CODES) as error:
+        exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
+        return _complain(error.format_message() if isinstance(error, TyperException) else str(error), exit_code)
+    # Typer itself turns a Ctrl-C into this exit code.
+    if outcome == EXIT_INTERRUPTED:
         return _complain("interrupted", EXIT_INTERRUPTED)
-    except TyperException as error:
-        return _complain(error.format_message(), EXIT_USER_ERROR)
-    except (UserError, UnknownNameError) as error:
-        return _complain(str(error), EXIT_USER_ERROR)
-    except RunError as error:
-        return _complain(str(error), EXIT_RUN_FAILED)
-    except BrokenPipeError:
-        # The reader of a pipe went away; pointing stdout elsewhere keeps the interpreter from complaining at exit.
-        sys.stdout = None
-        return EXIT_DONE
     return outcome if isinstance(outcome, int) else EXIT_DONE
 
 
@@ -111,7 +111,7 @@ def _application(arguments: Sequence[str]) -> typer.Typer:
         help=OVERVIEW,
         no_args_is_help=False,
         add_completion=False,
-        rich_markup_mode="markdown",
+        rich_markup_mode="rich",
         invoke_without_command=True,
     )
     application.callback(invoke_without_command=True)(_without_command)
@@ -126,7 +126,9 @@ def _application(arguments: Sequence[str]) -> typer.Typer:
     return application
 
 
-def _without_command(context: typer.Context, version: bool = typer.Option(False, help="Print the version.")) -> None:
+def _without_command(
+    context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
+) -> None:
     if version:
         from importlib.metadata import version as installed_version  # noqa: PLC0415
 

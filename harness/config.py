@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -132,10 +133,10 @@ class RunConfig(_Strict):
     def default_folder_name(self) -> str:
         """Return a name for the run's folder that tells its main settings."""
         traffic = self.traffic
-        demand = traffic.demand if traffic.demand is not None else f"d{traffic.density:g}"
+        demand = f"d{traffic.density:g}" if traffic.density is not None else traffic.demand
         network = traffic.net.rstrip("/").rsplit("/", 1)[-1].removesuffix(".sumocfg")
         parts = [network, self.tracker.name, self.tracker.model, demand, f"s{self.seed}"]
-        return "-".join(part for part in parts if part)
+        return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))
 
 
 def _brings_its_own_demand(net: Path) -> bool:

@@ -10,3 +10,7 @@ class UserError(Exception):
 
 class RunError(Exception):
     """A run failed part-way through no fault of the input: exit code 3; what was finished is kept."""
+
+
+class RunInterruptedError(Exception):
+    """The user stopped a run: exit code 130; what was finished is kept."""

@@ -55,7 +55,8 @@ def assemble_metrics(
     metrics = {"run": _identification(config)} | EMPTY_SCORES | dict(scores)
     metrics["timing"] = timing(times, step_s, total_s)
     metrics["traffic"] = traffic(truth, road)
-    return without_nan(metrics)
+    plain: dict[str, Any] = without_nan(metrics)
+    return plain
 
 
 def timing(times: StageTimes, step_s: float, total_s: float) -> dict[str, Any]:

@@ -19,11 +19,12 @@ from harness.sensor.observation import VISIBILITY_STATES, Observation
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from harness.sensor.shadows import free_space
 from harness.truth.frame import Frame
-from harness.truth.recording import RecordedTruth, read_truth
+from harness.truth.recording import COLUMNS, RecordedTruth
 from mmpf.road import FloatArray, Road
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 
 OPTION = "--replay"
+TRUTH_OBSERVATION = ("visible_fraction", "occluder_id", "in_range", "state")
 RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 
 
@@ -38,12 +39,14 @@ def open_recording(folder: Path, config: RunConfig) -> RunInputs:
         UserError: The folder is no finished run, or one of its files is missing, truncated or broken.
     """
     runfolder.read_manifest(folder, OPTION)
-    truth = read_truth(folder / runfolder.TRUTH)
-    detections = runfolder.read_table(folder, runfolder.DETECTIONS, OPTION)
+    truth = runfolder.read_table(folder, runfolder.TRUTH, OPTION, (*COLUMNS, *TRUTH_OBSERVATION))
+    detections = runfolder.read_table(
+        folder, runfolder.DETECTIONS, OPTION, ("step", *DETECTION_NUMBERS, "visible_fraction", "truth_id")
+    )
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     return RunInputs(
         truth=RecordedTruth(truth, read_road(folder / runfolder.ROAD, OPTION)),
-        sensor=RecordedSensor(settings, _steps_of(truth), _steps_of(detections)),
+        sensor=RecordedSensor(settings, _steps_of(truth), _steps_of(detections), detections.iloc[:0]),
         files={f"replay/{name}": folder / name for name in RECORDED},
     )
 
@@ -55,12 +58,14 @@ class RecordedSensor:
     Attributes:
         settings: Settings of the sensor that made the recording.
         truth: Rows of the truth table by step.
-        detections: Rows of the detections table by step.
+        detections: Rows of the detections table by step; steps without detections are absent.
+        no_detections: The detections table without rows.
     """
 
     settings: SensorSettings
     truth: dict[int, pd.DataFrame]
     detections: dict[int, pd.DataFrame]
+    no_detections: pd.DataFrame
 
     def model(self) -> SensorModel:
         """Return the data sheet of the recorded sensor."""
@@ -69,8 +74,7 @@ class RecordedSensor:
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:  # noqa: ARG002
         """Return the recorded observation of the frame; the sensor's shadows follow from its detections again."""
         truth = self.truth[frame.step]
-        rows = self.detections.get(frame.step)
-        rows = next(iter(self.detections.values())).iloc[:0] if rows is None else rows
+        rows = self.detections.get(frame.step, self.no_detections)
         detections = Detections(*(_floats(rows, name) for name in DETECTION_NUMBERS))
         ego = ego_pose(frame)
         view_rad = float(np.deg2rad(self.settings.field_of_view_deg))

@@ -18,7 +18,7 @@ from harness import runfolder
 from harness.config import RunConfig
 from harness.configfile import write_config
 from harness.cosim import AnyTracker, StageTimes, Streams, co_simulate
-from harness.errors import RunError, UserError
+from harness.errors import RunError, RunInterruptedError, UserError
 from harness.inputs import RunInputs, open_inputs
 from harness.manifest import write_manifest
 from harness.metrics import as_json, assemble_metrics
@@ -31,13 +31,10 @@ from harness.sensor.observation import Observation
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.frame import Frame
+from mmpf.registry import UnknownNameError
 from mmpf.road import highway
 from mmpf.scan import SensorModel
 from mmpf.state import Tracks
-
-
-class RunInterruptedError(KeyboardInterrupt):
-    """The user stopped a run; its finished steps are kept."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +110,10 @@ def check_tracker(config: RunConfig) -> None:
 def _build_tracker(config: RunConfig, setting: TrackerSetting) -> AnyTracker:
     try:
         return build_tracker(config.tracker.name, setting, config.tracker.all_options())
+    except UnknownNameError as error:
+        raise UserError(f"--model: {error}") from None
     except (ValueError, TypeError) as error:
-        raise UserError(f"tracker {config.tracker.name!r}: {error}") from None
+        raise UserError(f"--tracker {config.tracker.name!r}: {error}") from None
 
 
 def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> Path:

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import tomllib
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -114,18 +115,29 @@ def read_config_table(folder: Path, option: str) -> dict[str, Any]:
         raise UserError(f"{option}: {folder / CONFIG} is missing or broken ({error})") from None
 
 
-def read_table(folder: Path, name: str, option: str) -> pd.DataFrame:
+def read_table(folder: Path, name: str, option: str, columns: Collection[str]) -> pd.DataFrame:
     """Return one of the tables of a run folder.
 
+    Args:
+        folder: The run folder.
+        name: File name of the table.
+        option: Option that named the folder, for the message.
+        columns: Columns that it must have.
+
     Raises:
-        UserError: It is missing, truncated or not parquet.
+        UserError: It is missing, truncated, not parquet, or lacks columns.
     """
     path = folder / name
     try:
-        return pq.read_table(path).to_pandas()
-    except (OSError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0]
-        raise UserError(f"{option}: {path} can't be read ({reason}); make the run again") from None
+        table: pd.DataFrame = pq.read_table(path).to_pandas()
+    except FileNotFoundError:
+        raise UserError(f"{option}: {path} is missing; make the run again") from None
+    except (OSError, pa.ArrowException):
+        raise UserError(f"{option}: {path} is truncated or damaged; make the run again") from None
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise UserError(f"{option}: {path} lacks the columns {', '.join(missing)}; make the run again")
+    return table
 
 
 def _first_free(path: Path) -> Path:

@@ -15,9 +15,8 @@ def command(
     A network of your own, a folder or a .sumocfg file, goes straight to --net.
 
     Examples:
-        python -m harness nets
-
-        python -m harness run --net us101 --demand us101-0805
+      python -m harness nets
+      python -m harness run --net us101 --demand us101-0805
     """
     from harness.truth.network import available_networks  # noqa: PLC0415
 

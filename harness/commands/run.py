@@ -19,22 +19,22 @@ def command(
     net: Annotated[
         str | None,
         typer.Option(
-            help="Network by name, or your own: a folder or .sumocfg file. [default: us101]", rich_help_panel=TRAFFIC
+            help="Network by name, or your own: a folder or .sumocfg file. (default: us101)", rich_help_panel=TRAFFIC
         ),
     ] = None,
     density: Annotated[
         float | None,
-        typer.Option(help="Vehicles per km and main lane, 5 to 65. [default: 20]", rich_help_panel=TRAFFIC),
+        typer.Option(help="Vehicles per km and main lane, 5 to 65. (default: 20)", rich_help_panel=TRAFFIC),
     ] = None,
     demand: Annotated[
         str | None,
         typer.Option(help="Named demand of the network in place of --density; see 'nets'.", rich_help_panel=TRAFFIC),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(help="Scored seconds; warm-up comes on top. [default: 60]", rich_help_panel=TRAFFIC)
+        float | None, typer.Option(help="Scored seconds; warm-up comes on top. (default: 60)", rich_help_panel=TRAFFIC)
     ] = None,
     sensor: Annotated[
-        str | None, typer.Option(help="lidar, radar or camera. [default: lidar]", rich_help_panel=TRAFFIC)
+        str | None, typer.Option(help="lidar, radar or camera. (default: lidar)", rich_help_panel=TRAFFIC)
     ] = None,
     replay: Annotated[
         Path | None,
@@ -43,7 +43,7 @@ def command(
         ),
     ] = None,
     tracker: Annotated[
-        str | None, typer.Option(help="Tracker by name. [default: mmpf]", rich_help_panel=TRACKING)
+        str | None, typer.Option(help="Tracker by name. (default: mmpf)", rich_help_panel=TRACKING)
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="Motion model by name, e.g. cvm, cam, idm.", rich_help_panel=TRACKING)
@@ -55,7 +55,7 @@ def command(
     particles: Annotated[int | None, typer.Option(help="Particles per vehicle.", rich_help_panel=TRACKING)] = None,
     seed: Annotated[
         int | None,
-        typer.Option(help="Root of all randomness: same seed, same results. [default: 0]", rich_help_panel=RESULT),
+        typer.Option(help="Root of all randomness: same seed, same results. (default: 0)", rich_help_panel=RESULT),
     ] = None,
     config: Annotated[
         Path | None,
@@ -73,7 +73,7 @@ def command(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Run folder to write. [default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... where taken]",
+            help="Run folder to write. (default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... where taken)",
             rich_help_panel=RESULT,
         ),
     ] = None,
@@ -89,17 +89,16 @@ def command(
 ) -> None:
     """Drive, sense, track and score once.
 
-    Leaves a run folder: config.toml, manifest.json, truth, detections, tracks and errors as parquet, metrics.json and
-    figures. Later settings win: defaults, --config, options, --set.
+    Leaves a run folder: config.toml, manifest.json, truth, detections, tracks
+    and errors as parquet, metrics.json and figures. Later settings win:
+    defaults, --config, options, --set.
 
     Examples:
-        python -m harness run --net us101
-
-        python -m harness run --density 45 --model cam --particles 500 --seed 3 --out results/cam
-
-        python -m harness run --replay results/cam --model cvm --json
-
-        python -m harness run --config results/cam/config.toml --set sensor.range_m=80 --set traffic.duration_s=20
+      python -m harness run --net us101
+      python -m harness run --density 45 --model cam --seed 3 --out results/cam
+      python -m harness run --replay results/cam --model cvm --json
+      python -m harness run --config results/cam/config.toml --set sensor.range_m=80
+      python -m harness run --demand us101-0805 --set tracker.options.joint.gate_std=4
     """
     from harness.replay_config import resolve_run_config  # noqa: PLC0415
 

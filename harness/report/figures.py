@@ -130,7 +130,7 @@ def _means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[F
     count = np.bincount(stretch)
     total = np.bincount(stretch, weights=np.abs(rows[column].to_numpy(dtype=np.float64)))
     means = np.where(count >= FEWEST_SAMPLES, total / np.maximum(count, 1), np.nan)
-    return (np.arange(len(count)) + 0.5) * width_s, means
+    return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64)
 
 
 def _stretch_s(duration_s: float) -> float:

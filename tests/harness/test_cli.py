@@ -1,0 +1,165 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness import cli
+from harness.cli import run_command_line
+from harness.errors import RunError, RunInterruptedError, UserError
+from mmpf.registry import UnknownNameError
+
+US101 = Path(__file__).parents[2] / "networks" / "us101"
+
+
+def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
+    """Return the exit code, stdout and stderr of a command."""
+    code = run_command_line(arguments)
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["run", "--net", "nosuch"], "--net"),
+        (["run", "--model", "nosuch"], "--model"),
+        (["run", "--demand", "nosuch"], "--demand"),
+        (["run", "--tracker", "nosuch"], "--tracker"),
+        (["run", "--sensor", "nosuch"], "--sensor"),
+        (["run", "--update", "nosuch"], "update"),
+        (["run", "--density", "0"], "--density"),
+        (["run", "--density", "-1"], "--density"),
+        (["run", "--density", "500"], "--density"),
+        (["run", "--density", "nan"], "--density"),
+        (["run", "--density", "many"], "--density"),
+        (["run", "--duration", "-3"], "--duration"),
+        (["run", "--particles", "0"], "--particles"),
+        (["run", "--particles", "2.5"], "--particles"),
+        (["run", "--set", "sensor.rnge_m=3"], "sensor.rnge_m"),
+        (["run", "--set", "tracker.options.gate=3"], "gate"),
+        (["run", "--set", "nonsense"], "--set"),
+        (["run", "--replay", "nosuch"], "--replay"),
+        (["run", "--config", "nosuch.toml"], "--config"),
+        (["run", "--out", "/dev/null/run"], "--out"),
+        (["run", "--out", "."], "--out"),
+        (["run", "--unknown"], "--unknown"),
+        (["run", "surplus"], "surplus"),
+        (["nosuch"], "nosuch"),
+        (["--nosuch"], "--nosuch"),
+    ],
+)
+def test_wrong_input_is_told_in_one_line(arguments, named, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = complaint(arguments, capsys)
+    assert code == 2
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    assert named in err
+    assert "Traceback" not in err
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+@pytest.mark.parametrize("damage", ["missing", "cut", "not xml"])
+def test_a_broken_network_file_is_told_in_one_line(damage, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    for name in ("network.toml", "vehicles.add.xml"):
+        (tmp_path / "mine" / name).write_bytes((US101 / name).read_bytes())
+    net = tmp_path / "mine" / "us101.net.xml"
+    if damage == "cut":
+        net.write_bytes((US101 / net.name).read_bytes()[:3000])
+    elif damage == "not xml":
+        net.write_text("hello")
+    code, _, err = complaint(["run", "--net", "mine", "--duration", "1"], capsys)
+    assert code == 2
+    assert len(err.splitlines()) == 1
+    assert net.name in err
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (UserError("x"), 2),
+        (UnknownNameError("x"), 2),
+        (RunError("x"), 3),
+        (RunInterruptedError("x"), 130),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_each_kind_of_error_has_its_exit_code(error, code, capsys, monkeypatch):
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr("harness.commands.nets.command", fail)
+    exit_code, _, err = complaint(["nets"], capsys)
+    assert exit_code == code
+    assert len(err.splitlines()) == 1
+
+
+def test_overview_loads_nothing_heavy():
+    heavy = "libsumo pandas numba matplotlib sklearn stonesoup scipy pyarrow numpy"
+    script = (
+        "import sys; from harness.cli import run_command_line as run; code = run(['--help']);"
+        f"print(code, [name for name in '{heavy}'.split() if name in sys.modules], file=sys.stderr)"
+    )
+    answer = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert answer.stderr.strip() == "0 []"
+    assert "python -m harness run --net us101" in answer.stdout
+
+
+def test_every_listed_command_that_exists_can_be_called_for_help(capsys):
+    existing = [entry for entry in cli.COMMANDS if entry.exists()]
+    assert {"run", "nets"} <= {entry.name for entry in existing}
+    for entry in existing:
+        code, out, _ = complaint([entry.name, "--help"], capsys)
+        assert code == 0
+        assert entry.name in out
+
+
+def test_nets_lists_networks_and_demands_for_people_and_programs(capsys):
+    code, out, _ = complaint(["nets"], capsys)
+    assert code == 0
+    assert "us101-0805" in out
+    code, out, _ = complaint(["nets", "--json"], capsys)
+    assert "us101" in {network["name"] for network in json.loads(out)}
+
+
+@pytest.mark.slow
+def test_json_is_all_that_is_on_stdout(tmp_path):
+    command = ["run", "--duration", "1", "--particles", "50", "--out", str(tmp_path / "run"), "--json"]
+    answer = subprocess.run([sys.executable, "-m", "harness", *command], capture_output=True, text=True, check=True)
+    assert json.loads(answer.stdout) == json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert "Results:" in answer.stderr
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_a_readable_folder_that_says_so(tmp_path):
+    command = ["run", "--duration", "600", "--particles", "50", "--out", str(tmp_path / "run")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "harness", *command], stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=os.environ
+    )
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob(".run.running-*/road.json")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
+    steps = {
+        name: pd.read_parquet(tmp_path / "run.incomplete" / f"{name}.parquet")["step"].max()
+        for name in ("truth", "tracks")
+    }
+    manifest = json.loads((tmp_path / "run.incomplete" / "manifest.json").read_text())
+    assert manifest["status"] == "interrupted"
+    assert steps["truth"] == manifest["steps"] - 1
+    assert not (tmp_path / "run.incomplete" / "metrics.json").exists()
