@@ -27,7 +27,7 @@ RAMP_ENTRY_M = 8.0
 # Drivers hold a little more than the equilibrium gap close to the speed limit.
 SPEED_MARGIN = 1.15
 ENTRY_HEADROOM = 1.1
-EXIT_WAVE_SHARE = 0.4
+EXIT_WAVE_SHARE = 0.5
 
 
 class TrafficControl:

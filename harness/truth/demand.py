@@ -103,6 +103,6 @@ def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation:
         density_veh_per_km_lane=density_veh_per_km_lane,
         on_ramp_veh_per_h=min(600.0, 0.06 * main_flow_veh_per_h),
         off_ramp_veh_per_h=min(380.0, 0.035 * main_flow_veh_per_h),
-        wave_amplitude=0.55 * min(1.0, max(0.0, congestion)),
+        wave_amplitude=0.65 * min(1.0, max(0.0, congestion)),
         wave_period_s=45.0,
     )

@@ -13,11 +13,10 @@ from mmpf.road import NO_LANE, FloatArray, Road
 
 BESIDE_SECTION_M = 150.0
 OFF_ROAD_WITHIN_M = 15.0
-DECIMALS = 4
 
 
 def read_frame(sumo: ModuleType, road: Road, step: int, time_s: float) -> Frame:
-    """Return the vehicles within 150 m of the section, values rounded to 1e-4; the frame has no ego yet.
+    """Return the vehicles within 150 m of the section, not smoothed; the frame has no ego yet.
 
     SUMO's lateral position is taken as the centre's, so that lateral speed is its derivative; on a ramp, which lies at
     an angle to the road, the centre is half a length behind the front bumper along SUMO's heading.
@@ -49,15 +48,15 @@ def read_frame(sumo: ModuleType, road: Road, step: int, time_s: float) -> Frame:
         episode=0,
         ego=NO_EGO_INDEX,
         vehicle_id=np.array(names, dtype=np.str_),
-        lon_m=_rounded(lon),
-        lat_m=_rounded(lat),
-        heading_rad=_rounded((heading + np.pi) % (2.0 * np.pi) - np.pi),
-        speed_mps=_rounded(np.where(along_road, speed, speed * np.cos(heading))),
-        lat_speed_mps=_rounded(np.where(along_road, lat_speed, speed * np.sin(heading))),
-        accel_mps2=_rounded(np.array([vehicle.getAcceleration(name) for name in names])),
+        lon_m=lon,
+        lat_m=lat,
+        heading_rad=(heading + np.pi) % (2.0 * np.pi) - np.pi,
+        speed_mps=np.where(along_road, speed, speed * np.cos(heading)),
+        lat_speed_mps=np.where(along_road, lat_speed, speed * np.sin(heading)),
+        accel_mps2=np.array([vehicle.getAcceleration(name) for name in names]),
         lane=road.lane_number_at(lon, lat),
-        length_m=_rounded(length),
-        width_m=_rounded(np.array([vehicle.getWidth(name) for name in names])),
+        length_m=length,
+        width_m=np.array([vehicle.getWidth(name) for name in names]),
     )
 
 
@@ -86,8 +85,3 @@ def _beside_the_road(road: Road, lat_m: FloatArray) -> np.ndarray[tuple[int], np
 def _heading(sumo_angle_deg: float) -> float:
     """Turn SUMO's compass angle, clockwise from north, into one counterclockwise from the x axis."""
     return float(np.radians(90.0 - sumo_angle_deg))
-
-
-def _rounded(values: FloatArray) -> FloatArray:
-    # Adding zero turns -0.0 into 0.0.
-    return np.asarray(np.round(values, DECIMALS) + 0.0)

@@ -15,6 +15,7 @@ from harness.truth.frame import Frame
 from harness.truth.network import Network
 from harness.truth.reading import count_and_speed_in_section, read_frame
 from harness.truth.session import start_sumo, step_sumo, stop_sumo
+from harness.truth.smoothing import lead_frames, smoothed
 from mmpf.road import Road
 
 STEP_S = 0.1
@@ -97,17 +98,21 @@ class SumoTruth:
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order; they end early if the user's own demand runs dry."""
-        ego = EgoChoice(vehicle_id="", episode=-1)
-        for step in range(self.expected_steps):
-            frame = read_frame(self._sumo, self.road, step, round(step * self.step_s, 6))
+        ego = EgoChoice(vehicle_id=NO_EGO, episode=-1)
+        for frame in smoothed(self._raw_frames(), self.road, self.step_s):
             if self._wants_ego:
                 ego = choose_ego(frame, ego, self._network.ego_lanes, self.road.section_m)
                 if ego.vehicle_id == NO_EGO:
                     return
-                frame = ego.apply(frame)
-            yield frame
-            if step + 1 < self.expected_steps:
+                yield ego.apply(frame)
+            else:
+                yield frame
+
+    def _raw_frames(self) -> Iterator[Frame]:
+        for step in range(self.expected_steps + 2 * lead_frames(self.step_s)):
+            if step:
                 self._advance()
+            yield read_frame(self._sumo, self.road, step, step * self.step_s)
 
     def close(self) -> None:
         """End the simulation; harmless to call twice."""
