@@ -118,7 +118,6 @@ def errors_by_time_hidden(
         inside = (errors.seconds_hidden > from_s + TIME_TOLERANCE_S) & (
             errors.seconds_hidden <= to_s + TIME_TOLERANCE_S
         )
-        inside &= errors.state == HIDDEN
         means = _mean_of(errors, inside & errors.tracked, settings, rng)
         bins.append(HiddenBin(from_s, to_s, means, hidden_outcomes(errors.outcome[inside])))
     return tuple(bins)

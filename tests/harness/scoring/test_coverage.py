@@ -9,9 +9,9 @@ from tests.harness.scoring.scenes import Scene
 STEPS = np.arange(40)
 
 
-@pytest.mark.parametrize(("first_tracked", "percent"), [(15, 100.0), (16, 0.0)])
+@pytest.mark.parametrize(("first_tracked", "percent"), [(16, 100.0), (17, 0.0)])
 def test_a_track_is_prompt_up_to_half_a_second_after_its_vehicle_became_visible(first_tracked, percent):
-    scene = Scene(40).vehicle("a", lon=20.0, state=np.where(STEPS < 10, "hidden", "visible"), detected=STEPS >= 10)
+    scene = Scene(40).vehicle("a", lon=20.0, state=np.where(STEPS < 11, "hidden", "visible"), detected=STEPS >= 11)
     coverage = score(*scene.track(7, lon=20.0, at=STEPS[first_tracked:]).tables()).coverage
     assert coverage.prompt_vehicles == 1
     assert coverage.prompt_percent == percent

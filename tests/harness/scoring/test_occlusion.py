@@ -65,6 +65,12 @@ def test_a_vehicle_without_a_track_at_the_onset_counts_as_lost_and_untracked():
     assert evaluate(*scene.tables()).scores.occlusion.untracked == 1
 
 
+def test_a_track_that_dies_only_after_the_return_was_alive_at_the_return_and_yet_is_lost():
+    for last, alive in ((BACK - 1, 0), (BACK, 1)):
+        counts = evaluate(*occluded().track(7, lon=20.0, at=STEPS[: last + 1]).tables()).scores.occlusion
+        assert (counts.alive_at_return, counts.lost) == (alive, 1)
+
+
 def test_three_seconds_part_short_from_long_events():
     for gap_steps, short, long in ((30, 1, 0), (31, 0, 1), (100, 0, 1)):
         scene = occluded(back=GONE - 1 + gap_steps, end=170).track(7, lon=20.0)
