@@ -1,0 +1,170 @@
+"""Fits everything that the learned driver consists of to windows of recorded car following."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from harness.training.following import Following
+from mmpf.learning.fit import fit_mixture
+from mmpf.learning.recovery import (
+    FollowingRecords,
+    RecoveryGains,
+    demonstrated_samples,
+    join_samples,
+    recovery_samples,
+)
+from mmpf.motion.features import log_headway, situation
+from mmpf.motion.lane_keeping import LaneKeeper
+from mmpf.motion.learned_driver import DriverModel, FreeDriver
+from mmpf.motion.scaled_gmm import ScaledGmm
+from mmpf.motion.short_driver import short_inputs
+from mmpf.road import FloatArray
+
+FOLLOWING_SAMPLES = 120_000
+SHORT_SAMPLES = 120_000
+ROLLOUTS = 600
+HABIT_COMPONENTS = 12
+HABIT_SITUATIONS_PER_WINDOW = 5
+STEADY_CLOSING_MPS = 1.5
+STEADY_ACCEL_MPS2 = 0.7
+ACCEL_BIAS_MPS2 = 0.02
+CROSSING_MPS = 0.9
+UNSEEN_CHANGES_PER_S = 0.002
+SEEN_CHANGES_PER_S = 0.03
+
+
+def fit_driver(
+    windows: Following, components: int, seed: int, step_s: float, progress: Callable[[str], None]
+) -> DriverModel:
+    """Fit the learned driver.
+
+    Args:
+        windows: Training windows with and without leaders.
+        components: Components of the following mixture.
+        seed: Seed of sampling and of the fits.
+        step_s: Time between steps.
+        progress: Told one line per stage.
+    """
+    rng = np.random.default_rng(seed)
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    habit = driver_habit(led)
+    records = following_records(led, habit, step_s)
+    progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
+    following = fit_following(records, components, seed, rng, progress)
+    return DriverModel(
+        following=following,
+        habit=_fit_habit(led, habit, seed, rng),
+        free=_fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s),
+        keeper=_fit_keeper(windows, step_s),
+        accel_bias_mps2=ACCEL_BIAS_MPS2,
+    )
+
+
+def fit_following(
+    records: FollowingRecords,
+    components: int,
+    seed: int,
+    rng: np.random.Generator,
+    progress: Callable[[str], None],
+) -> ScaledGmm:
+    """Fit the following mixture to recovery samples, then once more with what it demonstrated itself."""
+    gains = RecoveryGains()
+    samples = recovery_samples(records, FOLLOWING_SAMPLES, gains, rng)
+    first = fit_mixture(samples.x, samples.y, components, seed)
+    progress("adding the states that the fitted model reaches, and fitting again")
+    demonstrated = demonstrated_samples(records, first, ROLLOUTS, gains, rng)
+    joined = join_samples(samples, demonstrated)
+    return fit_mixture(joined.x, joined.y, components, seed)
+
+
+def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:
+    """Fit the paper's short-term model, exactly its inputs and outputs, to unaltered samples."""
+    rng = np.random.default_rng(seed)
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    x, y = short_samples(led)
+    chosen = rng.choice(len(x), size=min(SHORT_SAMPLES, len(x)), replace=False)
+    return fit_mixture(x[chosen], y[chosen], components, seed)
+
+
+def short_samples(led: Following) -> tuple[FloatArray, FloatArray]:
+    """Return all samples of the paper's inputs (n, 5) and outputs (n, 4)."""
+    distance = led.gap_m + led.leader_length_m[:, None]
+    now, then = slice(None, -1), slice(1, None)
+    columns = (led.offset_m, distance, led.speed_mps, led.accel_mps2, led.leader_speed_mps)
+    x = short_inputs(*(column[:, now].ravel() for column in columns))
+    advance = np.diff(led.lon_m, axis=1).ravel()
+    outputs = (led.offset_m[:, then], led.speed_mps[:, then], led.accel_mps2[:, then])
+    offset, speed, accel = (column.ravel() for column in outputs)
+    return x, np.stack([offset, advance, speed, accel], axis=1)
+
+
+def driver_habit(led: Following) -> FloatArray:
+    """Return each window's driver's mean log time headway over all its windows' steady moments, shape (windows,)."""
+    closing = np.abs(led.speed_mps - led.leader_speed_mps)
+    steady = (closing < STEADY_CLOSING_MPS) & (np.abs(led.accel_mps2) < STEADY_ACCEL_MPS2)
+    weight = steady + 1e-3
+    drivers = int(led.vehicle.max()) + 1
+    headway = log_headway(led.gap_m, led.speed_mps)
+    total = np.bincount(led.vehicle, (weight * headway).sum(axis=1), drivers)
+    norm = np.bincount(led.vehicle, weight.sum(axis=1), drivers)
+    return np.asarray((total / np.maximum(norm, 1e-9))[led.vehicle])
+
+
+def following_records(led: Following, habit: FloatArray, step_s: float) -> FollowingRecords:
+    """Return what the recovery samples are drawn from."""
+    return FollowingRecords(
+        led.gap_m,
+        led.speed_mps,
+        led.accel_mps2,
+        led.leader_speed_mps,
+        led.leader_accel_mps2,
+        habit[:, None],
+        step_s,
+    )
+
+
+def _fit_habit(led: Following, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
+    window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
+    step = rng.integers(led.lon_m.shape[1], size=len(window))
+    columns = (led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2)
+    seen = situation(*(column[window, step] for column in columns))
+    return fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
+
+
+def _fit_free(free: Following, step_s: float) -> FreeDriver:
+    """Fit by least squares; a driver's desired speed is its mean speed at the window's end."""
+    settle = 20
+    desired = free.speed_mps[:, -settle:].mean(axis=1)
+    speed, accel = free.speed_mps[:, : -settle - 1], free.accel_mps2[:, : -settle - 1]
+    change = np.diff(free.accel_mps2[:, :-settle], axis=1) / step_s
+    missing = desired[:, None] - speed
+    design = np.stack([missing.ravel(), -accel.ravel()], axis=1)
+    (pull, lag), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
+    noise = np.std(change.ravel() - design @ np.array([pull, lag])) * step_s
+    start_accel, gained = free.accel_mps2[:, 0], desired - free.speed_mps[:, 0]
+    per_accel = float(start_accel @ gained / (start_accel @ start_accel))
+    spread = float(np.std(gained - per_accel * start_accel))
+    lag = float(np.clip(lag, 0.2, 1.0 / step_s))
+    return FreeDriver(lag, float(np.clip(pull / lag, 0.05, 2.0)), float(noise), per_accel, spread)
+
+
+def _fit_keeper(windows: Following, step_s: float) -> LaneKeeper:
+    """Fit the pull to each window's mean place in the lane by least squares; lateral jumps are the noise."""
+    place = windows.offset_m.mean(axis=1)
+    away, lat_speed = windows.offset_m[:, :-1] - place[:, None], windows.lat_speed_mps[:, :-1]
+    change = np.diff(windows.lat_speed_mps, axis=1) / step_s
+    design = np.stack([-away.ravel(), -lat_speed.ravel()], axis=1)
+    (attraction, damping), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
+    noise = np.std(change.ravel() - design @ np.array([attraction, damping])) * np.sqrt(step_s)
+    spread = np.std(windows.offset_m[:, -1] - windows.offset_m[:, 0]) / np.sqrt(2.0)
+    return LaneKeeper(
+        attraction_per_s2=float(np.clip(attraction, 0.01, 2.0)),
+        damping_per_s=float(np.clip(damping, 0.1, 5.0)),
+        speed_noise=float(noise),
+        offset_spread_m=float(spread),
+        changes_per_s=UNSEEN_CHANGES_PER_S,
+        seen_changes_per_s=SEEN_CHANGES_PER_S,
+        crossing_mps=CROSSING_MPS,
+    )

@@ -1,0 +1,215 @@
+"""The learned driver: follows its leader by a Gaussian mixture, keeps habits of its own, and changes lanes at times.
+
+Beside the paper's short-term model, this one is taught to recover from its own mistakes (``mmpf.learning.recovery``),
+puts out the acceleration alone, and gives each particle a driver: constants drawn once, from what the data says of a
+driver in the particle's situation. They carry the uncertainty that step-by-step noise would average away, and as they
+are resampled with the particle, the filter learns each vehicle's driver while it is seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.motion.features import situation
+from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
+from mmpf.motion.lane_keeping import LaneKeeper
+from mmpf.motion.model_file import ModelFileError, load_arrays, mixture_from_arrays
+from mmpf.motion.protocol import Neighbour, Surroundings, motion_models
+from mmpf.motion.scaled_gmm import ScaledGmm
+from mmpf.road import FloatArray
+from mmpf.state import ACCEL, SPEED
+
+CASE = "lane-keeping"
+FURTHEST_LEADER_M = 100.0
+REDRAWN_PER_S = 0.2
+
+KNOWN, HABIT, BIAS, DESIRED_SPEED, OFFSET, INTENTION, TARGET = range(7)
+LATENTS = 7
+
+
+@dataclass(frozen=True)
+class FreeDriver:
+    """How a driver without a leader regulates its speed towards the one it desires.
+
+    Attributes:
+        lag_per_s: Rate at which acceleration approaches what is wanted.
+        gain_per_s: Wanted acceleration per m/s of missing speed.
+        accel_noise_mps2: Standard deviation of the acceleration's noise in each step.
+        desired_per_accel_s: How much more than the present speed is desired per m/s² of present acceleration.
+        desired_spread_mps: Standard deviation of the desired speed given present speed and acceleration.
+    """
+
+    lag_per_s: float
+    gain_per_s: float
+    accel_noise_mps2: float
+    desired_per_accel_s: float
+    desired_spread_mps: float
+
+
+@dataclass(frozen=True)
+class DriverModel:
+    """All that is fitted for the learned driver.
+
+    Attributes:
+        following: Acceleration of the next step given the situation (5 numbers) and the habit.
+        habit: Logarithm of the time headway that a driver keeps in the long run, given the situation.
+        free: Driving without a leader.
+        keeper: Lateral motion.
+        accel_bias_mps2: Standard deviation of a driver's constant deviation in acceleration.
+    """
+
+    following: ScaledGmm
+    habit: ScaledGmm
+    free: FreeDriver
+    keeper: LaneKeeper
+    accel_bias_mps2: float
+
+
+@cache
+def _committed_model() -> DriverModel:
+    with as_file(files("mmpf.models").joinpath("lane_keeping.npz")) as path:
+        return load_driver_model(path)
+
+
+@dataclass(frozen=True)
+class LearnedDriver:
+    """The default model; latents are a driver's habits and its lane-change intention.
+
+    Attributes:
+        model: What was fitted.
+        changes_lanes: Whether particles may take up lane changes.
+        name: Name in the registry.
+        latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, place
+            in the lane, intention (-1 to the right, 0, 1 to the left) and lateral position of the lane it is after.
+    """
+
+    model: DriverModel = field(default_factory=_committed_model)
+    changes_lanes: bool = True
+    name: str = "gmm"
+    latent_size: int = LATENTS
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+        """Return latents that are drawn at the first step, when the surroundings are known: shape (7, n) of zeros."""
+        return np.zeros((LATENTS, state.shape[1]))
+
+    def propagate(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sample the states one step later; see ``MotionModel.propagate``."""
+        seen = _situation(state, surroundings.leader)
+        next_latents = self._with_drivers(state, latents, surroundings, seen, dt_s, rng)
+        after = np.empty_like(state)
+        accel = self._acceleration(state, next_latents, surroundings.leader, seen, dt_s, rng)
+        move_along(state, after, accel, np.zeros(state.shape[1]), dt_s)
+        self.model.keeper.move_across(state, after, next_latents[OFFSET:], surroundings, dt_s, rng)
+        return after, next_latents
+
+    def _with_drivers(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        seen: FloatArray,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return latents with a driver for particles that have none, now and then a fresh one for those in sight."""
+        fresh = latents[KNOWN] == 0.0
+        fresh |= ~surroundings.is_hidden & (rng.random(len(fresh)) < REDRAWN_PER_S * dt_s)
+        drawn = latents.copy()
+        index = np.flatnonzero(fresh)
+        if len(index):
+            drawn[KNOWN, index] = 1.0
+            drawn[HABIT, index] = self.model.habit.sample(seen[index], rng)[:, 0]
+            drawn[BIAS, index] = self.model.accel_bias_mps2 * rng.standard_normal(len(index))
+            drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
+            drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
+        if self.changes_lanes:
+            drawn[INTENTION:] = self.model.keeper.switch_intention(state, drawn[INTENTION:], surroundings, dt_s, rng)
+        return drawn
+
+    def _desired_speed(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        free = self.model.free
+        expected = state[SPEED] + free.desired_per_accel_s * state[ACCEL]
+        desired = expected + free.desired_spread_mps * rng.standard_normal(state.shape[1])
+        return np.asarray(np.maximum(desired, 0.0))
+
+    def _acceleration(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        leader: Neighbour,
+        seen: FloatArray,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        follows = _follows(leader)
+        free = self.model.free
+        wanted = free.gain_per_s * (latents[DESIRED_SPEED] - state[SPEED])
+        accel = state[ACCEL] + np.minimum(free.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
+        accel += free.accel_noise_mps2 * rng.standard_normal(len(accel))
+        index = np.flatnonzero(follows)
+        if len(index):
+            x = np.column_stack([seen[index], latents[HABIT, index]])
+            accel[index] = self.model.following.sample(x, rng)[:, 0] + latents[BIAS, index]
+        return np.asarray(np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2))
+
+
+def load_learned_driver(path: Path) -> LearnedDriver:
+    """Read a fitted model of the user's own.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    return LearnedDriver(load_driver_model(path))
+
+
+def load_driver_model(path: Path) -> DriverModel:
+    """Read what was fitted.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    arrays = load_arrays(path, CASE)
+    sizes = {"free": 5, "lateral": 4, "intention": 3, "spread": 1}
+    for name, size in sizes.items():
+        if name not in arrays or arrays[name].shape != (size,):
+            raise ModelFileError(f"model file {path}: {name} must be {size} numbers")
+    return DriverModel(
+        following=mixture_from_arrays(path, arrays, "following", (6, 1)),
+        habit=mixture_from_arrays(path, arrays, "habit", (5, 1)),
+        free=FreeDriver(*arrays["free"].tolist()),
+        keeper=LaneKeeper(*arrays["lateral"].tolist(), *arrays["intention"].tolist()),
+        accel_bias_mps2=float(arrays["spread"][0]),
+    )
+
+
+def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
+    """Return the driver that keeps its lane whatever happens."""
+    return replace(driver, changes_lanes=False)
+
+
+def _follows(leader: Neighbour) -> npt.NDArray[np.bool_]:
+    return leader.exists & (leader.gap_m < FURTHEST_LEADER_M)
+
+
+def _situation(state: FloatArray, leader: Neighbour) -> FloatArray:
+    follows = _follows(leader)
+    gap = np.where(follows, leader.gap_m, FURTHEST_LEADER_M)
+    leader_speed = np.where(follows, leader.speed_mps, state[SPEED])
+    leader_accel = np.where(follows, leader.accel_mps2, 0.0)
+    return situation(gap, state[SPEED], state[ACCEL], leader_speed, leader_accel)
+
+
+motion_models.register("gmm")(LearnedDriver)
