@@ -1,0 +1,77 @@
+"""The size of every kinematic model's process noise, by one procedure: maximum likelihood of the state one second on.
+
+Each model runs without noise from recorded states for one second. Its errors in position and speed are taken for those
+of white noise driving the speed (CVM, CSAV, IDM) or the acceleration (CAM, CSAA), integrated over the second; the
+likelihood's maximum over the noise's spectral density is then ``mean(e' Q^-1 e) / 2`` with Q for unit density.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.training.following import Following
+from harness.training.replaying import states_at, surroundings_at
+from mmpf.motion.bicycle import ConstantSteeringAcceleration, ConstantSteeringVelocity
+from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
+from mmpf.motion.idm import IntelligentDriver, fitted_parameters
+from mmpf.motion.process_noise import ProcessNoise
+from mmpf.motion.protocol import MotionModel
+from mmpf.road import FloatArray
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+
+AHEAD_S = 1.0
+NO_NOISE = ProcessNoise(0.0, 0.0)
+SPEED_DRIVEN = np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
+ACCEL_DRIVEN = np.array([[1.0 / 20.0, 1.0 / 8.0], [1.0 / 8.0, 1.0 / 3.0]])
+
+
+def fit_noise(windows: Following, step_s: float) -> dict[str, ProcessNoise]:
+    """Return the noise of each kinematic model.
+
+    Args:
+        windows: Windows of the tuning seeds.
+        step_s: Time between steps.
+    """
+    rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
+        (ConstantVelocity(NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (ConstantAcceleration(NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
+        (ConstantSteeringVelocity(NO_NOISE), SPEED_DRIVEN, ACCEL_DRIVEN),
+        (ConstantSteeringAcceleration(NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
+        (IntelligentDriver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (IntelligentDriver(fitted_parameters(), NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
+    )
+    return {model.name: _most_likely(model, lon, lat, windows, step_s) for model, lon, lat in rivals}
+
+
+def noise_toml(sizes: dict[str, ProcessNoise]) -> str:
+    """Return the noise as the committed file gives it."""
+    head = (
+        "# Root spectral density of the white noise that drives each model: acceleration (m/s^2 per root second)\n"
+        "# for cam, csaa and csav across the road, speed (m/s per root second) for all others.\n"
+        "# Found by maximum likelihood of the state one second on, over the tuning seeds.\n"
+    )
+    tables = (f'["{name}"]\nlon = {noise.lon:.4g}\nlat = {noise.lat:.4g}\n' for name, noise in sizes.items())
+    return head + "\n".join(tables)
+
+
+def _most_likely(
+    model: MotionModel, lon_shape: FloatArray, lat_shape: FloatArray, windows: Following, step_s: float
+) -> ProcessNoise:
+    ahead = round(AHEAD_S / step_s)
+    starts = range(0, windows.lon_m.shape[1] - ahead, ahead)
+    away = np.concatenate([_errors(model, windows, start, start + ahead, step_s) for start in starts], axis=1)
+    return ProcessNoise(_density(away[:2], lon_shape), _density(away[2:], lat_shape))
+
+
+def _errors(model: MotionModel, windows: Following, start: int, end: int, step_s: float) -> FloatArray:
+    """Return errors in longitudinal position and speed, lateral position and speed, shape (4, windows)."""
+    rng = np.random.default_rng(0)
+    state = states_at(windows, start)
+    latents = model.draw_latents(state, rng)
+    for step in range(start, end):
+        state, latents = model.propagate(state, latents, surroundings_at(windows, state, step), step_s, rng)
+    return np.asarray((state - states_at(windows, end))[[LON, SPEED, LAT, LAT_SPEED]])
+
+
+def _density(errors: FloatArray, shape: FloatArray) -> float:
+    return float(np.sqrt(np.einsum("in,ij,jn->n", errors, np.linalg.inv(shape), errors).mean() / 2.0))
