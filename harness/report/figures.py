@@ -143,7 +143,7 @@ def _label_lines(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
     top = axes.get_ylim()[1]
     height = -np.inf
     for state, (time, mean) in sorted(ends.items(), key=lambda item: item[1][1]):
-        height = max(mean, height + 0.11 * top)
+        height = max(mean, height + 0.11 * top, 0.05 * top)
         axes.annotate(
             NAMES[state], (time, height), xytext=(6, 0), textcoords="offset points", color=COLOURS[state], va="center"
         )
