@@ -15,9 +15,10 @@ import numpy as np
 
 from harness.truth.corridor import CorridorEdge
 from harness.truth.demand import Demand, Equilibrium
-from harness.truth.fill import Placement, fill, leaving_share, main_lane_density, route_of
+from harness.truth.fill import FREE_SHARE, Placement, fill, leaving_share, main_lane_density, route_of
 from harness.truth.network import Network
 from harness.truth.population import Vehicle, draw_vehicle
+from harness.truth.reading import Load
 
 SLOWEST_MPS = 1.0
 CONTROL_EVERY_S = 0.5
@@ -27,6 +28,7 @@ RAMP_ENTRY_M = 8.0
 # Drivers hold a little more than the equilibrium gap close to the speed limit.
 SPEED_MARGIN = 1.15
 ENTRY_HEADROOM = 1.1
+INFLOW_GAIN = 4.0
 EXIT_WAVE_SHARE = 0.5
 
 
@@ -54,7 +56,7 @@ class TrafficControl:
         lanes = network.corridor.main_lanes
         section_km = (network.section_m[1] - network.section_m[0]) / 1000.0
         self._target = demand.density_veh_per_km_lane * lanes * section_km
-        self._lane_density = main_lane_density(network, demand)
+        self._lane_density = main_lane_density(network, demand, relation)
         self._learned_flow = 0.0
         self._phase = float(rng.uniform())
         self._inflow_scale = 1.0
@@ -70,15 +72,15 @@ class TrafficControl:
         for placement in fill(self._network, self._demand, self._relation, self._rng):
             self._add(placement)
 
-    def before_step(self, time_s: float, measure: Callable[[], tuple[int, float]]) -> None:
+    def before_step(self, time_s: float, measure: Callable[[], Load]) -> None:
         """Let vehicles in and adjust the exit before SUMO's next step.
 
         Args:
             time_s: Simulation time.
-            measure: Counts the vehicles on the section's lanes now and takes their mean speed.
+            measure: Counts the vehicles now.
         """
         if time_s >= self._next_control_s:
-            self._steer(time_s, *measure())
+            self._steer(time_s, measure())
             self._next_control_s = time_s + CONTROL_EVERY_S
         for lane in range(self._network.corridor.main_lanes):
             self._let_in(lane)
@@ -89,15 +91,23 @@ class TrafficControl:
     def _congested(self) -> bool:
         return self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km
 
-    def _steer(self, time_s: float, vehicles: int, speed_mps: float) -> None:
+    def _steer(self, time_s: float, load: Load) -> None:
         lanes = self._network.corridor.main_lanes
-        excess = vehicles - self._target
+        excess = load.inside - self._target
         if self._congested:
             self._steer_exit(time_s, excess / lanes)
             self._steer_entry(excess / lanes)
         else:
-            self._inflow_scale = float(np.clip(1.0 - excess / self._target, 0.7, 1.3))
-            self._inflow_scale *= float(np.clip(speed_mps / self._relation.speed_mps(self._lane_density), 0.6, 1.1))
+            self._steer_inflow(load)
+
+    def _steer_inflow(self, load: Load) -> None:
+        """Let in as many as leave, counting those on their way, because they arrive only later."""
+        corridor = self._network.corridor
+        approach_m = self._network.section_m[0] - corridor.edges[0].start_m
+        target = FREE_SHARE * self._target + self._lane_density * corridor.main_lanes * approach_m / 1000.0
+        surplus = (load.approaching + load.inside) / target - 1.0
+        slowness = load.mean_speed_mps / self._relation.speed_mps(self._lane_density)
+        self._inflow_scale = float(np.clip(slowness - INFLOW_GAIN * surplus, 0.4, 1.8))
 
     def _steer_exit(self, time_s: float, excess: float) -> None:
         usual = self._relation.flow_veh_per_s(self._lane_density)

@@ -16,6 +16,8 @@ from mmpf.road import FloatArray
 EXTRA_LANE_SHARE = 0.35
 LANES_NEAR_RAMP = 2
 LEAVE_WITHIN_M = 80.0
+# In free flow the traffic that merges in and the slowing down behind slow vehicles add this much in the section.
+FREE_SHARE = 0.95
 
 
 @dataclass(frozen=True)
@@ -56,15 +58,16 @@ def fill(network: Network, demand: Demand, relation: Equilibrium, rng: np.random
     return placements
 
 
-def main_lane_density(network: Network, demand: Demand) -> float:
-    """Return the density of one main lane, per km, once the extra lanes' vehicles are taken off."""
+def main_lane_density(network: Network, demand: Demand, relation: Equilibrium) -> float:
+    """Return the density of one main lane, per km, once what the ramps and slow vehicles add is taken off."""
     start_m, end_m = network.section_m
     extra_m = sum(
         edge.extra_lanes * max(0.0, min(edge.end_m, end_m) - max(edge.start_m, start_m))
         for edge in network.corridor.edges
     )
     share = EXTRA_LANE_SHARE * extra_m / (network.corridor.main_lanes * (end_m - start_m))
-    return demand.density_veh_per_km_lane / (1.0 + share)
+    density = demand.density_veh_per_km_lane / (1.0 + share)
+    return density if demand.density_veh_per_km_lane > relation.critical_density_veh_per_km else density * FREE_SHARE
 
 
 def leaving_share(network: Network, demand: Demand, relation: Equilibrium) -> float:
@@ -93,7 +96,7 @@ def _density_profile(
     wavelength_m = relation.wave_speed_mps * demand.wave_period_s
     waves = 1.0 + demand.wave_amplitude * np.sin(2.0 * np.pi * (lon_m / wavelength_m + rng.uniform()))
     inside = (lon_m >= network.section_m[0]) & (lon_m < network.section_m[1])
-    return np.asarray(waves / waves[inside].mean() * main_lane_density(network, demand) / 1000.0)
+    return np.asarray(waves / waves[inside].mean() * main_lane_density(network, demand, relation) / 1000.0)
 
 
 def _fill_main_lane(
@@ -131,7 +134,7 @@ def _scatter(vehicles: list[Vehicle], demand: Demand, relation: Equilibrium, rng
     speed = relation.speed_mps(demand.density_veh_per_km_lane)
     needs = np.array([v.length_m + v.minimum_gap_m + v.headway_s * speed for v in vehicles])
     walk = np.cumsum(needs / needs.mean() - 1.0)
-    jitter = rng.uniform(-0.45, 0.45, len(vehicles))
+    jitter = rng.uniform(-0.35, 0.35, len(vehicles))
     return np.asarray(crowding * (walk - walk.mean()) + (1.0 - crowding) * jitter)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
@@ -60,14 +61,34 @@ def read_frame(sumo: ModuleType, road: Road, step: int, time_s: float) -> Frame:
     )
 
 
-def count_and_speed_in_section(sumo: ModuleType, road: Road) -> tuple[int, float]:
-    """Return how many vehicles are on the section's lanes, ramps left out, and their mean speed, 0 for none."""
+@dataclass(frozen=True)
+class Load:
+    """How much traffic there is on the road's lanes, ramps left out.
+
+    Attributes:
+        approaching: Vehicles before the section.
+        inside: Vehicles in the section.
+        mean_speed_mps: Mean speed of those in the section; 0 for none.
+    """
+
+    approaching: int
+    inside: int
+    mean_speed_mps: float
+
+
+def read_load(sumo: ModuleType, road: Road) -> Load:
+    """Count the vehicles before and in the section."""
     names = sumo.vehicle.getIDList()
     lon, lat = front_positions(sumo, road, names)
     start_m, end_m = road.section_m
-    inside = np.flatnonzero((lon >= start_m) & (lon < end_m) & (road.lane_number_at(lon, lat) != NO_LANE))
+    on_lane = road.lane_number_at(lon, lat) != NO_LANE
+    inside = np.flatnonzero(on_lane & (lon >= start_m) & (lon < end_m))
     speeds = [sumo.vehicle.getSpeed(names[k]) for k in inside]
-    return len(speeds), float(np.mean(speeds)) if speeds else 0.0
+    return Load(
+        approaching=int(np.sum(on_lane & (lon < start_m))),
+        inside=len(speeds),
+        mean_speed_mps=float(np.mean(speeds)) if speeds else 0.0,
+    )
 
 
 def front_positions(sumo: ModuleType, road: Road, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:

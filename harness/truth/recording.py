@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.errors import UserError
 from harness.truth.frame import Frame
 from mmpf.road import Road
 
@@ -66,30 +64,6 @@ class RecordedTruth:
 
     def close(self) -> None:
         """Do nothing: a table holds nothing open."""
-
-
-def read_truth(path: Path) -> pd.DataFrame:
-    """Read ``truth.parquet`` and check that it has the columns of a recording.
-
-    Raises:
-        UserError: The file is missing, truncated, no parquet file, empty, or lacks columns.
-    """
-    import pandas as pd  # noqa: PLC0415  (heavy)
-    import pyarrow as pa  # noqa: PLC0415  (heavy)
-
-    if not path.is_file():
-        raise UserError(f"{path}: the file does not exist; give the folder of a finished run")
-    try:
-        table = pd.read_parquet(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        reason = " ".join(str(error).split())
-        raise UserError(f"{path}: cannot be read as parquet, it is truncated or damaged: {reason}") from error
-    missing = [column for column in COLUMNS if column not in table.columns]
-    if missing:
-        raise UserError(f"{path}: no recorded truth, it lacks the columns {', '.join(missing)}")
-    if table.empty:
-        raise UserError(f"{path}: the recording is empty")
-    return table
 
 
 def frames_from_table(table: pd.DataFrame) -> Iterator[Frame]:

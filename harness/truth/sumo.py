@@ -13,7 +13,7 @@ from harness.truth.demand import DEFAULT_DENSITY, Demand, Equilibrium, demand_fo
 from harness.truth.ego import NO_EGO, EgoChoice, choose_ego
 from harness.truth.frame import Frame
 from harness.truth.network import Network
-from harness.truth.reading import count_and_speed_in_section, read_frame
+from harness.truth.reading import Load, read_frame, read_load
 from harness.truth.session import start_sumo, step_sumo, stop_sumo
 from harness.truth.smoothing import lead_frames, smoothed
 from mmpf.road import Road
@@ -91,7 +91,7 @@ class SumoTruth:
         for _ in range(round(duration_s / self.step_s)):
             self._advance()
         for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
-            if count_and_speed_in_section(self._sumo, self.road)[0]:
+            if read_load(self._sumo, self.road).inside:
                 return
             self._advance()
         raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
@@ -125,8 +125,8 @@ class SumoTruth:
             self._control.before_step(self._sumo.simulation.getTime(), self._measure)
         step_sumo(self._sumo)
 
-    def _measure(self) -> tuple[int, float]:
-        return count_and_speed_in_section(self._sumo, self.road)
+    def _measure(self) -> Load:
+        return read_load(self._sumo, self.road)
 
 
 def _open_held_demand(
