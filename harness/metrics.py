@@ -13,7 +13,7 @@ import pandas as pd
 from harness.config import RunConfig
 from harness.cosim import StageTimes
 from harness.truth.frame import TrafficSummary
-from mmpf.road import FloatArray, Road
+from mmpf.road import NO_LANE, FloatArray, Road
 
 MOT_KEYS = ("hota", "deta", "assa", "idf1", "mota", "id_switches", "fragmentations", "missed", "false_tracks")
 EMPTY_SCORES: dict[str, Any] = {
@@ -93,11 +93,13 @@ def summarise_traffic(truth: pd.DataFrame, road: Road) -> TrafficSummary:
     """Return density, flow and speed over the section and the whole time by Edie's definitions (1963).
 
     Density is the time that all vehicles spent over the section's area in space and time, flow the distance that
-    they travelled over that area, speed the ratio. Lanes count where they run through the whole section.
+    they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
+    where they are on a lane: those on ramps are left out.
     """
     start, end = road.section_m
     main_lanes = sum(1 for lane in road.lanes if lane.start_m <= start and lane.end_m >= end)
-    inside = truth["lon_m"].between(start, end).to_numpy()
+    on_lane = truth["lane"].to_numpy() != NO_LANE
+    inside = truth["lon_m"].between(start, end).to_numpy() & on_lane
     speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[inside]
     steps = truth["step"].nunique()
     length_km = (end - start) / 1e3

@@ -17,7 +17,7 @@ EXTRA_LANE_SHARE = 0.35
 LANES_NEAR_RAMP = 2
 LEAVE_WITHIN_M = 80.0
 # In free flow the traffic that merges in and the slowing down behind slow vehicles add this much in the section.
-FREE_SHARE = 0.95
+FREE_SHARE = 0.97
 
 
 @dataclass(frozen=True)

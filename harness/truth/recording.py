@@ -54,7 +54,7 @@ class RecordedTruth:
         """Take the rows of ``truth.parquet``."""
         times = np.unique(table["time_s"].to_numpy(dtype=np.float64))
         self.road = road
-        self.step_s = float(np.round(np.median(np.diff(times)), 6)) if len(times) > 1 else 0.1
+        self.step_s = float(np.round(np.diff(times).min(), 6)) if len(times) > 1 else 0.1
         self.expected_steps = len(times)
         self._table = table
 
@@ -71,6 +71,8 @@ def frames_from_table(table: pd.DataFrame) -> Iterator[Frame]:
 
     A frame without a row that ``is_ego`` has ``ego`` -1.
     """
+    if table.empty:
+        return
     steps = table["step"].to_numpy(dtype=np.int64)
     order = np.argsort(steps, kind="stable")
     steps = steps[order]
@@ -80,7 +82,7 @@ def frames_from_table(table: pd.DataFrame) -> Iterator[Frame]:
     lane = table["lane"].to_numpy(dtype=np.int64)[order]
     is_ego = table["is_ego"].to_numpy(dtype=bool)[order]
     floats = {name: table[name].to_numpy(dtype=np.float64)[order] for name in _PER_VEHICLE_FLOATS}
-    starts = np.flatnonzero(np.diff(steps, prepend=steps[0] - 1)) if len(steps) else np.zeros(0, dtype=np.int64)
+    starts = np.flatnonzero(np.diff(steps, prepend=steps[0] - 1))
     for start, end in zip(starts, np.append(starts[1:], len(steps)), strict=True):
         rows = slice(int(start), int(end))
         egos = np.flatnonzero(is_ego[rows])

@@ -20,6 +20,7 @@ def row_of_cars(count: int, speed_mps: float, steps: int = 10) -> pd.DataFrame:
             "step": np.repeat(np.arange(steps), count),
             "lon_m": np.tile(lon, steps),
             "speed_mps": speed_mps,
+            "lane": 1,
             "is_ego": np.tile(np.arange(count) == 0, steps),
             "in_range": np.tile(np.abs(lon - lon[0]) < 100.0, steps),
         }
@@ -40,6 +41,13 @@ def test_vehicles_outside_the_section_do_not_count():
     both = pd.concat([table, outside])
     assert summarise_traffic(both, highway(5)) == summarise_traffic(table, highway(5))
     assert summarise_traffic(outside, highway(5)).density_veh_per_km_lane == 0.0
+
+
+def test_vehicles_on_a_ramp_beside_the_section_do_not_count():
+    table = row_of_cars(64, 10.0)
+    assert summarise_traffic(pd.concat([table, table.assign(lane=0)]), highway(5)) == summarise_traffic(
+        table, highway(5)
+    )
 
 
 def test_real_time_factor_is_simulated_time_over_time_spent():
