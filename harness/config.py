@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from mmpf.options import FilterOptions
 
 DEFAULT_DENSITY = 20.0
+DEFAULT_TRACKER = "mmpf"
 
 # What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
 MMPF_DEFAULTS: dict[str, str | int] = {
@@ -81,7 +82,7 @@ class TrackerConfig(_Strict):
         options: The tracker's own settings by name.
     """
 
-    name: Annotated[str, Field(min_length=1)] = "mmpf"
+    name: Annotated[str, Field(min_length=1)] = DEFAULT_TRACKER
     model: Annotated[str, Field(min_length=1)] | None = None
     update: Annotated[str, Field(min_length=1)] | None = None
     particles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
@@ -90,7 +91,7 @@ class TrackerConfig(_Strict):
 
     @model_validator(mode="after")
     def _defaults_of_the_own_tracker(self) -> Self:
-        if self.name == "mmpf":
+        if self.name == DEFAULT_TRACKER:
             for name, value in MMPF_DEFAULTS.items():
                 if getattr(self, name) is None:
                     object.__setattr__(self, name, value)

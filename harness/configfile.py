@@ -14,7 +14,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
-from harness.config import RunConfig
+from harness.config import DEFAULT_TRACKER, RunConfig
 from harness.errors import UserError
 
 Table = dict[str, Any]
@@ -69,6 +69,7 @@ def merge_layers(
         _table_of_settings(settings),
     ]
     for layer in layers:
+        _forget_another_trackers_options(merged, layer)
         _merge_into(merged, layer)
     return merged
 
@@ -137,6 +138,15 @@ def _put(table: Table, parts: Sequence[str], value: object) -> None:
         if not isinstance(table, dict):
             raise UserError(f"--set: {'.'.join(parts)} lies below {part}, which is set to a value")
     table[parts[-1]] = value
+
+
+def _forget_another_trackers_options(merged: Table, layer: Table) -> None:
+    """Drop earlier layers' tracker table where the layer names another tracker, whose options are others."""
+    earlier, later = merged.get("tracker"), layer.get("tracker")
+    if isinstance(earlier, dict) and isinstance(later, dict):
+        present = earlier.get("name", DEFAULT_TRACKER)
+        if later.get("name", present) != present:
+            del merged["tracker"]
 
 
 def _merge_into(merged: Table, layer: Table) -> None:

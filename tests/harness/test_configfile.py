@@ -22,6 +22,14 @@ def test_later_layers_win(tmp_path):
     assert (config.seed, config.traffic.duration_s, config.tracker.model) == (3, 10.0, "cam")
 
 
+def test_another_tracker_does_not_inherit_the_options_of_an_earlier_layers_tracker(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text('[tracker]\nname = "mmpf"\nmodel = "cam"\n[tracker.options.joint]\ngate_std = 4.0\n')
+    assert resolve_config(file, {"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
+    same = resolve_config(file, {"tracker": "mmpf", "particles": 50}).tracker.all_options()
+    assert (same["model"], same["particles"], same["joint"]) == ("cam", 50, {"gate_std": 4.0})
+
+
 def test_a_later_density_replaces_an_earlier_demand(tmp_path):
     file = tmp_path / "a.toml"
     file.write_text('[traffic]\ndemand = "jam"\n')
