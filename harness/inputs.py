@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from harness.config import RunConfig
 from harness.cosim import Streams
+from harness.errors import UserError
 from harness.sensor.observation import Sensor
 from harness.truth.frame import TruthSource
 
@@ -64,6 +65,8 @@ def _open_live(config: RunConfig, streams: Streams) -> RunInputs:
 
     traffic = config.traffic
     network = load_network(traffic.net)
+    if network.configuration is not None and traffic.density is not None:
+        raise UserError(f"--density: {network.name} brings its own demand; leave --density out")
     truth = open_traffic(
         network, density=traffic.density, demand=traffic.demand, duration_s=traffic.duration_s, seed=streams.truth
     )
