@@ -38,17 +38,18 @@ class PendingFolder:
     Attributes:
         path: Where files are written now.
         final: The name that a finished run gets.
+        force: Whether it may replace an earlier run there.
     """
 
     path: Path
     final: Path
+    force: bool = False
 
     def finish(self) -> Path:
-        """Give the folder its final name, replacing an earlier run there, and return it."""
-        if self.final.exists():
+        """Give the folder its final name and return it; if another run took that name meanwhile, the next free one."""
+        if self.force and self.final.exists():
             shutil.rmtree(self.final)
-        self.path.rename(self.final)
-        return self.final
+        return self.path.rename(_first_free(self.final))
 
     def leave_incomplete(self) -> Path:
         """Give the folder a name that tells that the run did not end, and return it."""
@@ -85,7 +86,7 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         pending.mkdir(parents=True)
     except OSError as error:
         raise UserError(f"--out: can't write in {final.parent}: {error.strerror}; choose another folder") from None
-    return PendingFolder(path=pending, final=final)
+    return PendingFolder(path=pending, final=final, force=force)
 
 
 def read_manifest(folder: Path, option: str) -> dict[str, Any]:

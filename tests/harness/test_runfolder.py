@@ -32,6 +32,14 @@ def test_default_names_never_collide(tmp_path, monkeypatch):
     assert names == ["a-run", "a-run-2", "a-run-3"]
 
 
+def test_a_run_that_ends_second_does_not_replace_the_first(tmp_path):
+    pending = runfolder.open_folder(tmp_path / "run", "x", force=False)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "precious").write_text("x")
+    assert pending.finish().name == "run-2"
+    assert (tmp_path / "run" / "precious").exists()
+
+
 def test_an_existing_folder_is_kept_without_force(tmp_path):
     (tmp_path / "run").mkdir()
     with pytest.raises(UserError, match="--force"):
