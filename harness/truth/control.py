@@ -27,6 +27,8 @@ LEARN_WITHIN_S = 60.0
 RAMP_ENTRY_M = 8.0
 # Drivers hold a little more than the equilibrium gap close to the speed limit.
 SPEED_MARGIN = 1.15
+# A harder limit tears holes into the traffic that then reach the section.
+ENTRY_FLOOR = 0.7
 ENTRY_HEADROOM = 1.1
 INFLOW_GAIN = 4.0
 EXIT_WAVE_SHARE = 0.5
@@ -123,7 +125,7 @@ class TrafficControl:
         """Meter what enters the section while it holds too many: a queue cannot discharge faster than it does."""
         usual = self._relation.flow_veh_per_s(self._lane_density)
         surplus = max(0.0, excess / HOLD_WITHIN_S)
-        self._limit_speed(self._network.corridor.edges[0], max(0.4 * usual, ENTRY_HEADROOM * usual - surplus))
+        self._limit_speed(self._network.corridor.edges[0], max(ENTRY_FLOOR * usual, ENTRY_HEADROOM * usual - surplus))
 
     def _limit_speed(self, edge: CorridorEdge, flow_veh_per_s: float) -> None:
         """Let at most a flow, per lane, through an edge by lowering its speed limit."""
@@ -140,7 +142,8 @@ class TrafficControl:
         position_m, speed_mps = 0.5, wish_mps
         if rearmost is not None:
             ahead_m, ahead_mps, ahead_length_m = rearmost
-            position_m = ahead_m + ahead_mps * self._step_s - self._next_spacing_m[lane]
+            closest_m = ahead_m - ahead_length_m - vehicle.minimum_gap_m - 1.0
+            position_m = min(closest_m, ahead_m + ahead_mps * self._step_s - self._next_spacing_m[lane])
             speed_mps = _safe_entry_speed(vehicle, wish_mps, ahead_m - ahead_length_m - max(0.5, position_m), ahead_mps)
             if position_m < 0.5:
                 return
@@ -156,9 +159,7 @@ class TrafficControl:
         jitter = float(self._rng.uniform(-0.5, 0.5)) * (1.0 - 0.7 * crowding)
         spacings = 1.0 + jitter - self._jitter[lane]
         self._jitter[lane] = jitter
-        vehicle = self._waiting[lane]
-        shortest_m = vehicle.length_m + vehicle.minimum_gap_m + 2.0
-        return float(max(shortest_m, spacings * 1000.0 / (self._lane_density * self._inflow_scale)))
+        return float(spacings * 1000.0 / (self._lane_density * self._inflow_scale))
 
     def _let_in_by_ramp(self, index: int, time_s: float) -> None:
         ramp = self._network.on_ramps[index]
