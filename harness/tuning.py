@@ -259,7 +259,7 @@ def _other_tables(path: Path, replaced: set[str]) -> list[str]:
             keep = line.strip("[]").removesuffix(".options") not in replaced
         if keep:
             kept.append(line)
-    return kept
+    return [*kept, ""] if kept and kept[-1] else kept
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
