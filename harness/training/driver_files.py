@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mmpf.motion import learned_driver, short_driver
+from mmpf.motion import lane_changer, learned_driver, short_driver
 from mmpf.motion.learned_driver import DriverModel
 from mmpf.motion.model_file import mixture_arrays, save_arrays
 from mmpf.motion.scaled_gmm import ScaledGmm
@@ -33,3 +33,8 @@ def save_driver(path: Path, model: DriverModel) -> None:
 def save_short(path: Path, mixture: ScaledGmm) -> None:
     """Write the short-term model's file."""
     save_arrays(path, {f"case.{short_driver.CASE}": np.ones(1), **mixture_arrays("joint", mixture)})
+
+
+def save_change(path: Path, mixture: ScaledGmm) -> None:
+    """Write the lane-change model's file."""
+    save_arrays(path, {f"case.{lane_changer.CASE}": np.ones(1), **mixture_arrays("joint", mixture)})

@@ -22,14 +22,14 @@ from mmpf.motion.scaled_gmm import ScaledGmm
 from mmpf.motion.short_driver import short_inputs
 from mmpf.road import FloatArray
 
-FOLLOWING_SAMPLES = 120_000
-SHORT_SAMPLES = 120_000
-ROLLOUTS = 600
+FOLLOWING_SAMPLES = 300_000
+SHORT_SAMPLES = 1_200_000
+ROLLOUTS = 2000
 HABIT_COMPONENTS = 12
 HABIT_SITUATIONS_PER_WINDOW = 5
 STEADY_CLOSING_MPS = 1.5
 STEADY_ACCEL_MPS2 = 0.7
-ACCEL_BIAS_MPS2 = 0.02
+ACCEL_BIAS_MPS2 = 0.012
 CROSSING_MPS = 0.9
 UNSEEN_CHANGES_PER_S = 0.002
 SEEN_CHANGES_PER_S = 0.03
@@ -151,14 +151,14 @@ def _fit_free(free: Following, step_s: float) -> FreeDriver:
 
 
 def _fit_keeper(windows: Following, step_s: float) -> LaneKeeper:
-    """Fit the pull to each window's mean place in the lane by least squares; lateral jumps are the noise."""
+    """Fit the pull to each window's mean place in the lane by least squares; what is left is the noise."""
     place = windows.offset_m.mean(axis=1)
     away, lat_speed = windows.offset_m[:, :-1] - place[:, None], windows.lat_speed_mps[:, :-1]
     change = np.diff(windows.lat_speed_mps, axis=1) / step_s
     design = np.stack([-away.ravel(), -lat_speed.ravel()], axis=1)
     (attraction, damping), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
-    noise = np.std(change.ravel() - design @ np.array([attraction, damping])) * np.sqrt(step_s)
-    spread = np.std(windows.offset_m[:, -1] - windows.offset_m[:, 0]) / np.sqrt(2.0)
+    noise = _robust_std(change.ravel() - design @ np.array([attraction, damping])) * np.sqrt(step_s)
+    spread = _robust_std(windows.offset_m[:, -1] - windows.offset_m[:, 0]) / np.sqrt(2.0)
     return LaneKeeper(
         attraction_per_s2=float(np.clip(attraction, 0.01, 2.0)),
         damping_per_s=float(np.clip(damping, 0.1, 5.0)),
@@ -168,3 +168,8 @@ def _fit_keeper(windows: Following, step_s: float) -> LaneKeeper:
         seen_changes_per_s=SEEN_CHANGES_PER_S,
         crossing_mps=CROSSING_MPS,
     )
+
+
+def _robust_std(values: FloatArray) -> float:
+    """Return the standard deviation of a normal distribution with the same mean absolute value."""
+    return float(np.abs(values).mean() * np.sqrt(np.pi / 2.0))

@@ -13,7 +13,8 @@ WINDOWS = 300
 GENERATIONS = 30
 POPULATION = 8
 HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
-BOUNDS = [(20.0, 45.0), (0.5, 2.5), (0.3, 3.0), (0.5, 5.0), (1.0, 5.0)]
+LOWEST = (20.0, 0.5, 0.3, 0.5, 1.0)
+HIGHEST = (45.0, 2.5, 3.0, 5.0, 5.0)
 
 
 def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
@@ -24,7 +25,7 @@ def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
         seed: Seed of the choice of windows and of the search.
         step_s: Time between steps.
     """
-    from scipy.optimize import differential_evolution  # noqa: PLC0415
+    from scipy.optimize import Bounds, differential_evolution  # noqa: PLC0415
 
     rng = np.random.default_rng(seed)
     led = windows.take(np.flatnonzero(windows.has_leader))
@@ -35,7 +36,7 @@ def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
 
     found = differential_evolution(
         error,
-        BOUNDS,
+        Bounds(LOWEST, HIGHEST),
         maxiter=GENERATIONS,
         popsize=POPULATION,
         rng=np.random.default_rng(seed),

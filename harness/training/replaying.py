@@ -11,7 +11,7 @@ from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 
 def states_at(windows: Following, step: int) -> FloatArray:
-    """Return the true states at a step, lateral position from the lane's middle and lateral acceleration zero, shape (6, windows)."""
+    """Return the true states at a step, shape (6, windows): lateral from the lane's middle, its acceleration zero."""
     state = np.empty((STATE_SIZE, len(windows)))
     state[LON], state[LAT] = windows.lon_m[:, step], windows.offset_m[:, step]
     state[SPEED], state[LAT_SPEED] = windows.speed_mps[:, step], windows.lat_speed_mps[:, step]

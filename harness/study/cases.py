@@ -1,0 +1,137 @@
+"""What a study is made over: true trajectories, and what models may know of the traffic around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.training.changing import LaneChanges, Others
+from harness.training.following import Following
+from harness.training.replaying import states_at, surroundings_at
+from mmpf.motion.protocol import Neighbour, Surroundings
+from mmpf.road import FloatArray
+from mmpf.state import LAT, LON, SPEED
+
+LookAround = Callable[[FloatArray, int, bool], Surroundings]
+
+
+@dataclass(frozen=True)
+class Cases:
+    """True trajectories of m vehicles over the same number of steps.
+
+    Attributes:
+        truth: States as in ``mmpf.state``, shape (steps, 6, m).
+        surroundings: Given particle states of shape (6, m * p), a step and whether the vehicles count as unseen,
+            returns what the particles know. It takes traffic from truth: the studies test the models alone.
+        step_s: Time between steps.
+    """
+
+    truth: FloatArray
+    surroundings: LookAround
+    step_s: float
+
+    @property
+    def steps(self) -> int:
+        """Number of states of each trajectory."""
+        return len(self.truth)
+
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+        return int(self.truth.shape[2])
+
+
+def following_cases(windows: Following, count: int, step_s: float, rng: np.random.Generator) -> Cases:
+    """Choose windows with a leader, at most one of each vehicle, for the lane-keeping study.
+
+    Args:
+        windows: Held-out windows.
+        count: How many to choose; fewer if there are fewer.
+        step_s: Time between steps.
+        rng: Source of randomness.
+    """
+    order = rng.permutation(np.flatnonzero(windows.has_leader))
+    _, first = np.unique(windows.vehicle[order], return_index=True)
+    chosen = windows.take(order[np.sort(first)[:count]])
+    steps = chosen.lon_m.shape[1]
+
+    def surroundings(state: FloatArray, step: int, hidden: bool) -> Surroundings:
+        return surroundings_at(chosen, state, step, hidden)
+
+    return Cases(np.stack([states_at(chosen, step) for step in range(steps)]), surroundings, step_s)
+
+
+def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:
+    """Choose windows around lane changes; lateral positions count from the original lane, positive to the target lane.
+
+    Args:
+        changes: Held-out windows.
+        count: How many to choose; fewer if there are fewer.
+        step_s: Time between steps.
+        rng: Source of randomness.
+    """
+    chosen = changes.take(np.sort(rng.permutation(len(changes))[:count]))
+
+    def surroundings(state: FloatArray, step: int, hidden: bool) -> Surroundings:
+        return _around_a_change(chosen, state, step, hidden)
+
+    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), surroundings, step_s)
+
+
+def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden: bool) -> Surroundings:
+    """Return what particles know, each by the lane that it is in itself."""
+    count = state.shape[1]
+    particles = count // len(changes)
+    width, own_length = np.repeat(changes.lane_width_m, particles), np.repeat(changes.length_m, particles)
+    crossed = state[LAT] > 0.5 * width
+    leader = _neighbour(changes.leader, state, step, own_length, 1.0)
+    follower = _neighbour(changes.follower, state, step, own_length, -1.0)
+    target_leader = _neighbour(changes.target_leader, state, step, own_length, 1.0)
+    nobody = Neighbour(
+        np.zeros(count, dtype=np.bool_), np.full(count, np.inf), state[SPEED], np.zeros(count), own_length
+    )
+    centre = np.where(crossed, width, 0.0)
+    return Surroundings(
+        length_m=own_length,
+        lane_right_m=centre - 0.5 * width,
+        lane_left_m=centre + 0.5 * width,
+        has_left_lane=~crossed,
+        has_right_lane=crossed,
+        leader=_where(crossed, target_leader, leader),
+        left_leader=_where(crossed, nobody, target_leader),
+        left_follower=_where(crossed, nobody, follower),
+        right_leader=_where(crossed, leader, nobody),
+        right_follower=nobody,
+        flow_speed_mps=np.full(count, np.nan),
+        is_hidden=np.full(count, hidden),
+    )
+
+
+def _neighbour(others: Others, state: FloatArray, step: int, own_length: FloatArray, ahead: float) -> Neighbour:
+    particles = state.shape[1] // len(others.lon_m)
+    lon, speed, accel, length = (
+        np.repeat(column[:, step], particles)
+        for column in (others.lon_m, others.speed_mps, others.accel_mps2, others.length_m)
+    )
+    exists = np.isfinite(lon)
+    gap = ahead * (lon - state[LON]) - 0.5 * (own_length + length)
+    return Neighbour(
+        exists=exists,
+        gap_m=np.where(exists, gap, np.inf),
+        speed_mps=np.where(exists, speed, state[SPEED]),
+        accel_mps2=np.where(exists, accel, 0.0),
+        length_m=np.where(exists, length, own_length),
+    )
+
+
+def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> Neighbour:
+    return Neighbour(
+        exists=np.where(condition, yes.exists, no.exists),
+        gap_m=np.where(condition, yes.gap_m, no.gap_m),
+        speed_mps=np.where(condition, yes.speed_mps, no.speed_mps),
+        accel_mps2=np.where(condition, yes.accel_mps2, no.accel_mps2),
+        length_m=np.where(condition, yes.length_m, no.length_m),
+    )

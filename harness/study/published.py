@@ -1,0 +1,146 @@
+"""The two studies with their traffic, models and targets put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.errors import UserError
+from harness.study.cases import Cases, following_cases, lane_change_cases
+from harness.study.filtering import MeasurementNoise
+from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
+from harness.study.targets import Target, lane_change_targets, lane_keeping_targets
+from harness.training.changing import join_changes, lane_change_windows
+from harness.training.following import following_windows, join
+from harness.training.recording import load_all, record_all
+from harness.training.scenarios import (
+    DENSITIES_VEH_PER_KM_LANE,
+    REPORTING_DURATION_S,
+    default_cache,
+    open_scenario,
+    scenarios,
+)
+from harness.truth.network import Network
+from mmpf.motion.lane_changer import LaneChangeDriver, LaneChanger, load_change_mixture
+from mmpf.motion.learned_driver import LearnedDriver, load_learned_driver, without_lane_changes
+from mmpf.motion.protocol import MotionModel, motion_models
+
+LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
+MODELS = {
+    LANE_KEEPING: ("gmm", "gmm-short", "idm", "idm-fitted", "cvm", "cam", "csav", "csaa"),
+    LANE_CHANGE: ("gmm", "cvm", "cam", "csav", "csaa"),
+}
+OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
+TARGETS = {LANE_KEEPING: lane_keeping_targets, LANE_CHANGE: lane_change_targets}
+STEPS, STEP_S = 101, 0.1
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """What a study is to be made of.
+
+    Attributes:
+        study: ``lane-keeping`` or ``lane-change``.
+        models: Names of the models; none for the study's own choice.
+        model_file: The user's own fitted model in place of the committed ``gmm``.
+        cases: Number of cases.
+        particles: Particles per case.
+        seed: Seed of the choice of cases, the measurements and the particles.
+        first_traffic_seed: First seed of the recorded traffic.
+        recordings: Number of recordings.
+        cache: Folder of the recordings; none for the usual one.
+    """
+
+    study: str
+    models: Sequence[str] = ()
+    model_file: Path | None = None
+    cases: int = 240
+    particles: int = 1000
+    seed: int = 0
+    first_traffic_seed: int = 0
+    recordings: int = 16
+    cache: Path | None = None
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """Names of the models in the study's order."""
+        return tuple(self.models) or MODELS[self.study]
+
+    @property
+    def runs(self) -> int:
+        """How many times ``progress`` will be called."""
+        return len(self.model_names) * len(OCCLUSIONS[self.study])
+
+    def setting(self, network: Network, cases: int) -> dict[str, Any]:
+        """Return the setting in numbers, for the results."""
+        return {
+            "network": network.name,
+            "densities_veh_per_km_lane": list(DENSITIES_VEH_PER_KM_LANE),
+            "traffic_seeds": f"{self.first_traffic_seed} to {self.first_traffic_seed + self.recordings - 1}",
+            "cases": cases,
+            "particles": self.particles,
+            "seed": self.seed,
+            "measurement_noise_under_partial_occlusion": asdict(MeasurementNoise()),
+            "start": "true state",
+            "traffic_around": "true (as in the paper)",
+        }
+
+
+def make_study(
+    plan: StudyPlan, network: Network, say: Callable[[str], None], progress: Callable[[], None]
+) -> tuple[StudyResult, list[Target], dict[str, Any]]:
+    """Record the traffic where needed, run the study and check its targets.
+
+    Args:
+        plan: What to do.
+        network: Where the traffic runs.
+        say: Told one line per recording.
+        progress: Called after each model and occlusion.
+
+    Returns:
+        Numbers, targets and the setting.
+
+    Raises:
+        UserError: An unknown study or model.
+    """
+    if plan.study not in MODELS:
+        raise UserError(f"study {plan.study}: no such study; give {LANE_KEEPING} or {LANE_CHANGE}")
+    models = {name: _model(plan, name) for name in plan.model_names}
+    cases = _cases(plan, network, say)
+    result = run_study(
+        plan.study,
+        cases,
+        models,
+        OCCLUSIONS[plan.study],
+        particles=plan.particles,
+        seed=plan.seed,
+        progress=progress,
+    )
+    whole = set(MODELS[plan.study]) <= set(models)
+    targets = TARGETS[plan.study](result.rows) if whole else []
+    return result, targets, plan.setting(network, cases.count)
+
+
+def _cases(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
+    wanted = scenarios(plan.first_traffic_seed, plan.recordings, REPORTING_DURATION_S)
+    paths = record_all(wanted, plan.cache or default_cache(network), partial(open_scenario, network), say)
+    rng = np.random.default_rng([plan.seed, 0])
+    if plan.study == LANE_KEEPING:
+        windows = join([following_windows(recording, network.road, STEPS, STEP_S) for recording in load_all(paths)])
+        return following_cases(windows, plan.cases, STEP_S, rng)
+    changes = join_changes([lane_change_windows(recording, network.road, STEP_S) for recording in load_all(paths)])
+    return lane_change_cases(changes, plan.cases, STEP_S, rng)
+
+
+def _model(plan: StudyPlan, name: str) -> MotionModel:
+    """Return a model as the study needs it: what a case is about, keeping or changing lanes, is known in the paper."""
+    own_file = plan.model_file if name == "gmm" else None
+    if name == "gmm" and plan.study == LANE_CHANGE:
+        return LaneChangeDriver(LaneChanger(load_change_mixture(own_file)) if own_file else LaneChanger())
+    model = load_learned_driver(own_file) if own_file else motion_models[name]()
+    return without_lane_changes(model) if isinstance(model, LearnedDriver) else model
