@@ -44,16 +44,19 @@ class Cases:
         return int(self.truth.shape[2])
 
 
-def following_cases(windows: Following, count: int, step_s: float, rng: np.random.Generator) -> Cases:
-    """Choose windows with a leader, at most one of each vehicle, for the lane-keeping study.
+def following_cases(
+    windows: Following, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
+) -> Cases:
+    """Choose windows, at most one of each vehicle, for the lane-keeping study.
 
     Args:
         windows: Held-out windows.
         count: How many to choose; fewer if there are fewer.
         step_s: Time between steps.
         rng: Source of randomness.
+        led_only: Whether windows without a leader are left out.
     """
-    order = rng.permutation(np.flatnonzero(windows.has_leader))
+    order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
     _, first = np.unique(windows.vehicle[order], return_index=True)
     chosen = windows.take(order[np.sort(first)[:count]])
     steps = chosen.lon_m.shape[1]

@@ -16,6 +16,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 LANE_CHANGE_MARGIN_S = 5.0
 FURTHEST_LEADER_M = 100.0
+CUT_IN_LEAST_M = 2.0
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Following:
         leader_accel_mps2: The leader's acceleration; nan without a leader.
         leader_length_m: The leader's length, shape (windows,); nan without a leader.
         vehicle: A number that windows of the same vehicle share, shape (windows,).
+        after_cut_in: Whether the window begins with a new leader, nearer than the last, shape (windows,).
     """
 
     lon_m: FloatArray
@@ -49,6 +51,7 @@ class Following:
     leader_accel_mps2: FloatArray
     leader_length_m: FloatArray
     vehicle: IntArray
+    after_cut_in: BoolArray
 
     def __len__(self) -> int:
         return len(self.length_m)
@@ -91,7 +94,10 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
     )
     start = _window_starts(settled, same_as_before, steps)
     rows = start[:, None] + np.arange(steps)
-    return _gather(recording, road, by_vehicle[rows], leader[rows])
+    gap = clear_gap_m(recording, by_vehicle, leader)
+    nearer = np.concatenate([[False], gap[1:] < gap[:-1] - CUT_IN_LEAST_M])
+    new_leader = ~_unchanged(leader_vehicle) & _unchanged(vehicle) & _unchanged(lane) & nearer
+    return _gather(recording, road, by_vehicle[rows], leader[rows], new_leader[start])
 
 
 def join(parts: Sequence[Following]) -> Following:
@@ -130,7 +136,7 @@ def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) ->
     return np.asarray(np.repeat(run_start, windows) + offset * steps)
 
 
-def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray) -> Following:
+def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> Following:
     strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
     lines = np.array([strip.get(int(number), (np.nan, np.nan)) for number in recording.lane[own[:, 0]]]).reshape(-1, 2)
     no_leader = leader == NOBODY
@@ -151,4 +157,5 @@ def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray) -
         leader_accel_mps2=of_leader(recording.accel_mps2),
         leader_length_m=of_leader(recording.length_m)[:, 0],
         vehicle=recording.vehicle[own[:, 0]],
+        after_cut_in=after_cut_in,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -48,9 +49,9 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
         ModelFileError: The file is missing, damaged, of another kind, or holds numbers that are not finite.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+    except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
         raise ModelFileError(f"model file {path} can't be read: {_one_line(error)}") from error
     if f"case.{case}" not in arrays:
         kinds = ", ".join(name.removeprefix("case.") for name in arrays if name.startswith("case.")) or "none"

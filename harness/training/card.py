@@ -1,0 +1,77 @@
+"""Model cards: what a fitted model was made from, how good it is, and what it can't do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from harness.training.evaluation import HORIZONS_S, RegimeError
+from mmpf.learning.fit import SizeScore
+
+
+def write_card(
+    path: Path,
+    title: str,
+    facts: Mapping[str, str],
+    sizes: Sequence[SizeScore],
+    regimes: Sequence[RegimeError],
+    limits: Sequence[str],
+) -> None:
+    """Write a model card and, beside it, the picture of its BIC curve.
+
+    Args:
+        path: The card's file, ``.md``.
+        title: Name of the model.
+        facts: Named facts: data, seeds, components, log-likelihood.
+        sizes: Scores of the sizes that were tried.
+        regimes: Closed-loop errors by regime; may be empty.
+        limits: Known limits, one sentence each.
+    """
+    lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
+    if sizes:
+        best = min(sizes, key=lambda size: size.bic)
+        picture = path.with_name(f"{path.stem}_bic.png")
+        draw_sizes(sizes, picture)
+        lines += ["## Number of components", "", f"Smallest BIC of the sweep: {best.components} components.", ""]
+        lines += ["| components | BIC | log-likelihood a sample |", "|---|---|---|"]
+        lines += [f"| {size.components} | {size.bic:.0f} | {size.log_likelihood:.3f} |" for size in sizes]
+        lines += ["", f"![BIC]({picture.name})", ""]
+    if regimes:
+        heads = " | ".join(f"{horizon:g} s" for horizon in HORIZONS_S)
+        lines += [
+            "## Position error by regime, complete occlusion, held-out seeds, m",
+            "",
+            f"| regime | cases | {heads} |",
+        ]
+        lines.append("|---" * (2 + len(HORIZONS_S)) + "|")
+        for regime in regimes:
+            cells = " | ".join(f"{error:.2f}" for error in regime.lon_m)
+            lines.append(f"| {regime.regime} | {regime.cases} | {cells} |")
+        lines.append("")
+    lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
+    path.write_text("\n".join(lines), encoding="utf-8")
+
+
+def draw_sizes(sizes: Sequence[SizeScore], path: Path) -> None:
+    """Draw BIC over the number of components."""
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(5.0, 3.2), layout="constrained")
+    axis = figure.subplots()
+    components = [size.components for size in sizes]
+    thousands = [size.bic / 1000.0 for size in sizes]
+    axis.plot(components, thousands, "o-", color="#0072B2")
+    best = min(range(len(sizes)), key=lambda index: sizes[index].bic)
+    axis.annotate(
+        f"smallest: {components[best]}",
+        (components[best], thousands[best]),
+        textcoords="offset points",
+        xytext=(0, 12),
+        ha="center",
+        fontsize=9,
+    )
+    axis.set_xlabel("number of components")
+    axis.set_ylabel("BIC, thousands (smaller is better)")
+    axis.margins(y=0.15)
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,219 @@
+"""Training from traffic to model files and cards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import UserError
+from harness.training.card import write_card
+from harness.training.change_fit import change_samples, fit_change
+from harness.training.changing import LaneChanges, join_changes, lane_change_windows
+from harness.training.driver_files import save_change, save_driver, save_short
+from harness.training.driver_fit import driver_habit, fit_driver, fit_short, following_records, short_samples
+from harness.training.evaluation import errors_by_regime
+from harness.training.following import Following, following_windows, join
+from harness.training.recording import load_all, record_all
+from harness.training.scenarios import (
+    FIRST_TUNING_SEED,
+    TRAINING_DURATION_S,
+    TUNING_DURATION_S,
+    default_cache,
+    open_scenario,
+    scenarios,
+)
+from harness.truth.network import Network
+from mmpf.learning.fit import SizeScore, sweep_sizes
+from mmpf.learning.recovery import RecoveryGains, recovery_samples
+from mmpf.motion.learned_driver import LearnedDriver
+from mmpf.motion.short_driver import ShortTermDriver
+from mmpf.road import FloatArray
+
+LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
+PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
+STEPS, STEP_S = 101, 0.1
+TUNING_RECORDINGS = 8
+SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60, 90)}
+SWEEP_SAMPLES = 30_000
+HELD_OUT_SAMPLES = 20_000
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """What is to be trained.
+
+    Attributes:
+        case: ``lane-keeping`` or ``lane-change``.
+        components: Components of the mixture; none for the paper's number.
+        first_seed: First seed of the training traffic.
+        recordings: Number of training recordings.
+        seed: Seed of sampling and fits.
+        sweep: Whether other numbers of components are scored by BIC.
+        cache: Folder of the recordings; none for the usual one.
+        out: Folder of the model files and cards.
+    """
+
+    case: str
+    components: int | None
+    first_seed: int
+    recordings: int
+    seed: int
+    sweep: bool
+    cache: Path | None
+    out: Path
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return self.components or PAPER_COMPONENTS[self.case]
+
+
+def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
+    """Record what is not recorded yet, fit, score on held-out seeds, and write model files and cards.
+
+    Args:
+        plan: What to do.
+        network: Where the traffic runs.
+        say: Told one line per stage.
+
+    Returns:
+        The model files.
+
+    Raises:
+        UserError: An unknown case, or too little traffic.
+    """
+    if plan.case not in PAPER_COMPONENTS:
+        raise UserError(f"--case {plan.case}: no such case; give {LANE_KEEPING} or {LANE_CHANGE}")
+    cache = plan.cache or default_cache(network)
+    opened = partial(open_scenario, network)
+    training = record_all(scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S), cache, opened, say)
+    tuning = record_all(scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S), cache, opened, say)
+    plan.out.mkdir(parents=True, exist_ok=True)
+    if plan.case == LANE_KEEPING:
+        return _train_keeping(plan, _following(training, network), _following(tuning, network), say)
+    return _train_change(plan, _changes(training, network), _changes(tuning, network), say)
+
+
+def _train_keeping(plan: TrainingPlan, windows: Following, held_out: Following, say: Say) -> list[Path]:
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    if len(led) < plan.size:
+        raise UserError(f"--seeds: {len(led)} windows of car following are too few to train on; give more seeds")
+    own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
+    say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
+    driver = fit_driver(windows, plan.size, plan.seed, STEP_S, say)
+    save_driver(own, driver)
+    say("fitting the paper's short-term model")
+    mixture = fit_short(windows, plan.size, plan.seed)
+    save_short(short, mixture)
+    say("scoring on held-out seeds")
+    rng = np.random.default_rng(plan.seed)
+    held_led = held_out.take(np.flatnonzero(held_out.has_leader))
+    short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
+    records = following_records(held_led, driver_habit(held_led), STEP_S)
+    asked = recovery_samples(records, HELD_OUT_SAMPLES, RecoveryGains(), rng)
+    sizes = ([], []) if not plan.sweep else _keeping_sweeps(plan, led, say, rng)
+    facts = _facts(plan, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
+    own_fit = f"{driver.following.log_density(asked.x, asked.y).mean():.3f} nats (acceleration, recovery samples)"
+    write_card(
+        own.with_suffix(".md"),
+        "Learned driver for lane keeping (`gmm`, ours)",
+        {**facts, "One-step log-likelihood on held-out seeds": own_fit},
+        sizes[0],
+        errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, STEP_S, plan.seed),
+        KEEPING_LIMITS,
+    )
+    short_fit = f"{mixture.log_density(short_x, short_y).mean():.3f} nats (four outputs)"
+    write_card(
+        short.with_suffix(".md"),
+        "Short-term model for lane keeping (`gmm-short`, as in the paper)",
+        {**facts, "One-step log-likelihood on held-out seeds": short_fit},
+        sizes[1],
+        errors_by_regime(ShortTermDriver(mixture), held_out, STEP_S, plan.seed),
+        SHORT_LIMITS,
+    )
+    return [own, short]
+
+
+def _train_change(plan: TrainingPlan, changes: LaneChanges, held_out: LaneChanges, say: Say) -> list[Path]:
+    samples = len(changes) * (STEPS - 1)
+    if samples < plan.size:
+        raise UserError(f"--seeds: {len(changes)} lane changes are too few to train on; give more seeds")
+    say(f"{len(changes)} lane changes, {samples} samples")
+    path = plan.out / "lane_change.npz"
+    mixture = fit_change(changes, plan.size, plan.seed)
+    save_change(path, mixture)
+    rng = np.random.default_rng(plan.seed)
+    sizes: Sequence[SizeScore] = []
+    if plan.sweep:
+        sizes = sweep_sizes(
+            *_some(*change_samples(changes, rng), SWEEP_SAMPLES, rng), SWEPT[LANE_CHANGE], plan.seed, say
+        )
+    x, y = change_samples(held_out, rng)
+    fit = f"{mixture.log_density(x, y).mean():.3f} nats (six outputs)"
+    facts = {**_facts(plan, samples, samples), "One-step log-likelihood on held-out seeds": fit}
+    title = "Short-term model for lane changes (`gmm-lane-change`, as in the paper)"
+    write_card(path.with_suffix(".md"), title, facts, sizes, [], CHANGE_LIMITS)
+    return [path]
+
+
+def _keeping_sweeps(
+    plan: TrainingPlan, led: Following, say: Say, rng: np.random.Generator
+) -> tuple[list[SizeScore], list[SizeScore]]:
+    records = following_records(led, driver_habit(led), STEP_S)
+    own = recovery_samples(records, SWEEP_SAMPLES, RecoveryGains(), rng)
+    short_x, short_y = _some(*short_samples(led), SWEEP_SAMPLES, rng)
+    swept = SWEPT[LANE_KEEPING]
+    return (
+        sweep_sizes(own.x, own.y, swept, plan.seed, say),
+        sweep_sizes(short_x, short_y, swept, plan.seed, say),
+    )
+
+
+def _facts(plan: TrainingPlan, samples: int, used: int) -> dict[str, str]:
+    last = plan.first_seed + plan.recordings - 1
+    return {
+        "Data": f"SUMO, {plan.recordings} recordings of {TRAINING_DURATION_S:g} s, 8 to 57 vehicles per km and lane",
+        "Seeds": f"trained on {plan.first_seed} to {last}; held out {FIRST_TUNING_SEED} to "
+        f"{FIRST_TUNING_SEED + TUNING_RECORDINGS - 1}",
+        "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
+        "Components": f"{plan.size} (the paper's setting is {PAPER_COMPONENTS[plan.case]}), full covariances",
+        "Fit": "k-means start and EM on 60 000 samples, refined by EM on up to 1.2 million; seed "
+        f"{plan.seed}, regularisation 1e-6 of standardised variables",
+    }
+
+
+def _some(x: FloatArray, y: FloatArray, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    chosen = rng.choice(len(x), size=min(count, len(x)), replace=False)
+    return x[chosen], y[chosen]
+
+
+def _following(paths: Sequence[Path], network: Network) -> Following:
+    return join([following_windows(recording, network.road, STEPS, STEP_S) for recording in load_all(paths)])
+
+
+def _changes(paths: Sequence[Path], network: Network) -> LaneChanges:
+    return join_changes([lane_change_windows(recording, network.road, STEP_S) for recording in load_all(paths)])
+
+
+KEEPING_LIMITS = (
+    "Trained on SUMO's drivers; a leader further than 100 m ahead counts as none.",
+    "The way back to the recorded trajectory is taught with gains chosen by hand (0.05 per s², 0.4 per s, 1.5 per s).",
+    "The spread of a driver's constant deviation in acceleration was chosen on the tuning seeds.",
+    "Knows no traffic lights, no standing obstacles that are not vehicles, and no look-ahead beyond the leader.",
+)
+SHORT_LIMITS = (
+    "One step ahead is all that it was fitted to: errors feed back, and its particles are too alike after seconds.",
+    "Lateral position counts from the middle of the own lane, so that the model carries over to other roads.",
+    "Without a leader it is given the furthest leader of the training data at its own speed.",
+)
+CHANGE_LIMITS = (
+    "Meant for vehicles that are known to be within five seconds of a lane change; it does not say when one begins.",
+    "Once over the line the follower in the target lane is not among the inputs.",
+    "Longitudinal position, an input of the paper's table, is held to the training road's range elsewhere.",
+)
