@@ -137,7 +137,12 @@ class JointUpdate:
         )
         return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
 
-    def finetune(self, mixture: Mixture, rng: np.random.Generator) -> tuple[Mixture, int]:  # noqa: ARG002
+    def finetune(
+        self,
+        mixture: Mixture,
+        situation: Situation,
+        rng: np.random.Generator,  # noqa: ARG002
+    ) -> tuple[Mixture, int]:
         """Confirm components; one that is confirmed near a hidden component is that component, seen again."""
         joint, components = self.options.joint, mixture.components
         confirmed_now = (
@@ -149,7 +154,7 @@ class JointUpdate:
         mixture = replace(mixture, components=components)
         if not joint.stitch or not confirmed_now.any():
             return mixture, 0
-        return hand_over_identity(mixture, confirmed_now, joint)
+        return hand_over_identity(mixture, confirmed_now, joint, situation.dt_s)
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Make component weights proportional to existence: each expects as many vehicles."""

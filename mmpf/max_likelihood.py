@@ -110,7 +110,12 @@ class MaxLikelihoodUpdate:
         mixture, merged = _merge_overlaps(mixture, rule)
         return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
 
-    def finetune(self, mixture: Mixture, rng: np.random.Generator) -> tuple[Mixture, int]:
+    def finetune(
+        self,
+        mixture: Mixture,
+        situation: Situation,  # noqa: ARG002
+        rng: np.random.Generator,
+    ) -> tuple[Mixture, int]:
         """Recluster the particles of components that touch by k-medoids, and confirm those old enough."""
         rule, components = self.options.max_likelihood, mixture.components
         confirmed = components.confirmed | (components.hits >= rule.confirm_hits)

@@ -29,6 +29,24 @@ class Footprint(Settings):
     width_m: Positive = 1.9
 
 
+class ModelErrorOptions(Settings):
+    """Noise that the filter adds to every motion model's prediction, since no model is the truth.
+
+    Root spectral densities of white noise: a standard deviation over one second grows with the root of time.
+
+    Attributes:
+        speed: Of the longitudinal speed, m/s per root second.
+        accel: Of the longitudinal acceleration, m/s² per root second.
+        lat_speed: Of the lateral speed, m/s per root second.
+        hidden_share: Share of it for components that are not seen, which only the model can place.
+    """
+
+    speed: Annotated[float, Field(ge=0.0)] = 0.3
+    accel: Annotated[float, Field(ge=0.0)] = 0.5
+    lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
+    hidden_share: Annotated[float, Field(ge=0.0)] = 1.0
+
+
 class BirthOptions(Settings):
     """How the particles of a new component are drawn around its detection.
 
@@ -76,9 +94,14 @@ class JointOptions(Settings):
         merge_lat_m: See ``merge_lon_m``.
         merge_scans: See ``merge_lon_m``.
         stitch: Whether a newly confirmed component near a hidden one takes its identity.
-        stitch_std: How far, in standard deviations of the hidden component, and
-        stitch_margin_m: this much further, since two cars can't be nearer to each other than a length.
-        stitch_lat_m: Largest lateral distance for it.
+        stitch_density: Density of vehicles that were never seen before, per m² and m/s: the hidden component must
+            make the new one's place and speed more probable than that.
+        stitch_lon_m: Width of the kernel around the hidden component's particles, longitudinal,
+        stitch_lat_m: lateral, and
+        stitch_speed_mps: in speed.
+        stitch_both_seen_s: For this long the hidden one may have been seen after the new one's birth.
+        reported_std_lon_m: A hidden component spread wider than this is kept in memory, for re-acquisition, but not
+            reported: nobody could use it.
         shadow: Whether the detection probability depends on shadows; without, it is ``fixed_probability``.
         fixed_probability: See ``shadow``.
         exclusive: Whether a detection belongs to one component (belief propagation) or may serve several (PDA).
@@ -96,7 +119,7 @@ class JointOptions(Settings):
     occluder_existence: Probability = 0.2
     longest_unseen_s: Positive = 10.0
     unconfirmed_unseen_s: Positive = 1.0
-    largest_std_lon_m: Positive = 8.0
+    largest_std_lon_m: Positive = 20.0
     range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
     young_hits: Annotated[int, Field(ge=0)] = 15
     hidden_after_s: Positive = 0.25
@@ -105,9 +128,12 @@ class JointOptions(Settings):
     merge_lat_m: Positive = 1.0
     merge_scans: Annotated[int, Field(ge=1)] = 3
     stitch: bool = True
-    stitch_std: Positive = 3.0
-    stitch_margin_m: Annotated[float, Field(ge=0.0)] = 3.0
-    stitch_lat_m: Positive = 1.8
+    stitch_density: Positive = 3e-4
+    stitch_lon_m: Positive = 2.0
+    stitch_lat_m: Positive = 0.7
+    stitch_speed_mps: Positive = 2.0
+    stitch_both_seen_s: Annotated[float, Field(ge=0.0)] = 0.5
+    reported_std_lon_m: Positive = 6.0
     shadow: bool = True
     fixed_probability: Probability = 0.5
     exclusive: bool = True
@@ -159,6 +185,7 @@ class FilterOptions(Settings):
         update: ``joint``, or ``max_likelihood`` for the rule of the paper.
         resample_below: A component is resampled when its effective sample size falls below this share.
         vehicle: Nominal size of a vehicle.
+        model_error: Noise added to the motion model's prediction.
         birth: How new components are drawn.
         joint: Settings of the joint update.
         max_likelihood: Settings of the paper's update.
@@ -168,6 +195,7 @@ class FilterOptions(Settings):
     update: UpdateName = "joint"
     resample_below: Probability = 0.5
     vehicle: Footprint = Footprint()
+    model_error: ModelErrorOptions = ModelErrorOptions()
     birth: BirthOptions = BirthOptions()
     joint: JointOptions = JointOptions()
     max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()

@@ -6,11 +6,13 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.options import ModelErrorOptions
 from mmpf.road import FloatArray
 from mmpf.scan import Scan
-from mmpf.state import SPEED, Mixture
+from mmpf.state import ACCEL, LAT_SPEED, SPEED, Mixture
 
 
 class Proposal(Protocol):
@@ -64,12 +66,27 @@ def prior_update(
     surroundings: Surroundings,
     scan: Scan,
     dt_s: float,
+    model_error: ModelErrorOptions,
     rng: np.random.Generator,
 ) -> Mixture:
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
     cloud = mixture.cloud
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, scan, dt_s, rng)
+    _add_model_error(state, surroundings.is_hidden, dt_s, model_error, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
     components = replace(mixture.components, age_scans=mixture.components.age_scans + 1)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
     return replace(mixture, cloud=moved, components=components)
+
+
+def _add_model_error(
+    state: FloatArray,
+    is_hidden: npt.NDArray[np.bool_],
+    dt_s: float,
+    options: ModelErrorOptions,
+    rng: np.random.Generator,
+) -> None:
+    scale = np.sqrt(dt_s) * np.where(is_hidden, options.hidden_share, 1.0)
+    for row, density in ((SPEED, options.speed), (ACCEL, options.accel), (LAT_SPEED, options.lat_speed)):
+        if density > 0.0:
+            state[row] += density * scale * rng.standard_normal(len(scale))

@@ -5,31 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.moments import component_moments
+from mmpf.options import JointOptions
 from mmpf.state import ACCEL, CONFIRMED, HIDDEN, LAT, LAT_SPEED, LON, SPEED, TENTATIVE, Mixture, Tracks
 
 
-def reported_tracks(mixture: Mixture, hidden_after_s: float) -> Tracks:
+def reported_tracks(mixture: Mixture, options: JointOptions) -> Tracks:
     """Return mean and spread of each component as a track.
 
     Args:
         mixture: The belief.
-        hidden_after_s: A confirmed component unseen for longer is reported as hidden.
+        options: When a component counts as hidden, and how widely spread a hidden one may be to be reported.
     """
     components = mixture.components
     moments = component_moments(mixture)
-    unseen = components.unseen_s > hidden_after_s
+    unseen = components.unseen_s > options.hidden_after_s
+    reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     std = np.maximum(moments.std, 1e-6)
     return Tracks(
-        track_id=components.track_id.copy(),
-        lon_m=moments.mean[LON],
-        lat_m=moments.mean[LAT],
-        speed_mps=moments.mean[SPEED],
-        lat_speed_mps=moments.mean[LAT_SPEED],
-        accel_mps2=moments.mean[ACCEL],
-        std_lon_m=std[LON],
-        std_lat_m=std[LAT],
-        std_speed_mps=std[SPEED],
-        existence=components.existence.copy(),
-        state=state.astype(np.int8),
+        track_id=components.track_id[reported],
+        lon_m=moments.mean[LON, reported],
+        lat_m=moments.mean[LAT, reported],
+        speed_mps=moments.mean[SPEED, reported],
+        lat_speed_mps=moments.mean[LAT_SPEED, reported],
+        accel_mps2=moments.mean[ACCEL, reported],
+        std_lon_m=std[LON, reported],
+        std_lat_m=std[LAT, reported],
+        std_speed_mps=std[SPEED, reported],
+        existence=components.existence[reported],
+        state=state[reported].astype(np.int8),
     )

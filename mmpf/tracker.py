@@ -114,7 +114,7 @@ class MixtureTracker:
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
             clock.lap("remove, add, merge")
-            mixture, reclusterings = self._rule.finetune(change.mixture, self._rng)
+            mixture, reclusterings = self._rule.finetune(change.mixture, situation, self._rng)
             clock.lap("finetune")
             self._mixture = self._rule.weight_update(mixture)
             clock.lap("weight update")
@@ -130,7 +130,7 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(self._mixture, self._options.joint.hidden_after_s)
+        return reported_tracks(self._mixture, self._options.joint)
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
@@ -177,7 +177,14 @@ class MixtureTracker:
             self._options.vehicle,
         )
         return prior_update(
-            self._mixture, self._motion, self._proposal, surroundings, situation.scan, situation.dt_s, self._rng
+            self._mixture,
+            self._motion,
+            self._proposal,
+            surroundings,
+            situation.scan,
+            situation.dt_s,
+            self._options.model_error,
+            self._rng,
         )
 
 

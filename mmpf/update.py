@@ -101,7 +101,7 @@ class UpdateRule(Protocol):
         """Adapt the number of components: "Remove & Add & Merge"."""
         ...
 
-    def finetune(self, mixture: Mixture, rng: np.random.Generator) -> tuple[Mixture, int]:
+    def finetune(self, mixture: Mixture, situation: Situation, rng: np.random.Generator) -> tuple[Mixture, int]:
         """Settle which particle and which identity belongs to which component: "Finetune".
 
         Returns:
