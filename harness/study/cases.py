@@ -58,13 +58,17 @@ def following_cases(
     """
     order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
     _, first = np.unique(windows.vehicle[order], return_index=True)
-    chosen = windows.take(order[np.sort(first)[:count]])
-    steps = chosen.lon_m.shape[1]
+    return cases_of(windows.take(order[np.sort(first)[:count]]), step_s)
+
+
+def cases_of(windows: Following, step_s: float) -> Cases:
+    """Return every window as a case."""
+    steps = windows.lon_m.shape[1]
 
     def surroundings(state: FloatArray, step: int, hidden: bool) -> Surroundings:
-        return surroundings_at(chosen, state, step, hidden)
+        return surroundings_at(windows, state, step, hidden)
 
-    return Cases(np.stack([states_at(chosen, step) for step in range(steps)]), surroundings, step_s)
+    return Cases(np.stack([states_at(windows, step) for step in range(steps)]), surroundings, step_s)
 
 
 def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:

@@ -16,6 +16,7 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 COLOURS = {
     "gmm": "#0072B2",
     "gmm-short": "#56B4E9",
+    "gmm-lane-change": "#56B4E9",
     "idm": "#D55E00",
     "idm-fitted": "#E69F00",
     "cvm": "#000000",
@@ -23,7 +24,10 @@ COLOURS = {
     "csav": "#CC79A7",
     "csaa": "#8C6D1F",
 }
-SHOWN = {"lane-keeping": ("gmm", "gmm-short", "cvm", "cam", "idm"), "lane-change": ("gmm", "cvm", "cam")}
+SHOWN = {
+    "lane-keeping": ("gmm", "gmm-short", "cvm", "cam", "idm"),
+    "lane-change": ("gmm", "gmm-lane-change", "cvm", "cam"),
+}
 LON_PANELS = ((LON, 0, "position against steady\nspeed, m"), (SPEED, 2, "speed, m/s"))
 LAT_PANELS = ((LAT, 1, "lateral position, m"), (LAT_SPEED, 3, "lateral speed, m/s"))
 ERROR_PANELS = {

@@ -26,14 +26,13 @@ from harness.training.scenarios import (
     scenarios,
 )
 from harness.truth.network import Network
-from mmpf.motion.lane_changer import LaneChangeDriver, LaneChanger, load_change_mixture
 from mmpf.motion.learned_driver import LearnedDriver, load_learned_driver, without_lane_changes
 from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 MODELS = {
     LANE_KEEPING: ("gmm", "gmm-short", "idm", "idm-fitted", "cvm", "cam", "csav", "csaa"),
-    LANE_CHANGE: ("gmm", "cvm", "cam", "csav", "csaa"),
+    LANE_CHANGE: ("gmm", "gmm-lane-change", "cvm", "cam", "csav", "csaa"),
 }
 OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
 TARGETS = {LANE_KEEPING: lane_keeping_targets, LANE_CHANGE: lane_change_targets}
@@ -138,9 +137,8 @@ def _cases(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cas
 
 
 def _model(plan: StudyPlan, name: str) -> MotionModel:
-    """Return a model as the study needs it: what a case is about, keeping or changing lanes, is known in the paper."""
-    own_file = plan.model_file if name == "gmm" else None
-    if name == "gmm" and plan.study == LANE_CHANGE:
-        return LaneChangeDriver(LaneChanger(load_change_mixture(own_file)) if own_file else LaneChanger())
-    model = load_learned_driver(own_file) if own_file else motion_models[name]()
-    return without_lane_changes(model) if isinstance(model, LearnedDriver) else model
+    """Return a model as the study needs it: the paper's cases tell a vehicle that keeps its lane that it does."""
+    model = load_learned_driver(plan.model_file) if plan.model_file and name == "gmm" else motion_models[name]()
+    if plan.study == LANE_KEEPING and isinstance(model, LearnedDriver):
+        return without_lane_changes(model)
+    return model

@@ -17,7 +17,7 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 PARTIAL, COMPLETE = "partial", "complete"
 HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
-LABELS = {"gmm": "ours", "gmm-short": "as in the paper"}
+LABELS = {"gmm": "ours", "gmm-short": "as in the paper", "gmm-lane-change": "as in the paper"}
 SHOWN_PARTICLES = 60
 
 

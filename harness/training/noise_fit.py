@@ -7,13 +7,14 @@ likelihood's maximum over the noise's spectral density is then ``mean(e' Q^-1 e)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from harness.training.following import Following
-from harness.training.replaying import states_at, surroundings_at
+from harness.study.cases import Cases
 from mmpf.motion.bicycle import ConstantSteeringAcceleration, ConstantSteeringVelocity
 from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
-from mmpf.motion.idm import IntelligentDriver, fitted_parameters
+from mmpf.motion.idm import IdmParameters, IntelligentDriver
 from mmpf.motion.process_noise import ProcessNoise
 from mmpf.motion.protocol import MotionModel
 from mmpf.road import FloatArray
@@ -25,12 +26,12 @@ SPEED_DRIVEN = np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
 ACCEL_DRIVEN = np.array([[1.0 / 20.0, 1.0 / 8.0], [1.0 / 8.0, 1.0 / 3.0]])
 
 
-def fit_noise(windows: Following, step_s: float) -> dict[str, ProcessNoise]:
+def fit_noise(traffic: Sequence[Cases], fitted_driver: IdmParameters) -> dict[str, ProcessNoise]:
     """Return the noise of each kinematic model.
 
     Args:
-        windows: Windows of the tuning seeds.
-        step_s: Time between steps.
+        traffic: Lane keeping and lane changes of the tuning seeds, each as often as it happens.
+        fitted_driver: Parameters of ``idm-fitted``.
     """
     rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
         (ConstantVelocity(NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
@@ -38,9 +39,9 @@ def fit_noise(windows: Following, step_s: float) -> dict[str, ProcessNoise]:
         (ConstantSteeringVelocity(NO_NOISE), SPEED_DRIVEN, ACCEL_DRIVEN),
         (ConstantSteeringAcceleration(NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
         (IntelligentDriver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
-        (IntelligentDriver(fitted_parameters(), NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
+        (IntelligentDriver(fitted_driver, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
     )
-    return {model.name: _most_likely(model, lon, lat, windows, step_s) for model, lon, lat in rivals}
+    return {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
 
 
 def noise_toml(sizes: dict[str, ProcessNoise]) -> str:
@@ -55,22 +56,26 @@ def noise_toml(sizes: dict[str, ProcessNoise]) -> str:
 
 
 def _most_likely(
-    model: MotionModel, lon_shape: FloatArray, lat_shape: FloatArray, windows: Following, step_s: float
+    model: MotionModel, lon_shape: FloatArray, lat_shape: FloatArray, traffic: Sequence[Cases]
 ) -> ProcessNoise:
-    ahead = round(AHEAD_S / step_s)
-    starts = range(0, windows.lon_m.shape[1] - ahead, ahead)
-    away = np.concatenate([_errors(model, windows, start, start + ahead, step_s) for start in starts], axis=1)
+    away = np.concatenate([_errors(model, cases) for cases in traffic], axis=1)
     return ProcessNoise(_density(away[:2], lon_shape), _density(away[2:], lat_shape))
 
 
-def _errors(model: MotionModel, windows: Following, start: int, end: int, step_s: float) -> FloatArray:
-    """Return errors in longitudinal position and speed, lateral position and speed, shape (4, windows)."""
+def _errors(model: MotionModel, cases: Cases) -> FloatArray:
+    """Return errors in longitudinal position and speed, lateral position and speed, of all seconds: shape (4, n)."""
+    ahead = round(AHEAD_S / cases.step_s)
+    starts = range(0, cases.steps - ahead, ahead)
+    return np.concatenate([_errors_from(model, cases, start, start + ahead) for start in starts], axis=1)
+
+
+def _errors_from(model: MotionModel, cases: Cases, start: int, end: int) -> FloatArray:
     rng = np.random.default_rng(0)
-    state = states_at(windows, start)
+    state = cases.truth[start]
     latents = model.draw_latents(state, rng)
     for step in range(start, end):
-        state, latents = model.propagate(state, latents, surroundings_at(windows, state, step), step_s, rng)
-    return np.asarray((state - states_at(windows, end))[[LON, SPEED, LAT, LAT_SPEED]])
+        state, latents = model.propagate(state, latents, cases.surroundings(state, step, True), cases.step_s, rng)
+    return np.asarray((state - cases.truth[end])[[LON, SPEED, LAT, LAT_SPEED]])
 
 
 def _density(errors: FloatArray, shape: FloatArray) -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import UserError
+from harness.study.cases import cases_of, lane_change_cases
 from harness.training.card import write_card
 from harness.training.change_fit import change_samples, fit_change
 from harness.training.changing import LaneChanges, join_changes, lane_change_windows
@@ -17,6 +18,8 @@ from harness.training.driver_files import save_change, save_driver, save_short
 from harness.training.driver_fit import driver_habit, fit_driver, fit_short, following_records, short_samples
 from harness.training.evaluation import errors_by_regime
 from harness.training.following import Following, following_windows, join
+from harness.training.idm_fit import fit_idm, idm_toml
+from harness.training.noise_fit import fit_noise, noise_toml
 from harness.training.recording import load_all, record_all
 from harness.training.scenarios import (
     FIRST_TUNING_SEED,
@@ -95,9 +98,23 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     training = record_all(scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S), cache, opened, say)
     tuning = record_all(scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S), cache, opened, say)
     plan.out.mkdir(parents=True, exist_ok=True)
-    if plan.case == LANE_KEEPING:
-        return _train_keeping(plan, _following(training, network), _following(tuning, network), say)
-    return _train_change(plan, _changes(training, network), _changes(tuning, network), say)
+    if plan.case == LANE_CHANGE:
+        return _train_change(plan, _changes(training, network), _changes(tuning, network), say)
+    windows, held_out = _following(training, network), _following(tuning, network)
+    _fit_rivals(plan, windows, held_out, _changes(tuning, network), say)
+    return _train_keeping(plan, windows, held_out, say)
+
+
+def _fit_rivals(
+    plan: TrainingPlan, windows: Following, held_out: Following, held_changes: LaneChanges, say: Say
+) -> None:
+    """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
+    say("fitting the rivals' parameters and noise")
+    driver = fit_idm(windows, plan.seed, STEP_S)
+    (plan.out / "idm_fitted.toml").write_text(idm_toml(driver), encoding="utf-8")
+    every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
+    noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver)
+    (plan.out / "process_noise.toml").write_text(noise_toml(noise), encoding="utf-8")
 
 
 def _train_keeping(plan: TrainingPlan, windows: Following, held_out: Following, say: Say) -> list[Path]:

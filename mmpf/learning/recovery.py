@@ -15,7 +15,7 @@ from mmpf.motion.features import SMALLEST_GAP_M, situation
 from mmpf.motion.scaled_gmm import ScaledGmm
 from mmpf.road import FloatArray, IntArray
 
-PERTURBED_SHARE = 0.7
+PERTURBED_SHARE = 0.5
 POSITION_SPREAD_M = 3.0
 SPEED_SPREAD_MPS = 1.0
 ACCEL_SPREAD_MPS2 = 0.5

@@ -28,6 +28,7 @@ TRAINED_STEP_S = 0.1
 FURTHEST_NEIGHBOUR_M = 100.0
 FASTEST_SIDEWAYS_MPS = 2.5
 HARDEST_STEERING_MPS2 = 4.0
+NOMINAL_WIDTH_M = 3.6
 DIRECTION, ORIGIN = range(2)
 
 
@@ -142,7 +143,7 @@ class LaneChanger:
             rng: Source of randomness.
         """
         half_width = 0.5 * (surroundings.lane_left_m - surroundings.lane_right_m)
-        half_width = np.where(np.isfinite(half_width), half_width, 1.8)
+        half_width = np.where(np.isfinite(half_width), half_width, 0.5 * NOMINAL_WIDTH_M)
         crossed = np.asarray(direction * (state[LAT] - origin_m) > half_width)
         view = view_of(surroundings, state[SPEED], direction, crossed)
         x = change_inputs(state, direction, origin_m, half_width, view)
@@ -155,7 +156,8 @@ class LaneChanger:
         after[SPEED] = np.maximum(state[SPEED] + steps * np.clip(speed - held[:, 3], braking, speeding), 0.0)
         sideways = direction * state[LAT_SPEED] + steps * np.clip(lat_speed - held[:, 2], -steering, steering)
         after[LAT_SPEED] = direction * np.clip(sideways, -FASTEST_SIDEWAYS_MPS, FASTEST_SIDEWAYS_MPS)
-        after[LON] = state[LON] + _near(steps * along, 0.5 * dt_s * (state[SPEED] + after[SPEED]))
+        forward = _near(steps * along, 0.5 * dt_s * (state[SPEED] + after[SPEED]))
+        after[LON] = state[LON] + np.maximum(forward, 0.0)
         mean_sideways = 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
         after[LAT] = state[LAT] + _near(direction * steps * across, mean_sideways)
         after[ACCEL] = np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)

@@ -18,11 +18,12 @@ import numpy.typing as npt
 
 from mmpf.motion.features import situation
 from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
+from mmpf.motion.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.lane_keeping import LaneKeeper
 from mmpf.motion.model_file import ModelFileError, load_arrays, mixture_from_arrays
-from mmpf.motion.protocol import Neighbour, Surroundings, motion_models
+from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
 from mmpf.motion.scaled_gmm import ScaledGmm
-from mmpf.road import FloatArray
+from mmpf.road import FloatArray, IntArray
 from mmpf.state import ACCEL, SPEED
 
 CASE = "lane-keeping"
@@ -83,6 +84,7 @@ class LearnedDriver:
 
     Attributes:
         model: What was fitted.
+        changer: Moves particles that are changing lanes.
         changes_lanes: Whether particles may take up lane changes.
         name: Name in the registry.
         latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, place
@@ -90,6 +92,7 @@ class LearnedDriver:
     """
 
     model: DriverModel = field(default_factory=_committed_model)
+    changer: LaneChanger = field(default_factory=LaneChanger)
     changes_lanes: bool = True
     name: str = "gmm"
     latent_size: int = LATENTS
@@ -113,7 +116,26 @@ class LearnedDriver:
         accel = self._acceleration(state, next_latents, surroundings.leader, seen, dt_s, rng)
         move_along(state, after, accel, np.zeros(state.shape[1]), dt_s)
         self.model.keeper.move_across(state, after, next_latents[OFFSET:], surroundings, dt_s, rng)
+        changing = np.flatnonzero(next_latents[INTENTION])
+        if len(changing):
+            after[:, changing] = self._changing(state, next_latents, surroundings, changing, dt_s, rng)
         return after, next_latents
+
+    def _changing(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        index: IntArray,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return the states of the particles ``index``, which are changing lanes, one step later."""
+        around = take_surroundings(surroundings, index)
+        direction = latents[INTENTION, index]
+        width = around.lane_left_m - around.lane_right_m
+        origin = latents[TARGET, index] - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
+        return self.changer.move(state[:, index], direction, origin, around, dt_s, rng)
 
     def _with_drivers(
         self,

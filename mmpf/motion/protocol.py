@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -64,6 +64,17 @@ class Surroundings:
     right_follower: Neighbour
     flow_speed_mps: FloatArray
     is_hidden: npt.NDArray[np.bool_]
+
+
+def take_surroundings(surroundings: Surroundings, index: npt.NDArray[np.int64]) -> Surroundings:
+    """Return what some of the particles know."""
+
+    def some(value: object) -> object:
+        if isinstance(value, Neighbour):
+            return Neighbour(**{column.name: getattr(value, column.name)[index] for column in fields(Neighbour)})
+        return np.asarray(value)[index]
+
+    return Surroundings(**{column.name: some(getattr(surroundings, column.name)) for column in fields(Surroundings)})  # type: ignore[arg-type]
 
 
 class MotionModel(Protocol):

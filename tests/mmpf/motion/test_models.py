@@ -150,7 +150,7 @@ def test_idm_settles_at_its_equilibrium_gap():
         return around(now, vehicle(1, leader_lon[0] - now[LON, 0], speed))
 
     after = run(IntelligentDriver(noise=QUIET), state, 3000, look)
-    gap = leader_lon[0] + speed * STEP_S - after[LON, 0] - speed * STEP_S
+    gap = leader_lon[0] + speed * STEP_S - after[LON, 0]
     wanted = TREIBER_2000.standstill_gap_m + speed * TREIBER_2000.time_headway_s
     equilibrium = wanted / np.sqrt(1.0 - (speed / TREIBER_2000.desired_speed_mps) ** 4)
     assert gap == pytest.approx(equilibrium, rel=0.01)
