@@ -8,14 +8,14 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from harness.truth.demand import DEFAULT_DENSITY, DENSITY_RANGE
 from mmpf.options import FilterOptions
 
-DEFAULT_DENSITY = 20.0
 DEFAULT_TRACKER = "mmpf"
 
 # What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
 MMPF_DEFAULTS: dict[str, str | int] = {
-    "model": "cvm",
+    "model": "gmm",
     "update": FilterOptions().update,
     "particles": FilterOptions().particles,
 }
@@ -31,14 +31,14 @@ class TrafficConfig(_Strict):
     Attributes:
         net: Name of a network that travels with the package, or a folder or ``.sumocfg`` file.
         demand: Name of one of the network's demands; excludes ``density``.
-        density: Vehicles per kilometre and main lane; excludes ``demand``. 20 if neither is given, unless the network
+        density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given, unless the network
             is a SUMO configuration with a demand of its own.
         duration_s: Scored time in seconds; warm-up comes on top.
     """
 
     net: Annotated[str, Field(min_length=1)] = "us101"
     demand: Annotated[str, Field(min_length=1)] | None = None
-    density: Annotated[float, Field(ge=5.0, le=65.0)] | None = None
+    density: Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])] | None = None
     duration_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 60.0
 
     @model_validator(mode="after")

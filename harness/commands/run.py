@@ -24,7 +24,7 @@ def command(
     ] = None,
     density: Annotated[
         float | None,
-        typer.Option(help="Vehicles per km and main lane, 5 to 65. (default: 20)", rich_help_panel=TRAFFIC),
+        typer.Option(help="Vehicles per km and main lane, 5 to 65. (default: 30)", rich_help_panel=TRAFFIC),
     ] = None,
     demand: Annotated[
         str | None,
@@ -46,7 +46,8 @@ def command(
         str | None, typer.Option(help="Tracker by name. (default: mmpf)", rich_help_panel=TRACKING)
     ] = None,
     model: Annotated[
-        str | None, typer.Option(help="Motion model by name, e.g. cvm, cam, idm.", rich_help_panel=TRACKING)
+        str | None,
+        typer.Option(help="Motion model by name, e.g. idm, cam, cvm. (default: gmm)", rich_help_panel=TRACKING),
     ] = None,
     update: Annotated[
         str | None,

@@ -94,7 +94,7 @@ def test_settings_reach_sensor_and_tracker_as_toml_values_or_words():
 
 
 def test_only_the_own_tracker_gets_its_defaults():
-    assert resolve_config().tracker.all_options()["model"] == "cvm"
+    assert resolve_config().tracker.all_options()["model"] == "gmm"
     assert resolve_config(options={"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
 
 

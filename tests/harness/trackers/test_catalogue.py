@@ -1,17 +1,28 @@
 from __future__ import annotations
 
 import sys
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.errors import UserError
 from harness.trackers.catalogue import available_trackers, build_tracker
-from harness.trackers.checks import TrackerCheck, tracker_checks
+from harness.trackers.checks import TrackerCheck, TrackerCheckError, tracker_checks
 from harness.trackers.protocol import TrackerSetting, TruthAssociatedTracker
 from harness.trackers.scripted_scenes import ROAD, SENSOR
 
-CONFORMING = [name for name in available_trackers() if name != "mmpf"]
+# The published rule weighs components by products over time: some starve, and their vehicles go without a track.
+BEYOND_THE_PUBLISHED_RULE = {"identities_stay_with_their_cars", "order_of_detections_means_nothing"}
+STARVES = pytest.mark.xfail(reason="components starve under the published rule", raises=TrackerCheckError)
+
+
+def published_rule_checks() -> list[object]:
+    return [
+        pytest.param(check, marks=STARVES if check.name in BEYOND_THE_PUBLISHED_RULE else ())
+        for check in tracker_checks()
+    ]
 
 
 def setting() -> TrackerSetting:
@@ -19,11 +30,16 @@ def setting() -> TrackerSetting:
 
 
 @pytest.mark.parametrize("check", tracker_checks(), ids=str)
-@pytest.mark.parametrize("name", CONFORMING)
+@pytest.mark.parametrize("name", available_trackers())
 def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
     if name.startswith("stonesoup"):
         pytest.importorskip("stonesoup")
     check(lambda setting, options: build_tracker(name, setting, options))
+
+
+@pytest.mark.parametrize("check", published_rule_checks(), ids=str)
+def test_the_published_rule_conforms_but_for_its_starving_components(check: TrackerCheck):
+    check(lambda setting, options: build_tracker("mmpf", setting, options), {"update": "max_likelihood"})
 
 
 def test_only_the_oracle_is_told_the_association():
@@ -62,3 +78,26 @@ def test_a_dotted_path_that_leads_nowhere_is_refused(path: str):
 def test_a_dotted_path_builds_ones_own_tracker():
     built = build_tracker("harness.trackers.oracle:build_oracle_kalman", setting(), {"lon_noise": 2.0})
     assert isinstance(built, TruthAssociatedTracker)
+
+
+def committed_model(name: str) -> Path:
+    return Path(str(files("mmpf.models").joinpath(name)))
+
+
+@pytest.mark.parametrize(("model", "file"), [("gmm", "lane_keeping.npz"), ("gmm-short", "lane_keeping_short.npz")])
+def test_a_model_can_come_from_a_file_of_ones_own(model: str, file: str):
+    build_tracker("mmpf", setting(), {"model": model, "model_file": str(committed_model(file))})
+
+
+def test_a_damaged_model_file_is_refused_in_one_line_that_names_it(tmp_path: Path):
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(committed_model("lane_keeping.npz").read_bytes()[:-200])
+    for file in (damaged, tmp_path / "none.npz", committed_model("lane_keeping_short.npz")):
+        with pytest.raises(ValueError, match=file.name) as refusal:
+            build_tracker("mmpf", setting(), {"model": "gmm", "model_file": str(file)})
+        assert "\n" not in str(refusal.value)
+
+
+def test_a_model_file_for_a_model_without_one_is_refused():
+    with pytest.raises(ValueError, match=r"model_file.*'cvm'.*gmm"):
+        build_tracker("mmpf", setting(), {"model": "cvm", "model_file": "some.npz"})
