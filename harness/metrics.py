@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,7 @@ def assemble_metrics(
     total_s: float,
     truth: pd.DataFrame,
     road: Road,
+    stages_ms: Mapping[str, Sequence[float]] | None = None,
 ) -> dict[str, Any]:
     """Return the content of ``metrics.json``; a score that was not made is null, never absent.
 
@@ -51,9 +52,10 @@ def assemble_metrics(
         total_s: Wall time of the whole run.
         truth: The recorded truth.
         road: Where the section lies that the traffic is measured on.
+        stages_ms: Wall times inside the tracker by stage, where it tells them.
     """
     metrics = {"run": _identification(config)} | EMPTY_SCORES | dict(scores)
-    metrics["timing"] = timing(times, step_s, total_s)
+    metrics["timing"] = timing(times, step_s, total_s) | {"stages": stage_timing(stages_ms or {})}
     metrics["traffic"] = traffic(truth, road)
     plain: dict[str, Any] = without_nan(metrics)
     return plain
@@ -73,6 +75,16 @@ def timing(times: StageTimes, step_s: float, total_s: float) -> dict[str, Any]:
         "sensor_ms": {"p50": _percentile(sensor_ms, 50)},
         "truth_ms": {"p50": _percentile(truth_ms, 50)},
         "total_s": total_s,
+    }
+
+
+def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float | None]]:
+    """Return percentiles of each stage's time under keys without blanks: ``prior update`` becomes ``prior_update``."""
+    return {
+        stage.replace(",", "").replace(" ", "_"): {
+            f"p{percent}": _percentile(np.array(took_ms), percent) for percent in (50, 95, 99)
+        }
+        for stage, took_ms in stages_ms.items()
     }
 
 

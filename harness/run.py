@@ -18,6 +18,7 @@ from harness import runfolder
 from harness.config import RunConfig
 from harness.configfile import write_config
 from harness.cosim import AnyTracker, StageTimes, Streams, co_simulate
+from harness.diagnostics import DiagnosticsKeeper
 from harness.errors import RunError, RunInterruptedError, UserError
 from harness.inputs import RunInputs, open_inputs
 from harness.manifest import write_manifest
@@ -133,6 +134,7 @@ class _Attempt:
     streams: Streams
     recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
     moment: MomentKeeper = field(default_factory=MomentKeeper)
+    diagnostics: DiagnosticsKeeper = field(default_factory=DiagnosticsKeeper)
     times: StageTimes = field(default_factory=StageTimes)
     wall_s: dict[str, float] = field(default_factory=dict)
     inputs: RunInputs | None = None
@@ -163,6 +165,7 @@ class _Attempt:
             perf_counter() - begin,
             tables.truth,
             self.inputs.truth.road,
+            self.diagnostics.stages_ms,
         )
         (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
         self.write_manifest(runfolder.COMPLETE, None)
@@ -173,6 +176,9 @@ class _Attempt:
         write_table(tables.truth, self.folder / runfolder.TRUTH)
         write_table(tables.detections, self.folder / runfolder.DETECTIONS)
         write_table(tables.tracks, self.folder / runfolder.TRACKS)
+        diagnostics = self.diagnostics.table()
+        if diagnostics is not None:
+            write_table(diagnostics, self.folder / runfolder.DIAGNOSTICS)
 
     def write_manifest(self, status: str, problem: str | None) -> None:
         """Write the manifest as things stand."""
@@ -197,6 +203,7 @@ class _Attempt:
 
             def watch(frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
                 self.moment.watch(frame, observation, tracks, tracker)
+                self.diagnostics.watch(frame, observation, tracks, tracker)
                 advance()
 
             co_simulate(
@@ -212,6 +219,7 @@ class _Attempt:
             raise UserError("the traffic has no ego vehicle in the section; choose another demand, density or duration")
 
     def _draw(self, scored: ScoredRun) -> None:
+        from harness.report.diagnostics_figure import FILE, diagnostics_figure  # noqa: PLC0415
         from harness.report.figures import draw_figures  # noqa: PLC0415
 
         assert self.inputs is not None
@@ -220,6 +228,9 @@ class _Attempt:
         draw_figures(
             folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), scored, self.config.title()
         )
+        diagnostics = self.diagnostics.table()
+        if diagnostics is not None:
+            diagnostics_figure(diagnostics, self.config.title()).savefig(folder / FILE)
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:

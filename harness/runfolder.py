@@ -18,12 +18,13 @@ import pyarrow.parquet as pq
 from harness.errors import UserError
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
-TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS = (
+TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
     "truth.parquet",
     "detections.parquet",
     "tracks.parquet",
     "errors.parquet",
     "events.parquet",
+    "diagnostics.parquet",
 )
 FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.moment import Moment
+from harness.report.panels import mark_new_egos, stretch_s, strip
 from harness.report.scene import GREEN, ORANGE, VERMILION, scene_figure
 from harness.scoring import ScoredRun
 from mmpf.road import FloatArray, Road
@@ -64,7 +65,7 @@ def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
         title: Heading.
     """
     tracked = errors[errors["outcome"] == "tracked"]
-    width_s = _stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
+    width_s = stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
     figure = Figure(figsize=(9.0, 7.0), dpi=120, layout="constrained")
     panels = figure.subplots(len(ERROR_COLUMNS), 1, sharex=True)
     for axes, (column, _, label) in zip(panels, ERROR_COLUMNS, strict=True):
@@ -78,8 +79,8 @@ def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(label)
         _label_lines(axes, ends)
-        _mark_new_egos(axes, errors)
-        _strip(axes)
+        mark_new_egos(axes, errors)
+        strip(axes)
     longest_s = width_s * np.ceil(float(tracked["time_s"].max()) / width_s + 1e-9) if len(tracked) else 1.0
     panels[-1].set_xlim(0.0, 1.16 * longest_s)
     panels[-1].set_xlabel("time, s")
@@ -104,7 +105,7 @@ def error_by_visibility(mae: Mapping[str, Any], title: str) -> Figure:
         axes.tick_params(axis="x", length=0)
         axes.set_ylim(0.0, 1.15 * highest or 1.0)
         axes.set_ylabel(label)
-        _strip(axes)
+        strip(axes)
     figure.suptitle(f"{title}: mean absolute error, 95 % intervals over vehicles, n samples", fontsize=11)
     return figure
 
@@ -133,11 +134,6 @@ def _means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[F
     return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64)
 
 
-def _stretch_s(duration_s: float) -> float:
-    """Return a round length of time that cuts the run into some thirty stretches."""
-    return next((width for width in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0) if duration_s / width <= 40.0), 60.0)
-
-
 def _label_lines(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
     """Write each line's name at its end, moved apart where they would overlap."""
     top = axes.get_ylim()[1]
@@ -147,23 +143,3 @@ def _label_lines(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
         axes.annotate(
             NAMES[state], (time, height), xytext=(6, 0), textcoords="offset points", color=COLOURS[state], va="center"
         )
-
-
-def _mark_new_egos(axes: Axes, errors: pd.DataFrame) -> None:
-    """Draw a line where another vehicle became the ego and tracking began anew."""
-    for start_s in errors.groupby("episode")["time_s"].min().iloc[1:]:
-        axes.axvline(start_s, color="0.6", linewidth=0.8, linestyle=":")
-        axes.annotate(
-            "new ego",
-            (start_s, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(3, -2),
-            textcoords="offset points",
-            va="top",
-            color="0.4",
-            fontsize=8,
-        )
-
-
-def _strip(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)

@@ -99,7 +99,7 @@ def test_only_the_own_tracker_gets_its_defaults():
 
 
 def test_folder_name_tells_the_settings_and_holds_no_separator():
-    assert resolve_config(options={"seed": 3, "density": 12.5}).default_folder_name() == "us101-mmpf-cvm-d12.5-s3"
+    assert resolve_config(options={"seed": 3, "density": 12.5}).default_folder_name() == "us101-mmpf-gmm-d12.5-s3"
     name = resolve_config(options={"net": "a/b c.sumocfg", "tracker": "x.y:z"}).default_folder_name()
     assert name == "b-c-x.y-z-s0"
 

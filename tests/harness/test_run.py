@@ -44,6 +44,7 @@ def test_a_run_leaves_every_file(steady_traffic, tmp_path):
         "config.toml", "manifest.json", "truth.parquet", "detections.parquet", "tracks.parquet", "errors.parquet",
         "metrics.json", "figures",
     } <= names  # fmt: skip
+    assert "diagnostics.parquet" not in names, "the stand-in tracker tells nothing of its inside"
     assert json.loads((finished.folder / "metrics.json").read_text()) == finished.metrics
     assert json.loads((finished.folder / "manifest.json").read_text())["status"] == "complete"
     assert resolve_config(finished.folder / "config.toml") == configured()
@@ -162,17 +163,18 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
 
 
 @pytest.mark.slow
-def test_a_run_is_shown_in_three_figures(sumo_runs):
+def test_a_run_is_shown_in_figures(sumo_runs):
     assert {path.name for path in (sumo_runs["one"] / "figures").iterdir()} == {
         "scene.png",
         "error_over_time.png",
         "error_by_visibility.png",
+        "diagnostics.png",
     }
 
 
 @pytest.mark.slow
 def test_the_same_command_gives_the_same_bytes(sumo_runs):
-    for table in TABLES:
+    for table in (*TABLES, runfolder.DIAGNOSTICS):
         assert (sumo_runs["one"] / table).read_bytes() == (sumo_runs["same"] / table).read_bytes(), table
     metrics = [json.loads((sumo_runs[name] / "metrics.json").read_text()) for name in ("one", "same")]
     for content in metrics:
