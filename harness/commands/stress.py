@@ -1,0 +1,124 @@
+"""``stress``: a grid of runs over density, seeds, trackers, models and any other setting."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+GRID, RESULT = "The grid", "How it is run"
+
+
+def command(
+    net: Annotated[
+        str, typer.Option(help="Network by name, or your own: a folder or .sumocfg file.", rich_help_panel=GRID)
+    ] = "us101",
+    densities: Annotated[
+        str | None,
+        typer.Option(
+            help="Vehicles per km and lane: START:STOP:STEP, ends included, or A,B,C. (default: 5:65:10)",
+            rich_help_panel=GRID,
+        ),
+    ] = None,
+    demands: Annotated[
+        str | None, typer.Option(help="Named demands in place of densities: A,B,C; see 'nets'.", rich_help_panel=GRID)
+    ] = None,
+    trackers: Annotated[
+        str,
+        typer.Option(
+            help="Trackers: A,B,C; with settings of its own: mmpf+update=max_likelihood.", rich_help_panel=GRID
+        ),
+    ] = "mmpf",
+    models: Annotated[
+        str | None, typer.Option(help="Motion models of mmpf: A,B,C. (default: as in 'run')", rich_help_panel=GRID)
+    ] = None,
+    seeds: Annotated[str, typer.Option(help="How many seeds, or seeds A:B, B excluded.", rich_help_panel=GRID)] = "10",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUES", help="One more axis; repeatable.", rich_help_panel=GRID),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Scored seconds of each run. (default: 60)", rich_help_panel=GRID)
+    ] = None,
+    particles: Annotated[
+        int | None, typer.Option(help="Particles per vehicle, for mmpf.", rich_help_panel=GRID)
+    ] = None,
+    sensor: Annotated[
+        str | None, typer.Option(help="lidar, radar or camera. (default: lidar)", rich_help_panel=GRID)
+    ] = None,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Any setting of config.toml for all runs.", rich_help_panel=GRID
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder to write.", rich_help_panel=RESULT)] = Path("results/stress"),
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep the runs that --out holds, make the others.", rich_help_panel=RESULT)
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Worker processes. (default: one per core)", min=1, rich_help_panel=RESULT)
+    ] = None,
+    timeout_per_run: Annotated[
+        float | None, typer.Option(help="Seconds after which a run is given up.", min=0.1, rich_help_panel=RESULT)
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print summary.json on stdout, nothing else there.", rich_help_panel=RESULT)
+    ] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="No progress bar and no tables.", rich_help_panel=RESULT)
+    ] = False,
+) -> None:
+    """Run many densities, trackers, models and seeds; see where each breaks.
+
+    Truth and detections of one density and seed are made once, for all
+    trackers. Leaves runs.parquet (one row per run, failed ones too),
+    summary.json, table.md and figures. Exit code 3 if a run failed.
+
+    Examples:
+      python -m harness stress --models gmm,idm,cvm,cam --seeds 10
+      python -m harness stress --trackers mmpf,mmpf+update=max_likelihood,stonesoup-jpda
+      python -m harness stress --densities 30 --vary sensor.range_m=40:160:20
+      python -m harness stress --densities 20,40 --duration 20 --resume
+    """
+    from harness.errors import RunError  # noqa: PLC0415
+    from harness.stress.grid import GridRequest  # noqa: PLC0415
+    from harness.stress.stress import run_stress  # noqa: PLC0415
+
+    own_demand = net.endswith(".sumocfg")
+    request = GridRequest(
+        net=net,
+        densities=densities if densities is not None or demands is not None or own_demand else "5:65:10",
+        demands=demands,
+        trackers=trackers,
+        models=models,
+        seeds=seeds,
+        duration_s=duration,
+        particles=particles,
+        sensor=sensor,
+        settings=tuple(setting or ()),
+        vary=tuple(vary or ()),
+    )
+    finished = run_stress(
+        request,
+        out,
+        workers=workers or os.cpu_count() or 1,
+        timeout_s=timeout_per_run,
+        resume=resume,
+        quiet=quiet,
+    )
+    if not quiet:
+        from harness.stress.tables import print_result  # noqa: PLC0415
+
+        print_result(f"Stress test on {net}", finished.points, finished.breaks, finished.failures, str(finished.folder))
+    if as_json:
+        import json  # noqa: PLC0415
+
+        typer.echo(json.dumps(finished.summary, indent=2))
+    if finished.failures:
+        raise RunError(
+            f"{len(finished.failures)} of {finished.summary['runs']} runs failed, the first: {finished.failures[0]}; "
+            f"all rows are in {finished.folder}"
+        )

@@ -1,0 +1,1 @@
+"""Grids of runs over density, seeds, trackers, models and any other setting."""

@@ -1,0 +1,288 @@
+"""The grid of a stress test: cells of shared truth and detections, and the runs over each.
+
+Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
+``mmpf+joint.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the tracker's named
+settings, everything else is one of its options. ``--models`` goes with the project's own tracker; settings of
+``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned settings.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from harness.config import DEFAULT_TRACKER, RunConfig, TrackerConfig
+from harness.configfile import resolve_config
+from harness.errors import UserError
+from harness.stress.values import names, numbers, seed_values
+
+MOST_RUNS = 100_000
+DENSITY, DEMAND, SEED = "density", "demand", "seed"
+NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
+VARY_EXAMPLE = "sensor.range_m=40:160:20"
+TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
+
+
+@dataclass(frozen=True)
+class GridRequest:
+    """A grid as the user wrote it.
+
+    Attributes:
+        net: Network by name, or a path.
+        densities: Vehicles per km and lane, a range or list; None with ``demands`` or a network with its own demand.
+        demands: Named demands, a list; None with ``densities``.
+        trackers: Trackers, a list.
+        models: Motion models, a list; None for the tracker's default.
+        seeds: Number or range of seeds.
+        duration_s: Scored seconds of each run.
+        particles: Particles per vehicle.
+        sensor: Sensor profile.
+        settings: ``KEY=VALUE`` words that hold for all runs.
+        vary: ``KEY=VALUES`` words; each is one more axis.
+    """
+
+    net: str = "us101"
+    densities: str | None = None
+    demands: str | None = None
+    trackers: str = DEFAULT_TRACKER
+    models: str | None = None
+    seeds: str = "10"
+    duration_s: float | None = None
+    particles: int | None = None
+    sensor: str | None = None
+    settings: tuple[str, ...] = ()
+    vary: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run of the grid.
+
+    Attributes:
+        config: Its whole configuration.
+        variant: The tracker as the user wrote it, with its own settings.
+        varied: Values of the other axes by key; absent where an axis does not concern the tracker.
+    """
+
+    config: RunConfig
+    variant: str
+    varied: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """Name of its result file; the same configuration has the same key in every grid."""
+        traffic, tracker = self.config.traffic, self.config.tracker
+        words = [traffic.net, _traffic_word(self.config), f"s{self.config.seed}", tracker.name, tracker.model]
+        readable = "-".join(word for word in words if word)
+        readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[-80:]
+        content = json.dumps([self.config.as_table(), self.variant], sort_keys=True)
+        return f"{readable.lstrip('-.')}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
+
+    def identity(self) -> dict[str, Any]:
+        """Return the columns that tell this run from the others."""
+        traffic, tracker = self.config.traffic, self.config.tracker
+        return {
+            "net": traffic.net,
+            DENSITY: traffic.density,
+            DEMAND: traffic.demand,
+            "tracker": tracker.name,
+            "variant": self.variant,
+            "model": tracker.model,
+            "update": tracker.update,
+            SEED: self.config.seed,
+            **self.varied,
+        }
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Runs that share their truth and detections.
+
+    Attributes:
+        runs: The runs; net, traffic, sensor and seed are the same in all.
+    """
+
+    runs: tuple[PlannedRun, ...]
+
+    @property
+    def config(self) -> RunConfig:
+        """A configuration that traffic and sensor can be opened from."""
+        return self.runs[0].config
+
+    def describe(self) -> str:
+        """Return what is simulated in a few words."""
+        return f"{self.config.traffic.net} {_traffic_word(self.config)} seed {self.config.seed}"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All cells of a stress test.
+
+    Attributes:
+        cells: The cells, sorted as their rows are.
+        axes: Keys of ``--vary``.
+    """
+
+    cells: tuple[Cell, ...]
+    axes: tuple[str, ...]
+
+    @property
+    def runs(self) -> tuple[PlannedRun, ...]:
+        """All runs, in the order of the rows."""
+        return tuple(run for cell in self.cells for run in cell.runs)
+
+
+def plan_grid(request: GridRequest) -> Grid:
+    """Turn what the user wrote into runs, each with a checked configuration.
+
+    Raises:
+        UserError: A list is wrong, a key or name is unknown, or there are too many runs.
+    """
+    places = _traffic_points(request)
+    seeds = seed_values(request.seeds)
+    axes = _axes(request.vary)
+    variants = _variants(request)
+    sizes = (len(places), len(seeds), *(len(values) for values in axes.values()), len(variants))
+    if math.prod(sizes) > MOST_RUNS:
+        raise UserError(
+            f"the grid has {math.prod(sizes)} runs, at most {MOST_RUNS} are allowed; fewer densities, seeds or values, "
+            "for example --densities 5:65:10 --seeds 10"
+        )
+    shared = {key: values for key, values in axes.items() if not key.startswith("tracker.")}
+    own = {key: values for key, values in axes.items() if key.startswith("tracker.")}
+    cells = []
+    for place, varied in itertools.product(places, _combinations(shared)):
+        # Every configuration is checked once; only the seed differs among those that follow.
+        first = [
+            PlannedRun(_config(request, variant, place, seeds[0], each), variant.text, _kept(variant, each))
+            for variant in variants
+            for each in ([varied | more for more in _combinations(own)] if variant.takes_settings else [varied])
+        ]
+        cells += [
+            Cell(
+                tuple(
+                    PlannedRun(run.config.model_copy(update={"seed": seed}), run.variant, run.varied) for run in first
+                )
+            )
+            for seed in seeds
+        ]
+    return Grid(tuple(cells), tuple(axes))
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """A tracker with settings of its own and, where it takes one, a model."""
+
+    text: str
+    name: str
+    settings: tuple[str, ...]
+    model: str | None = None
+
+    @property
+    def takes_settings(self) -> bool:
+        """Whether ``tracker.*`` settings that hold for the whole grid concern it."""
+        return self.name == DEFAULT_TRACKER or ":" in self.name
+
+
+def _variants(request: GridRequest) -> list[_Variant]:
+    models = names(request.models, "--models", "gmm,idm,cvm,cam") if request.models is not None else (None,)
+    variants = []
+    for text in names(request.trackers, "--trackers", TRACKER_EXAMPLE):
+        name, *settings = text.split("+")
+        for setting in settings:
+            key, equals, value = setting.partition("=")
+            if not (key and equals and value):
+                raise UserError(
+                    f"--trackers {text}: {setting!r} is not KEY=VALUE; for example mmpf+update=max_likelihood"
+                )
+        crossed = name == DEFAULT_TRACKER and not any(setting.startswith("model=") for setting in settings)
+        full = tuple(_full_key(setting) for setting in settings)
+        variants += [_Variant(text, name, full, model) for model in (models if crossed else (None,))]
+    if request.models is not None and not any(variant.model for variant in variants):
+        raise UserError("--models: only mmpf takes them here; for example --trackers mmpf --models gmm,cvm")
+    return variants
+
+
+def _full_key(setting: str) -> str:
+    key = setting.partition("=")[0]
+    return f"tracker.{setting}" if key in NAMED_TRACKER_SETTINGS else f"tracker.options.{setting}"
+
+
+def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
+    if request.densities is not None and request.demands is not None:
+        raise UserError("--demands: give either densities or demands, not both; for example --densities 5:65:10")
+    if request.demands is not None:
+        return [{DEMAND: name} for name in names(request.demands, "--demands", "us101-0750,us101-0805")]
+    if request.densities is not None:
+        return [{DENSITY: value} for value in numbers(request.densities, "--densities", "5:65:10")]
+    return [{}]
+
+
+def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    axes: dict[str, tuple[float, ...]] = {}
+    for word in words:
+        key, equals, text = (part.strip() for part in word.partition("="))
+        if not equals or not key:
+            raise UserError(
+                f"--vary {word!r}: give KEY=START:STOP:STEP or KEY=A,B,C; for example --vary {VARY_EXAMPLE}"
+            )
+        if key in axes:
+            raise UserError(f"--vary {key}: given twice; for example --vary {VARY_EXAMPLE}")
+        instead = {"seed": "--seeds 10", "traffic.density": "--densities 5:65:10"}.get(key)
+        if instead:
+            raise UserError(f"--vary {key}: this axis has an option of its own; for example {instead}")
+        if not key.startswith(("sensor.", "tracker.", "traffic.")):
+            raise UserError(f"--vary {key}: no such setting can be varied; for example --vary {VARY_EXAMPLE}")
+        axes[key] = numbers(text, f"--vary {key}:", VARY_EXAMPLE)
+    return axes
+
+
+def _combinations(axes: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:
+    for values in itertools.product(*axes.values()):
+        yield dict(zip(axes, values, strict=True))
+
+
+def _config(
+    request: GridRequest, variant: _Variant, place: Mapping[str, Any], seed: int, varied: Mapping[str, float]
+) -> RunConfig:
+    options = {
+        "net": request.net,
+        **place,
+        "duration": request.duration_s,
+        "sensor": request.sensor,
+        "tracker": variant.name,
+        "model": variant.model,
+        "particles": request.particles if variant.takes_settings else None,
+        "seed": seed,
+    }
+    settings = [word for word in request.settings if variant.takes_settings or not word.startswith("tracker.")]
+    words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
+    try:
+        return resolve_config(None, options, [*settings, *variant.settings, *words])
+    except UserError as error:
+        if any(key.split(".", 1)[-1] in str(error) for key in varied):
+            raise UserError(f"--vary: {error}; for example --vary {VARY_EXAMPLE}") from None
+        raise
+
+
+def _kept(variant: _Variant, varied: Mapping[str, float]) -> dict[str, float]:
+    return {key: value for key, value in varied.items() if variant.takes_settings or not key.startswith("tracker.")}
+
+
+def _traffic_word(config: RunConfig) -> str:
+    traffic = config.traffic
+    return f"d{traffic.density:g}" if traffic.density is not None else traffic.demand or ""
+
+
+def distinct_trackers(grid: Grid) -> Iterator[RunConfig]:
+    """Yield one configuration for each distinct tracker with its settings."""
+    seen: list[TrackerConfig] = []
+    for run in grid.runs:
+        if run.config.tracker not in seen:
+            seen.append(run.config.tracker)
+            yield run.config

@@ -1,0 +1,192 @@
+"""A stress test from grid to finished folder, which an interrupted one takes up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.errors import RunInterruptedError, UserError
+from harness.metrics import without_nan
+from harness.progress import progress_bar
+from harness.stress.grid import Cell, Grid, GridRequest, distinct_trackers, plan_grid
+from harness.stress.pool import OnRow, run_cells
+from harness.stress.rows import TEMPORARY, Row, assemble, read_rows, write_row
+from harness.stress.summary import Break, Point, breaks, curve_points
+
+ROWS, RUNS, SUMMARY, TABLE, FIGURES, GRID = "runs", "runs.parquet", "summary.json", "table.md", "figures", "grid.json"
+
+RunCells = Callable[[list[Cell], OnRow], None]
+
+
+@dataclass(frozen=True)
+class FinishedGrid:
+    """A grid that ended.
+
+    Attributes:
+        folder: Where its files lie.
+        summary: Content of its ``summary.json``.
+        points: The curves.
+        breaks: Where each tracker breaks.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+    points: Sequence[Point]
+    breaks: Sequence[Break]
+
+    @property
+    def failures(self) -> list[str]:
+        """One line for each run that failed."""
+        return [failure["run"] + ": " + failure["error"] for failure in self.summary["failures"]]
+
+
+def run_stress(
+    request: GridRequest,
+    out: Path,
+    *,
+    workers: int,
+    timeout_s: float | None = None,
+    resume: bool = False,
+    quiet: bool = True,
+    execute: RunCells | None = None,
+) -> FinishedGrid:
+    """Run a grid and write its folder.
+
+    Args:
+        request: The grid.
+        out: The folder.
+        workers: Number of worker processes.
+        timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
+        resume: Whether runs that the folder already holds are kept.
+        quiet: Whether to leave out the progress bar.
+        execute: Runs the cells elsewhere than in processes of this machine.
+
+    Raises:
+        UserError: The grid or the folder is wrong; no run was made.
+        RunInterruptedError: The user stopped it; finished runs are kept.
+    """
+    grid = plan_grid(request)
+    check_grid(grid)
+    rows_folder = _open_folder(out, resume)
+    done = read_rows(rows_folder, (run.key for run in grid.runs))
+    open_cells = [cell for cell in (_without(cell, done) for cell in grid.cells) if cell.runs]
+    if open_cells:
+        _forget_outcome(out)
+    (out / GRID).write_text(json.dumps(asdict(request), indent=2) + "\n", encoding="utf-8")
+    run_all = execute or (lambda cells, on_row: run_cells(cells, workers, timeout_s, on_row))
+    total = len(grid.runs) - len(done)
+    title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
+    try:
+        with progress_bar(title, total, quiet) as advance:
+
+            def keep(key: str, row: Row) -> None:
+                write_row(rows_folder, key, without_nan(row))
+                done[key] = row
+                advance()
+
+            # The longest first, so that no worker is left alone with it in the end.
+            run_all(sorted(open_cells, key=lambda cell: -(cell.config.traffic.density or 0.0)), keep)
+    except KeyboardInterrupt:
+        raise RunInterruptedError(
+            f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and --resume"
+        ) from None
+    return _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
+
+
+def check_grid(grid: Grid) -> None:
+    """Find a wrong network, sensor or tracker before any run is made.
+
+    Raises:
+        UserError: One is wrong.
+    """
+    from harness.run import check_tracker  # noqa: PLC0415
+    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
+    from harness.truth.network import load_network  # noqa: PLC0415
+
+    traffic = grid.cells[0].config.traffic
+    network = load_network(traffic.net)
+    if network.configuration is not None and (traffic.density is not None or traffic.demand is not None):
+        raise UserError(f"--densities: {network.name} brings its own demand; leave densities and demands out")
+    for demand in {cell.config.traffic.demand for cell in grid.cells} - {None}:
+        network.demand(str(demand))
+    for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
+        sensor_settings(config.sensor.profile, config.sensor.overrides)
+    for config in distinct_trackers(grid):
+        check_tracker(config)
+
+
+def _open_folder(out: Path, resume: bool) -> Path:
+    if out.exists() and not resume:
+        raise UserError(f"--out: {out} exists; add --resume to go on with it, or choose another folder")
+    rows = out / ROWS
+    if out.exists() and not rows.is_dir() and any(out.iterdir()):
+        raise UserError(f"--out: {out} is not a stress test's folder; choose another folder")
+    try:
+        rows.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: can't write in {out}: {error.strerror}; choose another folder") from None
+    for leftover in rows.glob(f"*{TEMPORARY}"):
+        leftover.unlink()
+    return rows
+
+
+def _without(cell: Cell, done: Mapping[str, Row]) -> Cell:
+    return Cell(tuple(run for run in cell.runs if run.key not in done))
+
+
+def _forget_outcome(out: Path) -> None:
+    """Remove what was made of fewer runs."""
+    for name in (RUNS, SUMMARY, TABLE):
+        (out / name).unlink(missing_ok=True)
+
+
+def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
+    from harness.recorder import write_table  # noqa: PLC0415
+    from harness.stress.figures import curves_figure  # noqa: PLC0415
+    from harness.stress.tables import as_markdown  # noqa: PLC0415
+
+    table = assemble(grid, rows)
+    points, broken = curve_points(table, grid.axes), breaks(table)
+    failures = [
+        {"key": run.key, "run": _in_words(rows[run.key]), "error": rows[run.key]["error"]}
+        for run in grid.runs
+        if not rows[run.key]["succeeded"]
+    ]
+    summary: dict[str, Any] = without_nan(
+        {
+            "grid": asdict(request),
+            "runs": len(grid.runs),
+            "failed": len(failures),
+            "failures": failures,
+            "breaks": [asdict(entry) for entry in broken],
+            "curves": [asdict(point) for point in points],
+        }
+    )
+    title = f"Stress test on {request.net}"
+    (out / FIGURES).mkdir(exist_ok=True)
+    for axis in dict.fromkeys(point.axis for point in points):
+        curves_figure(points, axis, title).savefig(out / FIGURES / f"over_{axis.replace('.', '_')}.png")
+    lines = [failure["run"] + ": " + failure["error"] for failure in failures]
+    _replace(out / TABLE, lambda path: path.write_text(as_markdown(title, points, broken, lines), encoding="utf-8"))
+    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
+    _replace(out / RUNS, lambda path: write_table(table, path))
+    return FinishedGrid(out, summary, points, broken)
+
+
+def _replace(final: Path, write: Callable[[Path], object]) -> None:
+    """Write a file so that it is there whole or not at all."""
+    temporary = final.with_name(f".{final.name}{TEMPORARY}")
+    write(temporary)
+    temporary.replace(final)
+
+
+def _in_words(row: Mapping[str, Any]) -> str:
+    """Return in words which run a row is of."""
+    names = ("net", "density", "demand", "variant", "model", "seed")
+    words = [f"{name} {row[name]}" for name in names if row.get(name) is not None]
+    return ", ".join(
+        [*words, *(f"{key}={row[key]:g}" for key in row if key.startswith(("sensor.", "tracker.", "traffic.")))]
+    )
