@@ -19,6 +19,7 @@ COLOURS = {
     "gmm-lane-change": "#56B4E9",
     "idm": "#D55E00",
     "idm-fitted": "#E69F00",
+    "idm-adaptive": "#F0E442",
     "cvm": "#000000",
     "cam": "#009E73",
     "csav": "#CC79A7",

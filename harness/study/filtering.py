@@ -13,6 +13,7 @@ from mmpf.road import FloatArray, IntArray
 from mmpf.state import LAT, LON, SPEED
 
 MEASURED = (LON, LAT, SPEED)
+KERNEL_WIDTH = 0.1
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,18 @@ def follow(
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)
         if measurements is not None:
             kept = _survivors(weight, rng)
-            state, latents = state[:, kept], latents[:, kept]
+            state, latents = _spread_out(state[:, kept], cases.count, rng), latents[:, kept]
             log_weight = np.zeros_like(log_weight)
+
+
+def _spread_out(state: FloatArray, cases: int, rng: np.random.Generator) -> FloatArray:
+    """Draw resampled copies apart without changing each case's mean and variance (Liu and West, 2001)."""
+    cloud = state.reshape(len(state), cases, -1)
+    mean, deviation = cloud.mean(axis=2, keepdims=True), cloud.std(axis=2, keepdims=True)
+    held = np.sqrt(1.0 - KERNEL_WIDTH**2) * (cloud - mean)
+    spread = mean + held + KERNEL_WIDTH * deviation * rng.standard_normal(cloud.shape)
+    spread[SPEED] = np.maximum(spread[SPEED], 0.0)
+    return np.asarray(spread.reshape(state.shape))
 
 
 def _normalised(log_weight: FloatArray) -> FloatArray:

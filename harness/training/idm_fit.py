@@ -1,81 +1,113 @@
-"""Fits the intelligent driver model's parameters to the training windows, as a rival with the same data."""
+"""Fits IDM and its adaptive form to the training windows, as rivals with the same data."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
+from harness.study.cases import Cases, following_cases
 from harness.training.following import Following
-from mmpf.motion.idm import IdmParameters, idm_acceleration
-from mmpf.motion.protocol import Neighbour
+from mmpf.motion.adaptive_idm import Adaptation, AdaptiveDriver
+from mmpf.motion.idm import IdmParameters, IntelligentDriver
+from mmpf.motion.process_noise import ProcessNoise
+from mmpf.motion.protocol import MotionModel
 from mmpf.road import FloatArray
+from mmpf.state import LON
 
 WINDOWS = 300
-GENERATIONS = 30
+GENERATIONS = 25
 POPULATION = 8
 HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
-LOWEST = (20.0, 0.5, 0.3, 0.5, 1.0)
-HIGHEST = (45.0, 2.5, 3.0, 5.0, 5.0)
+DRIVER_BOUNDS = ((20.0, 45.0), (0.5, 2.5), (0.3, 3.0), (0.5, 5.0), (1.0, 5.0))
+ADAPTATION_BOUNDS = ((0.5, 10.0), (-0.2, 1.0), (0.0, 1.0))
+NO_NOISE = ProcessNoise(0.0, 0.0)
+
+Adaptive = tuple[IdmParameters, Adaptation]
 
 
 def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
-    """Fit by differential evolution to the closed-loop position error, each horizon's in proportion to its length.
+    """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length.
 
     Args:
         windows: Training windows; those without a leader are left out.
         seed: Seed of the choice of windows and of the search.
         step_s: Time between steps.
     """
+    found = _search(lambda values: IntelligentDriver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
+    return _driver(found)
+
+
+def fit_adaptive(windows: Following, seed: int, step_s: float) -> Adaptive:
+    """Fit the adaptive form in the same way."""
+    bounds = (*DRIVER_BOUNDS, *ADAPTATION_BOUNDS)
+    return _adaptive(
+        _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed, step_s)
+    )
+
+
+def idm_toml(driver: IdmParameters) -> str:
+    """Return the parameters as the committed file gives them."""
+    return "\n".join(
+        ["# Parameters of the intelligent driver model fitted to the training recordings.", *_lines(driver)]
+    )
+
+
+def adaptive_toml(fitted: Adaptive) -> str:
+    """Return the adaptive form's parameters as the committed file gives them."""
+    driver, adaptation = fitted
+    head = "# Parameters of the adaptive intelligent driver model fitted to the training recordings."
+    return "\n".join([head, "[driver]", *_lines(driver), "[adaptation]", *_lines(adaptation)])
+
+
+def _lines(values: object) -> list[str]:
+    return [*(f"{name} = {float(value):.4g}" for name, value in vars(values).items()), ""]
+
+
+def _driver(values: FloatArray) -> IdmParameters:
+    speed, headway, accel, decel, gap = (float(value) for value in values[:5])
+    return IdmParameters(speed, headway, accel, decel, 4.0, gap)
+
+
+def _adaptive(values: FloatArray) -> Adaptive:
+    return _driver(values), Adaptation(*(float(value) for value in values[5:]))
+
+
+def _search(
+    model_of: Callable[[FloatArray], MotionModel],
+    bounds: Sequence[tuple[float, float]],
+    windows: Following,
+    seed: int,
+    step_s: float,
+) -> FloatArray:
     from scipy.optimize import Bounds, differential_evolution  # noqa: PLC0415
 
-    rng = np.random.default_rng(seed)
-    led = windows.take(np.flatnonzero(windows.has_leader))
-    some = led.take(rng.choice(len(led), size=min(WINDOWS, len(led)), replace=False))
+    cases = following_cases(windows, WINDOWS, step_s, np.random.default_rng(seed))
 
     def error(values: FloatArray) -> float:
-        return _closed_loop_error(_parameters(values), some, step_s)
+        return _closed_loop_error(model_of(values), cases)
 
+    lowest, highest = np.transpose(bounds)
     found = differential_evolution(
         error,
-        Bounds(LOWEST, HIGHEST),
+        Bounds(lowest, highest),
         maxiter=GENERATIONS,
         popsize=POPULATION,
         rng=np.random.default_rng(seed),
         polish=False,
     )
-    return _parameters(found.x)
+    return np.asarray(found.x)
 
 
-def idm_toml(driver: IdmParameters) -> str:
-    """Return the parameters as the committed file gives them."""
-    lines = [f"{name} = {value:.4g}" for name, value in vars(driver).items()]
-    return "\n".join(["# Parameters of the intelligent driver model fitted to the training recordings.", *lines, ""])
-
-
-def _parameters(values: FloatArray) -> IdmParameters:
-    speed, headway, accel, decel, gap = (float(value) for value in values)
-    return IdmParameters(speed, headway, accel, decel, 4.0, gap)
-
-
-def _closed_loop_error(driver: IdmParameters, windows: Following, step_s: float) -> float:
-    speed, travelled = windows.speed_mps[:, 0], np.zeros(len(windows))
-    gap_at_start = (
-        windows.leader_lon_m - windows.lon_m[:, :1] - 0.5 * (windows.length_m + windows.leader_length_m)[:, None]
-    )
-    exists = np.ones(len(windows), dtype=np.bool_)
-    steps_to_score = {round(horizon / step_s): horizon for horizon in HORIZONS_S}
+def _closed_loop_error(model: MotionModel, cases: Cases) -> float:
+    rng = np.random.default_rng(0)
+    state = cases.truth[0]
+    latents = model.draw_latents(state, rng)
+    scored = {round(horizon / cases.step_s): horizon for horizon in HORIZONS_S}
     error = 0.0
-    for step in range(1, windows.lon_m.shape[1]):
-        leader = Neighbour(
-            exists,
-            gap_at_start[:, step - 1] - travelled,
-            windows.leader_speed_mps[:, step - 1],
-            windows.leader_accel_mps2[:, step - 1],
-            windows.leader_length_m,
-        )
-        next_speed = np.maximum(speed + step_s * idm_acceleration(speed, leader, driver), 0.0)
-        travelled = travelled + 0.5 * step_s * (speed + next_speed)
-        speed = next_speed
-        if step in steps_to_score:
-            away = travelled - (windows.lon_m[:, step] - windows.lon_m[:, 0])
-            error += float(np.abs(away).mean()) / steps_to_score[step]
+    for step in range(1, cases.steps):
+        around = cases.surroundings(state, step - 1, True)
+        state, latents = model.propagate(state, latents, around, cases.step_s, rng)
+        if step in scored:
+            error += float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step]
     return error

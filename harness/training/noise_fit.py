@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.study.cases import Cases
+from harness.training.idm_fit import Adaptive
+from mmpf.motion.adaptive_idm import AdaptiveDriver
 from mmpf.motion.bicycle import ConstantSteeringAcceleration, ConstantSteeringVelocity
 from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
 from mmpf.motion.idm import IdmParameters, IntelligentDriver
@@ -26,12 +28,13 @@ SPEED_DRIVEN = np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
 ACCEL_DRIVEN = np.array([[1.0 / 20.0, 1.0 / 8.0], [1.0 / 8.0, 1.0 / 3.0]])
 
 
-def fit_noise(traffic: Sequence[Cases], fitted_driver: IdmParameters) -> dict[str, ProcessNoise]:
+def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptive) -> dict[str, ProcessNoise]:
     """Return the noise of each kinematic model.
 
     Args:
         traffic: Lane keeping and lane changes of the tuning seeds, each as often as it happens.
-        fitted_driver: Parameters of ``idm-fitted``.
+        fitted: Parameters of ``idm-fitted``.
+        adaptive: Parameters of ``idm-adaptive``.
     """
     rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
         (ConstantVelocity(NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
@@ -39,7 +42,8 @@ def fit_noise(traffic: Sequence[Cases], fitted_driver: IdmParameters) -> dict[st
         (ConstantSteeringVelocity(NO_NOISE), SPEED_DRIVEN, ACCEL_DRIVEN),
         (ConstantSteeringAcceleration(NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
         (IntelligentDriver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
-        (IntelligentDriver(fitted_driver, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
+        (IntelligentDriver(fitted, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
+        (AdaptiveDriver(*adaptive, NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
     )
     return {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
 

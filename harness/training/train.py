@@ -18,7 +18,7 @@ from harness.training.driver_files import save_change, save_driver, save_short
 from harness.training.driver_fit import driver_habit, fit_driver, fit_short, following_records, short_samples
 from harness.training.evaluation import errors_by_regime
 from harness.training.following import Following, following_windows, join
-from harness.training.idm_fit import fit_idm, idm_toml
+from harness.training.idm_fit import adaptive_toml, fit_adaptive, fit_idm, idm_toml
 from harness.training.noise_fit import fit_noise, noise_toml
 from harness.training.recording import load_all, record_all
 from harness.training.scenarios import (
@@ -113,7 +113,9 @@ def _fit_rivals(
     driver = fit_idm(windows, plan.seed, STEP_S)
     (plan.out / "idm_fitted.toml").write_text(idm_toml(driver), encoding="utf-8")
     every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
-    noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver)
+    adaptive = fit_adaptive(windows, plan.seed, STEP_S)
+    (plan.out / "idm_adaptive.toml").write_text(adaptive_toml(adaptive), encoding="utf-8")
+    noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver, adaptive)
     (plan.out / "process_noise.toml").write_text(noise_toml(noise), encoding="utf-8")
 
 

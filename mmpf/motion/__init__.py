@@ -3,6 +3,6 @@
 Importing the package fills ``mmpf.motion.protocol.motion_models``.
 """
 
-from mmpf.motion import bicycle, constant, idm, lane_changer, learned_driver, short_driver
+from mmpf.motion import adaptive_idm, bicycle, constant, idm, lane_changer, learned_driver, short_driver
 
-__all__ = ["bicycle", "constant", "idm", "lane_changer", "learned_driver", "short_driver"]
+__all__ = ["adaptive_idm", "bicycle", "constant", "idm", "lane_changer", "learned_driver", "short_driver"]

@@ -51,17 +51,21 @@ def fitted_parameters() -> IdmParameters:
     return IdmParameters(**tomllib.loads(text))
 
 
-def idm_acceleration(speed_mps: FloatArray, leader: Neighbour, driver: IdmParameters) -> FloatArray:
+def idm_acceleration(
+    speed_mps: FloatArray, leader: Neighbour, driver: IdmParameters, headway_s: FloatArray | None = None
+) -> FloatArray:
     """Return the acceleration that the model demands, no harder than a car can brake, shape (n,).
 
     Args:
         speed_mps: Own speeds, shape (n,).
         leader: Vehicles ahead; a missing one leaves the free-road term alone.
         driver: Parameters.
+        headway_s: Each vehicle's own time headway, shape (n,); None for the driver's.
     """
     closing_term = speed_mps * (speed_mps - leader.speed_mps)
     braking_scale = 2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2)
-    dynamic_gap = np.maximum(speed_mps * driver.time_headway_s + closing_term / braking_scale, 0.0)
+    headway = driver.time_headway_s if headway_s is None else headway_s
+    dynamic_gap = np.maximum(speed_mps * headway + closing_term / braking_scale, 0.0)
     gap = np.maximum(leader.gap_m, SMALLEST_GAP_M)
     interaction = np.where(leader.exists, (driver.standstill_gap_m + dynamic_gap) / gap, 0.0) ** 2
     free_road = 1.0 - (speed_mps / driver.desired_speed_mps) ** driver.exponent

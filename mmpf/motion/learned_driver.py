@@ -181,7 +181,7 @@ class LearnedDriver:
         wanted = free.gain_per_s * (latents[DESIRED_SPEED] - state[SPEED])
         accel = state[ACCEL] + np.minimum(free.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
         accel += free.accel_noise_mps2 * rng.standard_normal(len(accel))
-        index = np.flatnonzero(follows)
+        index = np.flatnonzero(follows & (latents[INTENTION] == 0.0))
         if len(index):
             x = np.column_stack([seen[index], latents[HABIT, index]])
             accel[index] = self.model.following.sample(x, rng)[:, 0] + latents[BIAS, index]
