@@ -12,7 +12,7 @@ import hashlib
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -265,9 +265,18 @@ def _config(
     try:
         return resolve_config(None, options, [*settings, *variant.settings, *words])
     except UserError as error:
-        if any(key.split(".", 1)[-1] in str(error) for key in varied):
-            raise UserError(f"--vary: {error}; for example --vary {VARY_EXAMPLE}") from None
-        raise
+        if "traffic.density" in str(error):
+            raise UserError(
+                f"--densities {request.densities}: densities lie between 5 and 65; for example --densities 5:65:10"
+            ) from None
+        raise with_example(error, varied) from None
+
+
+def with_example(error: UserError, varied: Iterable[str]) -> UserError:
+    """Return the error, with an example of ``--vary`` where it is about one of its keys."""
+    if any(key.split(".", 1)[-1] in str(error) for key in varied):
+        return UserError(f"--vary: {error}; for example --vary {VARY_EXAMPLE}")
+    return error
 
 
 def _kept(variant: _Variant, varied: Mapping[str, float]) -> dict[str, float]:
@@ -282,7 +291,8 @@ def _traffic_word(config: RunConfig) -> str:
 def distinct_trackers(grid: Grid) -> Iterator[RunConfig]:
     """Yield one configuration for each distinct tracker with its settings."""
     seen: list[TrackerConfig] = []
-    for run in grid.runs:
+    first_seed = grid.cells[0].config.seed
+    for run in (run for cell in grid.cells if cell.config.seed == first_seed for run in cell.runs):
         if run.config.tracker not in seen:
             seen.append(run.config.tracker)
             yield run.config

@@ -11,7 +11,7 @@ from typing import Any
 from harness.errors import RunInterruptedError, UserError
 from harness.metrics import without_nan
 from harness.progress import progress_bar
-from harness.stress.grid import Cell, Grid, GridRequest, distinct_trackers, plan_grid
+from harness.stress.grid import Cell, Grid, GridRequest, distinct_trackers, plan_grid, with_example
 from harness.stress.pool import OnRow, run_cells
 from harness.stress.rows import TEMPORARY, Row, assemble, read_rows, write_row
 from harness.stress.summary import Break, Point, breaks, curve_points
@@ -113,7 +113,10 @@ def check_grid(grid: Grid) -> None:
     for demand in {cell.config.traffic.demand for cell in grid.cells} - {None}:
         network.demand(str(demand))
     for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
-        sensor_settings(config.sensor.profile, config.sensor.overrides)
+        try:
+            sensor_settings(config.sensor.profile, config.sensor.overrides)
+        except UserError as error:
+            raise with_example(error, grid.axes) from None
     for config in distinct_trackers(grid):
         check_tracker(config)
 

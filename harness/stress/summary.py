@@ -44,7 +44,7 @@ CURVES = (
     CurveMetric("mae.visible.lon_m", "MAE visible, m", "mae.visible.lon_m", "mae.visible.n"),
     CurveMetric("mae.hidden.lon_m", "MAE hidden, m", "mae.hidden.lon_m", "mae.hidden.n"),
     CurveMetric("occlusion.survived", "occlusions survived, %", "occlusion.survived", "occlusion.events", True),
-    CurveMetric(BREAK_METRIC, "same identity after, %", BREAK_METRIC, "occlusion.events", True),
+    CurveMetric(BREAK_METRIC, "same identity after occlusion, %", BREAK_METRIC, "occlusion.events", True),
     CurveMetric("mot.hota", "HOTA in sight, %", "mot.hota"),
     CurveMetric("timing.tracker_ms.p50", "time of a step, ms", "timing.tracker_ms.p50"),
 )

@@ -45,7 +45,7 @@ def print_result(
     parts: list[Table | Text] = [Text(f"\n{title}", style="bold")]
     for axis in dict.fromkeys(point.axis for point in points):
         table = Table(title=f"Means over seeds, by {axis}", box=box.SIMPLE, title_justify="left")
-        table.add_column("tracker")
+        table.add_column("tracker", no_wrap=True)
         for heading in (axis, *HEADINGS):
             table.add_column(heading, justify="right")
         for row in _rows(points, axis, False):

@@ -1,0 +1,34 @@
+"""The standard suite: a small grid that a committed baseline is made of and that a change is checked against."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.errors import UserError
+from harness.stress.grid import GridRequest
+from harness.stress.stress import FinishedGrid, run_stress
+
+SUITES = {
+    "standard": GridRequest(
+        net="us101", densities="20,40", trackers="mmpf", models="cvm,gmm", seeds="10", duration_s=10.0, particles=200
+    ),
+}
+BASELINE = Path("results/reference")
+
+
+def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) -> FinishedGrid:
+    """Run a suite.
+
+    Args:
+        name: Its name.
+        out: Folder to write.
+        workers: Number of worker processes.
+        resume: Whether runs that the folder already holds are kept.
+        quiet: Whether to leave out the progress bar.
+
+    Raises:
+        UserError: There is no such suite, or the folder is wrong.
+    """
+    if name not in SUITES:
+        raise UserError(f"--suite {name}: no such suite; choose one of {', '.join(SUITES)}")
+    return run_stress(SUITES[name], out, workers=workers, resume=resume, quiet=quiet)
