@@ -1,0 +1,1 @@
+"""How long trackers take: a step by stage against the number of vehicles, and the mixtures' sampling."""

@@ -1,0 +1,125 @@
+"""The measurement for people: a table on stderr and a log-log plot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+from rich.console import Console
+from rich.table import Table
+
+COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#882255", "#CC79A7", "#999999")
+REAL_TIME_MS = 100.0
+
+
+def print_tables(result: dict[str, Any], console: Console) -> None:
+    """Print the trackers' times, their slopes and the mixtures' times."""
+    console.print(_times(result["rows"]))
+    console.print(_stages(result["rows"]))
+    console.print(_slopes(result["slopes"]))
+    console.print(_mixtures(result["gmm"]))
+
+
+def plot(result: dict[str, Any]) -> Figure:
+    """Return the log-log plot of the median time of a step over the vehicles in range."""
+    figure = Figure(figsize=(8.0, 5.5), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    lines = _lines(result["rows"])
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    ends = []
+    for place, (name, points) in enumerate(lines.items()):
+        colour = COLOURS[place % len(COLOURS)]
+        vehicles, ms = zip(*points, strict=True)
+        axes.plot(vehicles, ms, color=colour, marker="o", markersize=4, linewidth=1.8 if place == 0 else 1.2)
+        ends.append((ms[-1], vehicles[-1], name, colour))
+    counts = sorted({row["vehicles"] for row in result["rows"]})
+    axes.axhline(REAL_TIME_MS, color="0.6", linewidth=0.8, linestyle=":")
+    axes.annotate("real time at 10 Hz", (counts[0], REAL_TIME_MS), xytext=(0, 3), textcoords="offset points",
+                  color="0.4", fontsize=8)  # fmt: skip
+    height = 0.0
+    for last_ms, vehicles_there, name, colour in sorted(ends):
+        height = max(last_ms, 1.35 * height)
+        axes.annotate(
+            name, (vehicles_there, last_ms), xytext=(1.08 * vehicles_there, height), color=colour, va="center"
+        )
+    axes.xaxis.set_major_locator(FixedLocator(counts))
+    axes.xaxis.set_major_formatter(FixedFormatter([str(count) for count in counts]))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlim(0.9 * counts[0], 2.6 * counts[-1])
+    axes.set_xlabel("vehicles in range")
+    axes.set_ylabel("time of a step, median, ms")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _lines(rows: Sequence[dict[str, Any]]) -> dict[str, list[tuple[int, float]]]:
+    lines: dict[str, list[tuple[int, float]]] = {}
+    for row in rows:
+        if row["ms_p50"] is not None:
+            lines.setdefault(_name(row), []).append((row["vehicles"], row["ms_p50"]))
+    return lines
+
+
+def _name(row: dict[str, Any]) -> str:
+    return f"{row['tracker']} {row['model']}" if row["model"] else str(row["tracker"])
+
+
+def _times(rows: Sequence[dict[str, Any]]) -> Table:
+    table = Table(title="Time of a step, ms: median (95th percentile), - where time was up")
+    counts = sorted({row["vehicles"] for row in rows})
+    table.add_column("tracker")
+    table.add_column("particles", justify="right")
+    for count in counts:
+        table.add_column(f"{count} vehicles", justify="right")
+    table.add_column("peak MB", justify="right")
+    for name in dict.fromkeys(_name(row) for row in rows):
+        own = {row["vehicles"]: row for row in rows if _name(row) == name}
+        particles = next(iter(own.values()))["particles"]
+        cells = [_cell(own[count]) for count in counts]
+        peak = max(row["peak_mb"] for row in own.values())
+        table.add_row(name, "" if particles is None else str(particles), *cells, f"{peak:.0f}")
+    return table
+
+
+def _cell(row: dict[str, Any]) -> str:
+    return "-" if row["ms_p50"] is None else f"{row['ms_p50']:.1f} ({row['ms_p95']:.1f})"
+
+
+def _stages(rows: Sequence[dict[str, Any]]) -> Table:
+    table = Table(title="Stages of this project's tracker, median ms")
+    told = [row for row in rows if row["stages_ms_p50"]]
+    counts = sorted({row["vehicles"] for row in told})
+    table.add_column("tracker")
+    table.add_column("stage")
+    for count in counts:
+        table.add_column(f"{count} vehicles", justify="right")
+    for name in dict.fromkeys(_name(row) for row in told):
+        own = {row["vehicles"]: row["stages_ms_p50"] for row in told if _name(row) == name}
+        for stage in dict.fromkeys(stage for stages in own.values() for stage in stages):
+            cells = [f"{own[count].get(stage, 0.0):.2f}" if count in own else "-" for count in counts]
+            table.add_row(name, stage, *cells)
+    return table
+
+
+def _slopes(slopes: Sequence[dict[str, Any]]) -> Table:
+    table = Table(title="Slope of the log-log plot")
+    for column in ("tracker", "from", "to", "slope"):
+        table.add_column(column, justify="left" if column == "tracker" else "right")
+    for row in slopes:
+        table.add_row(_name(row), str(row["from"]), str(row["to"]), f"{row['slope']:.2f}")
+    return table
+
+
+def _mixtures(rows: Sequence[dict[str, Any]]) -> Table:
+    table = Table(title="Sampling from a conditional Gaussian mixture")
+    for column in ("components", "inputs", "particles", "ms", "bare matrix product, ms"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(
+            str(row["components"]), str(row["inputs"]), str(row["particles"]), f"{row['ms']:.2f}",
+            f"{row['matrix_product_ms']:.2f}",
+        )  # fmt: skip
+    return table
