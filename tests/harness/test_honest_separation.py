@@ -1,0 +1,114 @@
+"""A tracker run with the truth replaced by noise gives the very same tracks: it never sees the truth."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness import runfolder
+from harness.configfile import resolve_config
+from harness.inputs import RunInputs
+from harness.recorder import write_table
+from harness.replay_config import resolve_run_config
+from harness.run import run
+from harness.sensor.detector import build_sensor
+from harness.sensor.observation import VISIBILITY_STATES
+from harness.sensor.profiles import sensor_settings
+from tests.harness.stand_ins import SteadyTraffic
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    """Record 2.5 s of traffic on three lanes, in which cars hide each other, under two egos."""
+    with pytest.MonkeyPatch.context() as patch:
+        _draw_nothing(patch)
+        inputs = RunInputs(SteadyTraffic(steps=25, ego_stay=15), build_sensor(sensor_settings("lidar", {})))
+        patch.setattr("harness.inputs._open_live", lambda config, streams: inputs)
+        config = resolve_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
+        return run(config, out=tmp_path_factory.mktemp("separation") / "recording").folder
+
+
+@pytest.fixture(scope="module")
+def scrambled(recording: Path) -> Path:
+    """Copy the recording and replace by noise all that no tracker may see."""
+    folder = recording.with_name("scrambled")
+    shutil.copytree(recording, folder)
+    rng = np.random.default_rng(99)
+    truth = pd.read_parquet(folder / runfolder.TRUTH)
+    detections = pd.read_parquet(folder / runfolder.DETECTIONS)
+    write_table(_noisy_truth(truth, rng), folder / runfolder.TRUTH)
+    write_table(_noisy_detections(detections, truth, rng), folder / runfolder.DETECTIONS)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("tracker", "options"),
+    [
+        ("mmpf", {"model": "gmm", "particles": 200}),
+        ("mmpf", {"model": "cvm", "particles": 200}),
+        ("mmpf", {"model": "gmm", "particles": 200, "update": "max_likelihood"}),
+        ("stonesoup-gnn", {}),
+    ],
+    ids=["mmpf gmm", "mmpf cvm", "mmpf gmm max_likelihood", "stonesoup-gnn"],
+)
+def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker, options, tmp_path, monkeypatch):
+    if tracker.startswith("stonesoup"):
+        pytest.importorskip("stonesoup")
+    seen, unseen = (tracks_of(folder, tracker, options, tmp_path, monkeypatch) for folder in (recording, scrambled))
+    assert len(pd.read_parquet(seen)) > 100
+    assert seen.read_bytes() == unseen.read_bytes()
+
+
+def test_the_bound_that_is_told_the_truth_is_found_out(recording, scrambled, tmp_path, monkeypatch):
+    seen, unseen = (tracks_of(folder, "oracle-kalman", {}, tmp_path, monkeypatch) for folder in (recording, scrambled))
+    assert seen.read_bytes() != unseen.read_bytes()
+
+
+def tracks_of(folder: Path, tracker: str, options: dict, tmp_path: Path, monkeypatch) -> Path:
+    """Replay a folder and return the file of its tracks."""
+    _draw_nothing(monkeypatch)
+    config = resolve_run_config(options={"replay": str(folder), "tracker": tracker, **options})
+    return run(config, out=tmp_path / folder.name).folder / runfolder.TRACKS
+
+
+def _draw_nothing(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+    patch.setattr("harness.run._Attempt._draw", lambda attempt, scored: None)
+
+
+def _noisy_truth(truth: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Return the truth with noise in all rows but the ego's, which its own vehicle knows; one new name per vehicle."""
+    noisy = truth.copy()
+    others = ~truth["is_ego"].to_numpy()
+    names = truth["vehicle_id"].unique()
+    renamed = dict(zip(names, rng.permutation(names), strict=True))
+    ego_names = {step: rows["vehicle_id"].iloc[0] for step, rows in truth[~others].groupby("step")}
+    noisy["vehicle_id"] = [
+        _noise_name(renamed[name], ego_names[step]) if other else name
+        for name, step, other in zip(truth["vehicle_id"], truth["step"], others, strict=True)
+    ]
+    count = int(others.sum())
+    for column in ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2"):
+        noisy.loc[others, column] = rng.uniform(0.0, 30.0, count)
+    noisy.loc[others, "lane"] = rng.integers(1, 4, count)
+    noisy.loc[others, ["length_m", "width_m"]] = rng.uniform(1.0, 9.0, (count, 2))
+    noisy.loc[others, "visible_fraction"] = rng.uniform(size=count)
+    noisy.loc[others, "in_range"] = rng.random(count) < 0.5
+    noisy.loc[others, "state"] = rng.choice(np.array(VISIBILITY_STATES, dtype=object), count)
+    noisy["occluder_id"] = ""
+    return noisy
+
+
+def _noise_name(name: str, ego: str) -> str:
+    return f"{name} again" if name == ego else name
+
+
+def _noisy_detections(detections: pd.DataFrame, truth: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    names = np.append(truth["vehicle_id"].unique(), "").astype(object)
+    return detections.assign(
+        truth_id=rng.choice(names, len(detections)), visible_fraction=rng.uniform(size=len(detections))
+    )
