@@ -1,0 +1,58 @@
+"""The train command refuses what makes no sense, and trains end to end on little traffic."""
+
+import numpy as np
+import pytest
+
+from harness.cli import run_command_line
+from harness.training import driver_fit, train
+from harness.training.card import write_card
+from harness.training.evaluation import RegimeError
+from harness.training.train import TrainingPlan
+from harness.truth.network import load_network
+from mmpf.learning.fit import SizeScore
+from mmpf.motion.learned_driver import load_learned_driver
+from mmpf.motion.short_driver import load_short_driver
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--case", "parking"], "--case parking"),
+        (["--seeds", "0:5"], "kept for tuning and reporting"),
+        (["--seeds", "5"], "give a range"),
+        (["--net", "nowhere"], "nowhere"),
+    ],
+)
+def test_wrong_input_ends_with_two_and_one_line(arguments, words, capsys):
+    assert run_command_line(["train", *arguments]) == 2
+    message = capsys.readouterr().err.strip()
+    assert words in message
+    assert "Traceback" not in message
+
+
+def test_a_card_names_the_best_size_and_the_limits(tmp_path):
+    sizes = [SizeScore(4, 10.0, -1.0), SizeScore(8, 5.0, -0.8), SizeScore(16, 7.0, -0.7)]
+    regimes = [RegimeError("free", 3, (0.1, 0.2, 0.5, 1.0))]
+    write_card(tmp_path / "model.md", "A model", {"Data": "little"}, sizes, regimes, ["It knows nothing."])
+    text = (tmp_path / "model.md").read_text()
+    assert "Smallest BIC of the sweep: 8 components" in text
+    assert "It knows nothing." in text
+    assert (tmp_path / "model_bic.png").exists()
+
+
+@pytest.mark.slow
+def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
+    for name, value in (("FOLLOWING_SAMPLES", 4000), ("SHORT_SAMPLES", 4000), ("ROLLOUTS", 20)):
+        monkeypatch.setattr(driver_fit, name, value)
+    monkeypatch.setattr(train, "TUNING_RECORDINGS", 2)
+    monkeypatch.setattr("harness.training.idm_fit.GENERATIONS", 1)
+    plan = TrainingPlan("lane-keeping", 4, 1000, 3, 0, False, tmp_path / "cache", tmp_path / "models")
+    said: list[str] = []
+    paths = train.train(plan, load_network("us101"), said.append)
+    assert load_learned_driver(paths[0]).model.following.mixture.inputs == 6
+    assert load_short_driver(paths[1]).mixture.mixture.outputs == 4
+    again = train.train(plan, load_network("us101"), said.append)
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
+    assert sum(line.startswith("recorded") for line in said) == 5
+    assert "following" in (tmp_path / "models" / "lane_keeping.md").read_text()
+    assert np.isfinite(load_learned_driver(paths[0]).model.following.mixture.means).all()
