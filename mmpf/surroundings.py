@@ -5,6 +5,8 @@ Who leads and who follows whom is settled between component means, lane by lane;
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +19,8 @@ from mmpf.state import ACCEL, LAT, LON, SPEED
 
 OFF_ROAD = -1
 NOBODY = -1
+LEADER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(5)
+DIRECTIONS = 5
 FLOW_LENGTH_M = 25.0
 FLOW_OTHER_LANE_WEIGHT = 0.15
 
@@ -51,39 +55,44 @@ def surroundings_of(
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
     leader, follower = _neighbours_by_lane(others[LON], lane_of_other, counts, len(road.lanes))
 
-    lane = nearest_lane(road, state[LON], state[LAT])
+    around = _Around.empty(state.shape[1])
     left, right = adjacent_lanes(road)
-    table = road.lane_table
-    lanes = np.stack([lane, left[lane], right[lane]])
-    lanes[1:] = np.where(_lane_is_there(table, lanes[1:], state[LON]), lanes[1:], OFF_ROAD)
-
-    def neighbour(chosen: IntArray, target: IntArray, ahead: bool) -> Neighbour:
-        found = np.where(target >= 0, chosen[component, target], NOBODY)
-        return _neighbour(state, found, others, length, vehicle.length_m, ahead)
-
+    _look_around(
+        state[LON],
+        state[LAT],
+        state[SPEED],
+        component,
+        road.lane_table,
+        left,
+        right,
+        leader,
+        follower,
+        others[[LON, SPEED, ACCEL]],
+        length,
+        vehicle.length_m,
+        around.lane_line_m,
+        around.has_lane,
+        around.exists,
+        around.gap_m,
+        around.speed_mps,
+        around.accel_mps2,
+        around.length_m,
+    )
     flow = flow_speeds(others[:, :-1], lane_of_other[:-1], is_neighbour & is_seen)
     return Surroundings(
         length_m=np.full(len(component), vehicle.length_m),
-        lane_right_m=table[lane, 1],
-        lane_left_m=table[lane, 2],
-        has_left_lane=lanes[1] >= 0,
-        has_right_lane=lanes[2] >= 0,
-        leader=neighbour(leader, lanes[0], True),
-        left_leader=neighbour(leader, lanes[1], True),
-        left_follower=neighbour(follower, lanes[1], False),
-        right_leader=neighbour(leader, lanes[2], True),
-        right_follower=neighbour(follower, lanes[2], False),
+        lane_right_m=around.lane_line_m[0],
+        lane_left_m=around.lane_line_m[1],
+        has_left_lane=around.has_lane[0],
+        has_right_lane=around.has_lane[1],
+        leader=around.neighbour(LEADER),
+        left_leader=around.neighbour(LEFT_LEADER),
+        left_follower=around.neighbour(LEFT_FOLLOWER),
+        right_leader=around.neighbour(RIGHT_LEADER),
+        right_follower=around.neighbour(RIGHT_FOLLOWER),
         flow_speed_mps=flow[component],
         is_hidden=~is_seen[component],
     )
-
-
-def nearest_lane(road: Road, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
-    """Return the index of the lane that each position is in or, off the road, nearest to, shape (n,)."""
-    table = road.lane_table
-    lane = np.empty(len(lon_m), dtype=np.int64)
-    _nearest_lane(table[:, 1], table[:, 2], table[:, 3], table[:, 4], lon_m, lat_m, lane)
-    return lane
 
 
 def adjacent_lanes(road: Road) -> tuple[IntArray, IntArray]:
@@ -112,28 +121,122 @@ def flow_speeds(mean: FloatArray, lane: IntArray, counts: npt.NDArray[np.bool_])
         return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)
 
 
-def _lane_is_there(table: FloatArray, lane: IntArray, lon_m: FloatArray) -> npt.NDArray[np.bool_]:
-    return np.asarray((lane >= 0) & (lon_m >= table[lane, 3]) & (lon_m < table[lane, 4]))
+@dataclass(frozen=True)
+class _Around:
+    """What the kernel finds out about n particles: rows are directions, as the constants above number them.
+
+    Attributes:
+        lane_line_m: Right and left line of the own lane, shape (2, n).
+        has_lane: Whether there is a lane to the left and to the right, shape (2, n).
+        exists: Whether there is a neighbour, shape (5, n).
+        gap_m: Clear distance to it, shape (5, n).
+        speed_mps: Its speed, shape (5, n).
+        accel_mps2: Its acceleration, shape (5, n).
+        length_m: Its length, shape (5, n).
+    """
+
+    lane_line_m: FloatArray
+    has_lane: npt.NDArray[np.bool_]
+    exists: npt.NDArray[np.bool_]
+    gap_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    length_m: FloatArray
+
+    @classmethod
+    def empty(cls, n: int) -> _Around:
+        """Return arrays to be filled in."""
+        return cls(
+            np.empty((2, n)),
+            np.empty((2, n), dtype=np.bool_),
+            np.empty((DIRECTIONS, n), dtype=np.bool_),
+            *(np.empty((DIRECTIONS, n)) for _ in range(4)),
+        )
+
+    def neighbour(self, direction: int) -> Neighbour:
+        """Return the neighbour in one direction."""
+        return Neighbour(
+            exists=self.exists[direction],
+            gap_m=self.gap_m[direction],
+            speed_mps=self.speed_mps[direction],
+            accel_mps2=self.accel_mps2[direction],
+            length_m=self.length_m[direction],
+        )
 
 
-def _neighbour(
-    state: FloatArray,
-    found: IntArray,
+@numba.njit(cache=True)
+def _look_around(
+    lon: FloatArray,
+    lat: FloatArray,
+    speed: FloatArray,
+    component: IntArray,
+    lanes: FloatArray,
+    left: IntArray,
+    right: IntArray,
+    leader: IntArray,
+    follower: IntArray,
     others: FloatArray,
-    length: FloatArray,
-    own_length_m: float,
-    ahead: bool,
-) -> Neighbour:
-    exists = found >= 0
-    distance = others[LON][found] - state[LON]
-    gap = (distance if ahead else -distance) - 0.5 * (own_length_m + length[found])
-    return Neighbour(
-        exists=exists,
-        gap_m=np.where(exists, gap, np.inf),
-        speed_mps=np.where(exists, others[SPEED][found], state[SPEED]),
-        accel_mps2=np.where(exists, others[ACCEL][found], 0.0),
-        length_m=np.where(exists, length[found], own_length_m),
-    )
+    other_length: FloatArray,
+    own_length: float,
+    lane_line: FloatArray,
+    has_lane: npt.NDArray[np.bool_],
+    exists: npt.NDArray[np.bool_],
+    gap: FloatArray,
+    neighbour_speed: FloatArray,
+    neighbour_accel: FloatArray,
+    neighbour_length: FloatArray,
+) -> None:
+    """Fill in each particle's lane and neighbours; ``others`` has rows of position, speed and acceleration."""
+    for n in range(len(lon)):
+        lane = _lane_at(lanes, lon[n], lat[n])
+        left_lane = _lane_if_there(lanes, left[lane], lon[n])
+        right_lane = _lane_if_there(lanes, right[lane], lon[n])
+        lane_line[0, n], lane_line[1, n] = lanes[lane, 1], lanes[lane, 2]
+        has_lane[0, n], has_lane[1, n] = left_lane >= 0, right_lane >= 0
+        own = component[n]
+        for direction in range(DIRECTIONS):
+            target = lane
+            if direction in (LEFT_LEADER, LEFT_FOLLOWER):
+                target = left_lane
+            elif direction in (RIGHT_LEADER, RIGHT_FOLLOWER):
+                target = right_lane
+            ahead = direction in (LEADER, LEFT_LEADER, RIGHT_LEADER)
+            found = NOBODY
+            if target >= 0:
+                found = leader[own, target] if ahead else follower[own, target]
+            exists[direction, n] = found >= 0
+            if found >= 0:
+                distance = others[0, found] - lon[n]
+                clear = distance if ahead else -distance
+                gap[direction, n] = clear - 0.5 * (own_length + other_length[found])
+                neighbour_speed[direction, n] = others[1, found]
+                neighbour_accel[direction, n] = others[2, found]
+                neighbour_length[direction, n] = other_length[found]
+            else:
+                gap[direction, n] = np.inf
+                neighbour_speed[direction, n] = speed[n]
+                neighbour_accel[direction, n] = 0.0
+                neighbour_length[direction, n] = own_length
+
+
+@numba.njit(cache=True)
+def _lane_if_there(lanes: FloatArray, lane: int, lon: float) -> int:
+    return lane if lane >= 0 and lanes[lane, 3] <= lon < lanes[lane, 4] else OFF_ROAD
+
+
+@numba.njit(cache=True)
+def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
+    """Return the lane that a position is in or nearest to."""
+    smallest = np.inf
+    nearest = 0
+    for k in range(len(lanes)):
+        if lon < lanes[k, 3] or lon >= lanes[k, 4]:
+            continue
+        distance = abs(lat - 0.5 * (lanes[k, 1] + lanes[k, 2])) - 0.5 * (lanes[k, 2] - lanes[k, 1])
+        if distance < smallest:
+            smallest = distance
+            nearest = k
+    return nearest
 
 
 @numba.njit(cache=True)
@@ -157,25 +260,3 @@ def _neighbours_by_lane(
                 if nearest < 0 or lon[other] > lon[nearest]:
                     follower[m, strip] = other
     return leader, follower
-
-
-@numba.njit(cache=True)
-def _nearest_lane(
-    right: FloatArray,
-    left: FloatArray,
-    start: FloatArray,
-    end: FloatArray,
-    lon: FloatArray,
-    lat: FloatArray,
-    lane: IntArray,
-) -> None:
-    for n in range(len(lon)):
-        smallest = np.inf
-        lane[n] = 0
-        for k in range(len(right)):
-            if lon[n] < start[k] or lon[n] >= end[k]:
-                continue
-            distance = abs(lat[n] - 0.5 * (right[k] + left[k])) - 0.5 * (left[k] - right[k])
-            if distance < smallest:
-                smallest = distance
-                lane[n] = k
