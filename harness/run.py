@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import traceback
 from collections.abc import Iterator
@@ -145,6 +146,8 @@ class _Attempt:
         write_config(self.config, self.folder / runfolder.CONFIG)
         with self._timed("open"):
             self.inputs = open_inputs(self.config, self.streams)
+        if self.inputs.report and not quiet:
+            sys.stderr.write(self.inputs.report + "\n")
         write_road(self.inputs.truth.road, self.folder / runfolder.ROAD)
         with self._timed("loop"):
             self._loop(self.inputs, quiet)
@@ -159,7 +162,7 @@ class _Attempt:
             self._draw(scored)
         metrics = assemble_metrics(
             self.config,
-            scored.metrics,
+            scored.metrics | dict(self.inputs.about),
             self.times,
             self.inputs.truth.step_s,
             perf_counter() - begin,
@@ -169,6 +172,7 @@ class _Attempt:
         )
         (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
         self.write_manifest(runfolder.COMPLETE, None)
+        self._write_page()
         return metrics
 
     def write_tables(self, tables: RunTables) -> None:
@@ -217,6 +221,11 @@ class _Attempt:
             )
         if not self.recorder.steps:
             raise UserError("the traffic has no ego vehicle in the section; choose another demand, density or duration")
+
+    def _write_page(self) -> None:
+        from harness.report.page import write_run_page  # noqa: PLC0415
+
+        write_run_page(self.folder)
 
     def _draw(self, scored: ScoredRun) -> None:
         from harness.report.diagnostics_figure import FILE, diagnostics_figure  # noqa: PLC0415

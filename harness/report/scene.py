@@ -147,12 +147,12 @@ def _draw_ground(axes: Axes, observation: Observation, road: Road, range_m: floa
         reach = np.where(observation.scan.free_space.range_m > 0.0, range_m, 0.0)
     bearings = -np.pi + 2.0 * np.pi / len(reach) * (np.arange(len(reach)) + 0.5)
     rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * reach[:, None] + sensor_position(ego, road)
-    axes.add_patch(Polygon(_in_road_frame(rim, road, origin), facecolor=SEEN_GROUND, edgecolor="none", zorder=0))
-    shadows = [_in_road_frame(outline, road, origin) for outline in shadow_polygons(detections, ego, road, range_m)]
+    axes.add_patch(Polygon(in_road_frame(rim, road, origin), facecolor=SEEN_GROUND, edgecolor="none", zorder=0))
+    shadows = [in_road_frame(outline, road, origin) for outline in shadow_polygons(detections, ego, road, range_m)]
     axes.add_collection(PolyCollection(shadows, facecolor=SHADOW, edgecolor="none", zorder=1), autolim=False)
 
 
-def _in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:
+def in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:
     """Return a Cartesian outline, shape (k, 2), in the road frame relative to the origin; straight edges may bend."""
     if not road.is_straight:
         outline = shapely.get_coordinates(shapely.segmentize(shapely.Polygon(outline), 2.0))

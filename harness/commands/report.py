@@ -1,0 +1,37 @@
+"""``report``: write the page of a run, or of any folder of results."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    folder: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Folder of a run, or of a study, stress grid or comparison.")
+    ],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the page's path and size as JSON on stdout, nothing else there.")
+    ] = False,
+) -> None:
+    """Write RUN/report.html: one file that opens without a network.
+
+    A run's page has a summary in words, numbers with intervals, figures, the
+    five worst occlusions, and a replay of the road from above. 'run' writes it
+    too; this writes it anew.
+
+    Examples:
+      python -m harness report results/us101-mmpf-gmm-d20-s0
+    """
+    from harness.report.folderpage import write_page  # noqa: PLC0415
+
+    page = write_page(folder)
+    size_mb = page.stat().st_size / 1e6
+    if as_json:
+        typer.echo(json.dumps({"page": str(page), "size_mb": round(size_mb, 3)}))
+    else:
+        print(f"{page} ({size_mb:.1f} MB)", file=sys.stderr)  # noqa: T201

@@ -1,0 +1,120 @@
+"""The page of any folder of results: a run's own page, or the tables and figures that a study or a grid left behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+
+from harness import runfolder
+from harness.errors import UserError
+from harness.report.page import PAGE, PageFigure, embedded, render, write_run_page
+from harness.report.tables import html_table
+
+PICTURES = (".png", ".svg")
+DOCUMENTS = ("summary.json", "config.toml", "grid.toml", "manifest.json")
+MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
+
+
+@dataclass(frozen=True)
+class NamedTable:
+    """A table of the folder.
+
+    Attributes:
+        name: Its file.
+        html: The table.
+    """
+
+    name: str
+    html: Markup
+
+
+@dataclass(frozen=True)
+class Document:
+    """A text of the folder that is shown as it is.
+
+    Attributes:
+        name: Its file.
+        text: What is in it.
+    """
+
+    name: str
+    text: str
+
+
+def write_page(folder: Path, option: str = "RUN") -> Path:
+    """Write ``report.html`` into a folder of results and return the page.
+
+    Args:
+        folder: A run's folder, or one with Markdown tables, ``runs.parquet`` or pictures.
+        option: Option that named it, for the message.
+
+    Raises:
+        UserError: There is no such folder, the run in it did not end or is broken, or nothing in it can be shown.
+    """
+    if not folder.is_dir():
+        raise UserError(f"{option}: there is no folder {folder}")
+    if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
+        return write_run_page(folder, option)
+    page = folder / PAGE
+    page.write_text(folder_page(folder), encoding="utf-8")
+    return page
+
+
+def folder_page(folder: Path) -> str:
+    """Return a page with a folder's Markdown texts, pictures, table of runs and settings."""
+    texts = sorted(folder.glob("*.md"))
+    return render(
+        "folder.html.j2",
+        title=folder.resolve().name,
+        text=Markup("\n").join(_markdown(path) for path in texts),
+        figures=_figures(folder),
+        tables=_tables(folder),
+        documents=[
+            Document(name, text)
+            for name in DOCUMENTS
+            if (folder / name).is_file()
+            and len(text := (folder / name).read_text(encoding="utf-8")) <= MOST_DOCUMENT_LETTERS
+        ],
+    )
+
+
+def _can_be_shown(folder: Path) -> bool:
+    return any(folder.glob("*.md")) or (folder / "runs.parquet").is_file() or any(_pictures(folder))
+
+
+def _pictures(folder: Path) -> Iterable[Path]:
+    return sorted(path for path in (*folder.glob("*"), *folder.glob("figures/*")) if path.suffix in PICTURES)
+
+
+def _markdown(path: Path) -> Markup:
+    """Return a Markdown text as HTML; its pictures stand with the other figures, HTML in it is shown as text."""
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    lines = (line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("!["))
+    return Markup(parser.render("\n".join(lines)))
+
+
+def _figures(folder: Path) -> list[PageFigure]:
+    figures, total = [], 0
+    for picture in _pictures(folder):
+        total += picture.stat().st_size
+        if total <= MOST_PICTURE_BYTES:
+            figures.append(PageFigure(embedded(picture), picture.stem.replace("_", " ").replace("-", " ")))
+    return figures
+
+
+def _tables(folder: Path) -> list[NamedTable]:
+    path = folder / "runs.parquet"
+    if not path.is_file():
+        return []
+    runs = runfolder.read_table(folder, path.name, "RUN", ()).head(MOST_ROWS)
+    shown = [name for name in runs if runs[name].notna().any()]
+    rows = [[_cell(value) for value in row] for row in runs[shown].itertuples(index=False)]
+    return [NamedTable(path.name, html_table([str(name) for name in shown], rows))]
+
+
+def _cell(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

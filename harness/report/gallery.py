@@ -1,0 +1,302 @@
+"""The failure gallery: a run's worst occlusion events, each as a strip of pictures of the road from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from harness.recorder import DETECTION_NUMBERS
+from harness.report.recorded import RecordedRun
+from harness.report.scene import (
+    ELLIPSE_SCALE,
+    OUT_OF_SIGHT,
+    PURPLE,
+    SEEN_GROUND,
+    SHADOW,
+    VEHICLE_STYLES,
+    in_road_frame,
+)
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.observation import VISIBILITY_STATES
+from harness.sensor.shadows import sensor_position, shadow_polygons
+from mmpf.road import FloatArray
+from mmpf.scan import Detections, EgoPose
+
+WORST = 5
+HALF_WINDOW_M = 27.0
+MARGIN_M = 1.2
+PANEL_WIDTH_IN = 2.3
+HEAD_IN, FOOT_IN, GAP_IN = 0.56, 0.5, 0.12
+LIGHT_PURPLE, UNSEEN_SUBJECT = "#c9a3b5", "#f7cfb8"
+KEY = (
+    "thick box: the vehicle; bold ellipse: the track that held it, 95 %, dashed while the tracker takes it for hidden; "
+    "thin ellipses: other tracks; crosses: detections; grey: the sensor's shadows"
+)
+EVENT_NUMBERS = ("track_id", "from_step", "to_step", "duration_s")
+SEVERITY = {"lost": 0, "hijacked": 0, "survived": 1, "same_id": 2}
+
+
+@dataclass(frozen=True)
+class OcclusionEvent:
+    """One time that a tracked vehicle was hidden and came back.
+
+    Attributes:
+        vehicle_id: The vehicle.
+        track_id: The track that held it before, -1 if none.
+        outcome: ``lost``, ``hijacked``, ``survived`` (alive, but not on the vehicle) or ``same_id``.
+        from_step: Step of the last detection before.
+        to_step: Step of the first detection after.
+        duration_s: Time between the two.
+        largest_error_m: Largest distance between the vehicle and that track in between; nan if none was measured.
+    """
+
+    vehicle_id: str
+    track_id: int
+    outcome: str
+    from_step: int
+    to_step: int
+    duration_s: float
+    largest_error_m: float
+
+    def sentence(self) -> str:
+        """Return what happened, in words."""
+        kept = f"track {self.track_id}" if self.track_id >= 0 else "no track"
+        ends = {
+            "lost": f"{kept} was given up before it could be put back on the vehicle",
+            "hijacked": f"{kept} sat on another vehicle afterwards",
+            "survived": f"{kept} lived on, but not on this vehicle",
+            "same_id": f"{kept} followed it again afterwards",
+        }
+        error = f", at most {self.largest_error_m:.1f} m off while hidden" if np.isfinite(self.largest_error_m) else ""
+        return f"{self.vehicle_id}, unseen for {self.duration_s:.1f} s: {ends[self.outcome]}{error}."
+
+
+def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST) -> list[OcclusionEvent]:
+    """Return the worst events: lost and hijacked tracks first, then the largest error, then the longest.
+
+    Args:
+        events: The run's table of events.
+        errors: The run's table of errors.
+        count: How many at most.
+    """
+    distance = np.hypot(_floats(errors, "lon_error_m"), _floats(errors, "lat_error_m"))
+    by_vehicle = errors.groupby("vehicle_id", sort=False).indices
+    step, track = errors["step"].to_numpy(), errors["track_id"].to_numpy()
+    found = []
+    for number, (name, outcome) in enumerate(zip(events["vehicle_id"], events["outcome"], strict=True)):
+        row = {column: events[column].to_numpy()[number] for column in EVENT_NUMBERS}
+        at = by_vehicle.get(name, np.zeros(0, dtype=np.int64))
+        during = at[(step[at] > row["from_step"]) & (step[at] < row["to_step"]) & (track[at] == row["track_id"])]
+        off = distance[during][np.isfinite(distance[during])]
+        found.append(
+            OcclusionEvent(
+                vehicle_id=str(name),
+                track_id=int(row["track_id"]),
+                outcome=str(outcome),
+                from_step=int(row["from_step"]),
+                to_step=int(row["to_step"]),
+                duration_s=float(row["duration_s"]),
+                largest_error_m=float(off.max()) if len(off) else np.nan,
+            )
+        )
+    found.sort(key=lambda event: (SEVERITY[event.outcome], -np.nan_to_num(event.largest_error_m), -event.duration_s))
+    return found[:count]
+
+
+def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Path) -> list[Path]:
+    """Write ``gallery-1.png`` and so on, one strip for each event, and return the files.
+
+    Args:
+        run: The run.
+        events: Its worst events.
+        folder: Where to; strips of an earlier report are removed.
+    """
+    for stale in folder.glob("gallery-*.png"):
+        stale.unlink()
+    paths = []
+    for number, event in enumerate(events, start=1):
+        paths.append(folder / f"gallery-{number}.png")
+        strip_figure(run, event).savefig(paths[-1])
+    return paths
+
+
+def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:
+    """Return five pictures of an event side by side, driving direction up, the vehicle in the middle."""
+    moments = _moments(run, event)
+    low, high = min(lane.right_m for lane in run.road.lanes), max(lane.left_m for lane in run.road.lanes)
+    across = high - low + 2.0 * MARGIN_M
+    panel_height_in = PANEL_WIDTH_IN * 2.0 * HALF_WINDOW_M / across
+    width_in = len(moments) * (PANEL_WIDTH_IN + GAP_IN) + GAP_IN
+    height_in = HEAD_IN + panel_height_in + FOOT_IN
+    figure = Figure(figsize=(width_in, height_in), dpi=110)
+    for place, (step, heading) in enumerate(moments):
+        left = GAP_IN + place * (PANEL_WIDTH_IN + GAP_IN)
+        axes = figure.add_axes(
+            (left / width_in, FOOT_IN / height_in, PANEL_WIDTH_IN / width_in, panel_height_in / height_in)
+        )
+        axes.set(xlim=(-high - MARGIN_M, -low + MARGIN_M), ylim=(-HALF_WINDOW_M, HALF_WINDOW_M), xticks=[], yticks=[])
+        axes.set_facecolor(OUT_OF_SIGHT)
+        axes.spines[:].set_color("#bbbbbb")
+        axes.set_title(heading, fontsize=9.5, pad=4)
+        axes.set_xlabel(_draw_moment(axes, run, event, step), fontsize=8.5, color="#333333")
+    figure.text(GAP_IN / width_in, 1.0 - 0.09 / height_in, event.sentence(), fontsize=10.5, va="top")
+    figure.text(GAP_IN / width_in, 0.06 / height_in, KEY, fontsize=8, color="#555555")
+    _draw_scale(figure.axes[0])
+    return figure
+
+
+def _moments(run: RecordedRun, event: OcclusionEvent) -> list[tuple[int, str]]:
+    """Return the steps that are drawn, with their headings; the last is when the outcome is judged."""
+    steps, first = np.unique(run.truth["step"].to_numpy(dtype=np.int64), return_index=True)
+    times, episodes = _floats(run.truth, "time_s")[first], run.truth["episode"].to_numpy(dtype=np.int64)[first]
+    at = {int(step): float(time) for step, time in zip(steps, times, strict=True)}
+    start_s, end_s = at[event.from_step], at[event.to_step]
+    same_ego = episodes == episodes[np.searchsorted(steps, event.to_step)]
+    judged_s = min(end_s + ScoringSettings().event_judged_s, float(times[same_ego].max()))
+
+    def nearest(time_s: float) -> int:
+        return int(steps[np.argmin(np.abs(times - time_s))])
+
+    chosen = [(event.from_step, f"last seen, {start_s:.1f} s")]
+    for share in (1.0 / 3.0, 2.0 / 3.0):
+        step = nearest(start_s + share * (end_s - start_s))
+        chosen.append((step, f"unseen for {at[step] - start_s:.1f} s"))
+    chosen.append((event.to_step, f"seen again, {end_s:.1f} s"))
+    chosen.append((nearest(judged_s), f"{judged_s - end_s:.1f} s later"))
+    return chosen
+
+
+def _draw_moment(axes: Axes, run: RecordedRun, event: OcclusionEvent, step: int) -> str:
+    """Draw one picture and return a line about the event's track."""
+    truth = _rows_at(run.truth, step)
+    lon, lat = _floats(truth, "lon_m"), _floats(truth, "lat_m")
+    subject = int(np.flatnonzero(truth["vehicle_id"].to_numpy() == event.vehicle_id)[0])
+    ego = int(np.flatnonzero(truth["is_ego"].to_numpy())[0])
+    centre = float(lon[subject])
+    detections = _rows_at(run.detections, step)
+    pose = EgoPose(**{field: float(_floats(truth, field)[ego]) for field in EgoPose.__dataclass_fields__})
+    _draw_ground(axes, run, pose, detections, centre)
+    _draw_vehicles(axes, truth, subject, ego, centre)
+    across, along = -_floats(detections, "lat_m"), _floats(detections, "lon_m") - centre
+    axes.plot(across, along, "x", color="black", ms=5, mew=1.2, zorder=6)
+    line = _draw_tracks(axes, _rows_at(run.tracks, step), event.track_id, (float(lon[subject]), float(lat[subject])))
+    _point_to_ego(axes, float(lon[ego]) - centre)
+    return line
+
+
+def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame, centre: float) -> None:
+    range_m = run.sensor.range_m
+    bearings = np.linspace(-np.pi, np.pi, 181)
+    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * range_m + sensor_position(pose, run.road)
+    scan = Detections(*(_floats(detections, name) for name in DETECTION_NUMBERS))
+    shadows = shadow_polygons(scan, pose, run.road, range_m)
+    for outlines, colour, height in (([rim], SEEN_GROUND, 0), (shadows, SHADOW, 1)):
+        turned = [_turned(in_road_frame(outline, run.road, centre)) for outline in outlines]
+        axes.add_collection(PolyCollection(turned, facecolor=colour, edgecolor="none", zorder=height), autolim=False)
+    lines = {(side, lane.start_m, lane.end_m) for lane in run.road.lanes for side in (lane.right_m, lane.left_m)}
+    for side, start, end in lines:
+        visible = np.clip([start - centre, end - centre], -HALF_WINDOW_M, HALF_WINDOW_M)
+        axes.plot([-side, -side], visible, color="#9a9a9a", lw=0.8, zorder=2)
+
+
+def _draw_vehicles(axes: Axes, truth: pd.DataFrame, subject: int, ego: int, centre: float) -> None:
+    boxes = _boxes(truth, centre)
+    states = truth["state"].to_numpy(dtype=object)
+    near = np.abs(_floats(truth, "lon_m") - centre) < HALF_WINDOW_M + 15.0
+    for i in np.flatnonzero(near):
+        style = VEHICLE_STYLES[VISIBILITY_STATES.index(states[i])]
+        if i == ego:
+            style = {"facecolor": "black", "edgecolor": "none"}
+        axes.add_collection(PolyCollection([boxes[i]], zorder=5, **style), autolim=False)
+    tint = UNSEEN_SUBJECT if states[subject] == "hidden" else "none"
+    axes.add_collection(PolyCollection([boxes[subject]], facecolor=tint, edgecolor="black", lw=2.2, zorder=5.5))
+    if near[ego]:
+        x, y = boxes[ego].mean(axis=0)
+        axes.text(x, y, "ego", color="white", size=6, ha="center", va="center", zorder=8, clip_on=True)
+
+
+def _draw_tracks(axes: Axes, tracks: pd.DataFrame, track_id: int, vehicle: tuple[float, float]) -> str:
+    """Draw the tracks, the event's own in bold, and say how far that one is from the vehicle."""
+    lon, lat = vehicle
+    reported = tracks[tracks["state"] != "tentative"]
+    own = (reported["track_id"] == track_id).to_numpy()
+    hidden = (reported["state"] == "hidden").to_numpy()
+    centres = np.stack([-_floats(reported, "lat_m"), _floats(reported, "lon_m") - lon], axis=-1)
+    sizes = 2.0 * ELLIPSE_SCALE * np.stack([_floats(reported, "std_lat_m"), _floats(reported, "std_lon_m")])
+    for chosen, colour, width in ((~own, LIGHT_PURPLE, 1.2), (own, PURPLE, 2.0)):
+        ellipses = EllipseCollection(
+            widths=sizes[0, chosen],
+            heights=sizes[1, chosen],
+            angles=np.zeros(chosen.sum()),
+            units="xy",
+            offsets=centres[chosen],
+            offset_transform=axes.transData,
+            facecolor="none",
+            edgecolor=colour,
+            linewidth=width,
+            linestyle=[(0, (3, 2)) if dashed else "solid" for dashed in hidden[chosen]],
+            zorder=8,
+        )
+        axes.add_collection(ellipses, autolim=False)
+    if not own.any():
+        return f"track {track_id} is gone" if track_id >= 0 else "no track held it"
+    x, y = centres[own][0]
+    axes.plot([-lat, x], [0.0, y], color=PURPLE, lw=1.0, ls=":", zorder=9)
+    top = min(y + max(2.5, 0.5 * sizes[1, own][0]), HALF_WINDOW_M - 3.0)
+    axes.text(
+        x, top, str(track_id), color=PURPLE, size=8.5, weight="bold", ha="center", va="bottom", zorder=10, clip_on=True
+    )
+    return f"track {track_id}: {np.hypot(x + lat, y):.1f} m off"
+
+
+def _point_to_ego(axes: Axes, ahead_m: float) -> None:
+    """Say where the ego is where the picture does not reach it."""
+    if abs(ahead_m) < HALF_WINDOW_M:
+        return
+    edge = 0.985 if ahead_m > 0.0 else 0.015
+    text = f"{'↑' if ahead_m > 0.0 else '↓'} ego {abs(ahead_m):.0f} m"
+    axes.text(
+        0.5, edge, text, transform=axes.transAxes, size=8, ha="center", va="top" if ahead_m > 0.0 else "bottom",
+        zorder=11, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5},
+    )  # fmt: skip
+
+
+def _draw_scale(axes: Axes) -> None:
+    right, bottom = axes.get_xlim()[0] + 0.6, -HALF_WINDOW_M + 4.0
+    axes.plot([right, right], [bottom, bottom + 10.0], color="black", lw=1.5, zorder=11)
+    axes.text(right + 0.5, bottom + 5.0, "10 m\ndriving ↑", size=7.5, va="center", zorder=11,
+              bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0})  # fmt: skip
+
+
+def _boxes(truth: pd.DataFrame, centre: float) -> FloatArray:
+    """Return the vehicles' corners as drawn, shape (n, 4, 2)."""
+    columns = ("lon_m", "lat_m", "heading_rad", "length_m", "width_m")
+    lon, lat, heading, length, width = (_floats(truth, column)[:, None] for column in columns)
+    along = 0.5 * length * np.array([1.0, -1.0, -1.0, 1.0])
+    across = 0.5 * width * np.array([1.0, 1.0, -1.0, -1.0])
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return _turned(
+        np.stack([lon - centre + along * cosine - across * sine, lat + along * sine + across * cosine], axis=-1)
+    )
+
+
+def _turned(lon_lat: FloatArray) -> FloatArray:
+    """Return road-frame points, shape (..., 2), as drawn: the driving direction up, left on the left."""
+    return np.stack([-lon_lat[..., 1], lon_lat[..., 0]], axis=-1)
+
+
+def _floats(table: pd.DataFrame, column: str) -> FloatArray:
+    return table[column].to_numpy(dtype=np.float64)
+
+
+def _rows_at(table: pd.DataFrame, step: int) -> pd.DataFrame:
+    """Return the rows of a step of a table that is sorted by step."""
+    steps = table["step"].to_numpy()
+    return table.iloc[np.searchsorted(steps, step) : np.searchsorted(steps, step, side="right")]

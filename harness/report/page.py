@@ -1,0 +1,157 @@
+"""The page of a run: one HTML file with words, numbers, pictures and a replay, that opens without a network."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from harness import runfolder
+from harness.report.figures import BY_VISIBILITY, OVER_TIME, SCENE
+from harness.report.gallery import OcclusionEvent, draw_gallery, worst_events
+from harness.report.recorded import RecordedRun, read_recorded_run
+from harness.report.replay_data import replay_data
+from harness.report.sentences import headlines, summary_sentences
+from harness.report.tables import error_table, hidden_table, mot_table
+
+PAGE = "report.html"
+FIGURES = {
+    BY_VISIBILITY: "Mean absolute error for visible, partly hidden and hidden vehicles, with 95 % intervals",
+    OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
+    SCENE: "The road from above at the moment with the most hidden tracks, with the tracker's particles if it has any",
+}
+
+
+@dataclass(frozen=True)
+class PageFigure:
+    """A picture on a page.
+
+    Attributes:
+        source: The picture itself, as a data address.
+        description: What it shows, for those who do not see it.
+    """
+
+    source: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Strip:
+    """One strip of the failure gallery.
+
+    Attributes:
+        source: The picture itself, as a data address.
+        sentence: What happened.
+        vehicle_id: The vehicle.
+        time_s: When it was last seen.
+    """
+
+    source: str
+    sentence: str
+    vehicle_id: str
+    time_s: float
+
+
+def write_run_page(folder: Path, option: str = "RUN") -> Path:
+    """Write ``report.html`` and the failure gallery's figures into a finished run's folder, and return the page.
+
+    Args:
+        folder: The folder.
+        option: Option that named it, for the message.
+
+    Raises:
+        UserError: It is no finished run's folder, or one of its files is missing or broken.
+    """
+    run = read_recorded_run(folder, option)
+    page = folder / PAGE
+    page.write_text(run_page(run), encoding="utf-8")
+    return page
+
+
+def run_page(run: RecordedRun) -> str:
+    """Return the page of a run; its failure gallery is drawn into the run's folder on the way."""
+    recorded_s = run.truth["time_s"].max() - run.truth["time_s"].min() if len(run.truth) else 0.0
+    return render(
+        "run.html.j2",
+        title=f"Tracking run: {run.config.title()}",
+        seed=run.config.seed,
+        duration=f"{recorded_s:.0f} s",
+        version=version("mmpf-harness"),
+        sentences=summary_sentences(run.metrics),
+        headlines=headlines(run.metrics),
+        strips=_strips(run),
+        figures=[
+            PageFigure(embedded(path), description)
+            for name, description in FIGURES.items()
+            if (path := run.folder / runfolder.FIGURES / name).is_file()
+        ],
+        error_table=error_table(run.metrics["mae"]),
+        hidden_table=hidden_table(run.metrics["mae"]),
+        mot_table=mot_table(run.metrics),
+        config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
+        facts=_facts(run.manifest),
+        replay_json=_script_json(replay_data(run)),
+        script=Markup(_template_text("replay.js")),
+    )
+
+
+def render(template: str, **values: object) -> str:
+    """Return a page from one of the package's templates."""
+    environment = Environment(
+        loader=PackageLoader("harness.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(style=Markup(_template_text("style.css")), **values)
+
+
+def embedded(picture: Path) -> str:
+    """Return a picture as a data address."""
+    kind = "svg+xml" if picture.suffix == ".svg" else picture.suffix.removeprefix(".")
+    return f"data:image/{kind};base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
+
+
+def _strips(run: RecordedRun) -> list[Strip]:
+    events = worst_events(run.events, run.errors)
+    folder = run.folder / runfolder.FIGURES
+    folder.mkdir(exist_ok=True)
+    pictures = draw_gallery(run, events, folder)
+    times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
+
+    def strip(picture: Path, event: OcclusionEvent) -> Strip:
+        return Strip(embedded(picture), event.sentence(), event.vehicle_id, float(times[event.from_step]))
+
+    return [strip(picture, event) for picture, event in zip(pictures, events, strict=True)]
+
+
+def _facts(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    machine = manifest["machine"]
+    versions = ", ".join(f"{name} {number}" for name, number in manifest["versions"].items() if number)
+    facts = {
+        "command": manifest["command"],
+        "versions": versions,
+        "source revision": manifest["git_revision"],
+        "machine": f"{machine['system']}, {machine['processor']}, {machine['cores']} cores",
+        "wall time": ", ".join(f"{phase} {seconds:.1f} s" for phase, seconds in manifest["wall_times_s"].items()),
+        "inputs, SHA-256": ", ".join(f"{name} {digest[:16]}…" for name, digest in manifest["inputs_sha256"].items()),
+    }
+    return [(name, str(value)) for name, value in facts.items() if value]
+
+
+def _script_json(value: object) -> Markup:
+    """Return JSON that can stand in a script element: no text in it can end the element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c"))
+
+
+def _template_text(name: str) -> str:
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")

@@ -1,0 +1,185 @@
+"""A run's tables as compact columns for the page's replay: typed arrays as base64, rows found by step."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from harness.report.recorded import RecordedRun
+from harness.scoring.errors import OUTCOMES
+from harness.sensor.observation import VISIBILITY_STATES
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from mmpf.road import FloatArray, IntArray
+from mmpf.state import TRACK_STATES
+
+# Vehicles beyond the sensor are shown this far, so that those that come into range do not spring up.
+BEYOND_RANGE_M = 40.0
+MOST_BYTES = 5_000_000
+NO_ERROR_CM = 65_535
+FAR_M = 1e5
+
+
+def replay_data(run: RecordedRun) -> dict[str, Any]:
+    """Return what the replay shows, ready for JSON.
+
+    Positions are in the road frame, metres, as 32-bit floats; headings in units of 1e-4 rad; errors, sizes and
+    standard deviations in centimetres; speeds in decimetres a second. A run too long for a page is shown in every
+    second, third, ... step.
+    """
+    kept_truth = run.truth[_near_ego(run.truth, run.sensor.range_m + BEYOND_RANGE_M)]
+    stride = 1 + int(_bytes(kept_truth, run.detections, run.tracks) // MOST_BYTES)
+    times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
+    steps = times["step"].to_numpy(dtype=np.int64)
+    codes, names = pd.factorize(kept_truth["vehicle_id"])
+    return {
+        "time_s": np.round(times["time_s"], 3).tolist(),
+        "episode": times["episode"].tolist(),
+        "range_m": run.sensor.range_m,
+        "field_of_view_deg": run.sensor.field_of_view_deg,
+        "nominal_m": [NOMINAL_LENGTH_M, NOMINAL_WIDTH_M],
+        "road": _road(run),
+        "vehicles": _vehicles(kept_truth, codes, names),
+        "truth": _truth(run, kept_truth, codes, names, steps),
+        "detections": _rows(run.detections, steps, lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0)),
+        "tracks": _tracks(run.tracks, steps),
+        "events": _events(run.events, steps, names),
+        "outcomes": ["", *OUTCOMES],
+    }
+
+
+def pack(values: npt.ArrayLike, kind: str) -> dict[str, str]:
+    """Return an array as its type (``f4``, ``u2``, ...) and its bytes, little-endian, as base64."""
+    array = np.asarray(values).astype(f"<{kind}")
+    return {"type": kind, "data": base64.b64encode(array.tobytes()).decode("ascii")}
+
+
+def _near_ego(truth: pd.DataFrame, reach_m: float) -> npt.NDArray[np.bool_]:
+    ego = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")["lon_m"]
+    away = truth["lon_m"].to_numpy(dtype=np.float64) - ego.reindex(truth["step"]).to_numpy(dtype=np.float64)
+    return np.asarray(np.abs(away) <= reach_m)
+
+
+def _bytes(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> int:
+    return 23 * len(truth) + 8 * len(detections) + 19 * len(tracks)
+
+
+def _road(run: RecordedRun) -> dict[str, Any]:
+    def finite(value: float) -> float:
+        return float(np.clip(value, -FAR_M, FAR_M))
+
+    return {
+        "lanes": [[ln.right_m, ln.left_m, finite(ln.start_m), finite(ln.end_m)] for ln in run.road.lanes],
+        "reference_xy": [list(point) for point in run.road.reference_xy],
+        "reference_start_m": run.road.reference_start_m,
+    }
+
+
+def _vehicles(truth: pd.DataFrame, codes: npt.NDArray[np.intp], names: pd.Index) -> dict[str, Any]:
+    first = np.unique(codes, return_index=True)[1]
+    return {
+        "names": [str(name) for name in names],
+        "length_m": np.round(truth["length_m"].to_numpy()[first], 2).tolist(),
+        "width_m": np.round(truth["width_m"].to_numpy()[first], 2).tolist(),
+    }
+
+
+def _truth(
+    run: RecordedRun, truth: pd.DataFrame, codes: npt.NDArray[np.intp], names: pd.Index, steps: IntArray
+) -> dict[str, Any]:
+    error_m, track, outcome = _errors_beside(run.errors, truth["step"].to_numpy(np.int64), codes, names)
+    error_cm = np.where(np.isfinite(error_m), np.minimum(100.0 * error_m, NO_ERROR_CM - 1), NO_ERROR_CM)
+    columns = pd.DataFrame(
+        {
+            "step": truth["step"],
+            "vehicle": codes,
+            "lon_m": truth["lon_m"],
+            "lat_m": truth["lat_m"],
+            "heading_rad": truth["heading_rad"],
+            "speed_mps": truth["speed_mps"],
+            "state": _codes(truth["state"], VISIBILITY_STATES),
+            "visible": truth["visible_fraction"],
+            "ego": truth["is_ego"],
+            "error_cm": error_cm,
+            "track": track,
+            "outcome": outcome,
+        }
+    )
+    return _rows(
+        columns, steps,
+        vehicle=("vehicle", "u2", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
+        heading=("heading_rad", "i2", 1e4), speed=("speed_mps", "i2", 10.0), state=("state", "u1", 1.0),
+        visible=("visible", "u1", 100.0), ego=("ego", "u1", 1.0), error=("error_cm", "u2", 1.0),
+        track=("track", "i4", 1.0), outcome=("outcome", "u1", 1.0),
+    )  # fmt: skip
+
+
+def _errors_beside(
+    errors: pd.DataFrame, step: IntArray, vehicle: npt.NDArray[np.intp], names: pd.Index
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return each truth row's distance to its track (m, nan if none), track (-1 if none) and outcome (0 if none)."""
+    known = names.get_indexer(pd.Index(errors["vehicle_id"].astype("object")))
+    key = errors["step"].to_numpy(np.int64) * (len(names) + 1) + known
+    order = np.argsort(key)
+    wanted = step * (len(names) + 1) + vehicle
+    place = np.minimum(np.searchsorted(key[order], wanted), max(len(key) - 1, 0))
+    if not len(key):
+        return np.full(len(step), np.nan), np.full(len(step), -1), np.zeros(len(step), dtype=np.int64)
+    row = order[place]
+    found = (key[row] == wanted) & (known[row] >= 0)
+    distance = np.hypot(errors["lon_error_m"].to_numpy(np.float64), errors["lat_error_m"].to_numpy(np.float64))
+    outcome = 1 + _codes(errors["outcome"], OUTCOMES)
+    return (
+        np.where(found, distance[row], np.nan),
+        np.where(found, errors["track_id"].to_numpy(np.int64)[row], -1),
+        np.where(found, outcome[row], 0),
+    )
+
+
+def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
+    columns = tracks.assign(state=_codes(tracks["state"], TRACK_STATES))
+    return _rows(
+        columns, steps,
+        id=("track_id", "i4", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
+        std_lon=("std_lon_m", "u2", 100.0), std_lat=("std_lat_m", "u2", 100.0), state=("state", "u1", 1.0),
+    )  # fmt: skip
+
+
+def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list[Any]]:
+    """Return the occlusion events as (vehicle, first and last index of a shown step, outcome)."""
+    vehicle = names.get_indexer(pd.Index(events["vehicle_id"].astype("object")))
+    start = np.searchsorted(steps, events["from_step"].to_numpy())
+    end = np.minimum(np.searchsorted(steps, events["to_step"].to_numpy()), len(steps) - 1)
+    rows = zip(vehicle.tolist(), start.tolist(), end.tolist(), events["outcome"].tolist(), strict=True)
+    return [list(row) for row in rows if row[0] >= 0]
+
+
+def _rows(table: pd.DataFrame, steps: IntArray, **columns: tuple[str, str, float]) -> dict[str, Any]:
+    """Pack the rows of the shown steps.
+
+    Args:
+        table: Sorted by step.
+        steps: The shown steps.
+        columns: For each packed column the table's column, the type and the factor; whole numbers are clipped to
+            what their type holds.
+
+    Returns:
+        The packed columns, and ``first``: where each step's rows begin, and the end of the last.
+    """
+    step = table["step"].to_numpy(dtype=np.int64)
+    shown = np.isin(step, steps)
+    packed: dict[str, Any] = {"first": pack(np.append(np.searchsorted(step[shown], steps), shown.sum()), "u4")}
+    for name, (column, kind, factor) in columns.items():
+        values = factor * table[column].to_numpy(dtype=np.float64)[shown]
+        if not kind.startswith("f"):
+            limits = np.iinfo(kind)
+            values = np.clip(np.rint(np.nan_to_num(values)), limits.min, limits.max)
+        packed[name] = pack(values, kind)
+    return packed
+
+
+def _codes(values: pd.Series[str], names: tuple[str, ...]) -> IntArray:
+    return np.asarray(pd.Index(names).get_indexer(pd.Index(values.astype("object"))), dtype=np.int64)

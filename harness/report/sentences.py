@@ -1,0 +1,194 @@
+"""What a run's metrics say, in sentences and in headline numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Metrics = Mapping[str, Any]
+
+COVERAGE_TOO_LOW, COVERAGE_TOO_HIGH = 93.0, 97.0
+NORMAL_QUANTILE_95 = 1.959964
+
+
+@dataclass(frozen=True)
+class Headline:
+    """One number that stands out on the page.
+
+    Attributes:
+        label: What it is.
+        value: The number with its unit.
+        interval: Its 95 % interval, or what stands in its place.
+        note: One line on how to read it.
+    """
+
+    label: str
+    value: str
+    interval: str
+    note: str
+
+
+def summary_sentences(metrics: Metrics) -> list[str]:
+    """Return the run's result as a few sentences; what was not measured is not mentioned."""
+    parts = (_setting(metrics), _in_sight(metrics), _hidden(metrics), _occlusions(metrics), _trust(metrics))
+    return [sentence for sentence in (*parts, _speed(metrics)) if sentence]
+
+
+def headlines(metrics: Metrics) -> list[Headline]:
+    """Return the numbers that stand at the top of the page."""
+    mae, occlusion = metrics["mae"], metrics["occlusion"]
+    events = occlusion["events"] or 0
+    kept = occlusion["same_id"] or 0
+    low, high = wilson_interval(kept, events)
+    coverage = metrics["calibration"]["coverage95"]["lon"]
+    step_ms = metrics["timing"]["tracker_ms"]
+    return [
+        Headline(
+            "Same track after hiding",
+            f"{kept} of {events}" if events else "no case",
+            f"{100 * low:.0f} to {100 * high:.0f} %" if events else "",
+            "hidden vehicles that came back on their own track",
+        ),
+        _error_headline("Error, hidden", mae["hidden"], "distance between track and hidden vehicle, mean"),
+        _error_headline("Error, visible", mae["visible"], "distance between track and visible vehicle, mean"),
+        Headline(
+            "HOTA, in sight", _number(metrics["mot"]["hota"], 1, " %"), "one run: no interval", "100 % is perfect"
+        ),
+        Headline(
+            "Identity switches",
+            _number(metrics["mot"]["id_switches"], 0),
+            f"{_number(metrics['mot'].get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute",
+            "vehicles in sight that changed tracks",
+        ),
+        Headline(
+            "Truth in 95 % interval", _number(coverage, 0, " %"), "95 % would be honest", "longitudinal, all vehicles"
+        ),
+        Headline(
+            "Tracker step",
+            _number(step_ms["p50"], 0, " ms"),
+            f"99 % within {_number(step_ms['p99'], 0, ' ms')}",
+            "median, on the machine named below",
+        ),
+    ]
+
+
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Wilson 1927); (0, 1) without trials."""
+    if trials == 0:
+        return 0.0, 1.0
+    share, spread = successes / trials, NORMAL_QUANTILE_95**2 / trials
+    centre = (share + 0.5 * spread) / (1.0 + spread)
+    half = NORMAL_QUANTILE_95 / (1.0 + spread) * math.sqrt(share * (1.0 - share) / trials + 0.25 * spread / trials)
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def _setting(metrics: Metrics) -> str:
+    run, traffic = metrics["run"], metrics["traffic"]
+    tracker = f"tracker {run['tracker']}" + (f" with motion model {run['model']}" if run.get("model") else "")
+    text = (
+        f"{tracker[0].upper()}{tracker[1:]} followed the traffic on {run['net']} for {run['duration_s']:g} s, seen by "
+        f"the {run['sensor']} of a car in it"
+    )
+    density, in_range = traffic["density_veh_per_km_lane"], traffic["vehicles_in_range"]
+    if density is None or in_range is None:
+        return text + "."
+    share = metrics.get("coverage", {}).get("hidden_percent")
+    hidden = f", of which {share:.0f} % were hidden behind others" if share is not None else ""
+    return (
+        f"{text}: {density:.0f} vehicles per km and lane at {_number(traffic['mean_speed_mps'], 0)} m/s, "
+        f"{in_range:.0f} of them within the sensor's range at a time{hidden}."
+    )
+
+
+def _in_sight(metrics: Metrics) -> str:
+    visible, mot = metrics["mae"]["visible"], metrics["mot"]
+    if visible.get("position_m") is None or mot["hota"] is None:
+        return ""
+    return (
+        f"Vehicles in plain view were placed {_with_interval(visible, 'position_m', ' m')} from where they were, on "
+        f"average, and in sight tracks changed vehicles {_times(mot['id_switches'])} (HOTA {mot['hota']:.1f} %)."
+    )
+
+
+def _hidden(metrics: Metrics) -> str:
+    hidden = metrics["mae"]["hidden"]
+    if hidden.get("position_m") is None:
+        return "No hidden vehicle was followed."
+    outcomes = metrics.get("hidden_outcomes") or {}
+    share = outcomes.get("tracked_percent")
+    kept = f"While vehicles were hidden, their tracks stayed with them {share:.0f} % of the time; " if share else ""
+    text = f"{kept}the mean error was then {_with_interval(hidden, 'position_m', ' m')}."
+    return text[0].upper() + text[1:]
+
+
+def _occlusions(metrics: Metrics) -> str:
+    occlusion = metrics["occlusion"]
+    events = occlusion["events"]
+    if not events:
+        return "No tracked vehicle was hidden for half a second or more and seen again."
+    text = (
+        f"Tracked vehicles went out of sight and came back {_times(events)}: {_count(occlusion['same_id'])} on the "
+        f"same track, {_count(occlusion['lost'])} had lost it, {_count(occlusion['hijacked'])} found it on another "
+        f"vehicle and {_count(occlusion['survived'] - occlusion['same_id'])} on nothing"
+    )
+    short, long = occlusion.get("short"), occlusion.get("long")
+    if not short or not long:
+        return text + "."
+    return (
+        f"{text}. Of {short['events']} that were gone for at most 3 s {short['same_id']} kept their track, of "
+        f"{long['events']} gone for longer {long['same_id']}."
+    )
+
+
+def _trust(metrics: Metrics) -> str:
+    by_state = metrics["calibration"]
+    share = by_state["coverage95"]["lon"]
+    if share is None:
+        return ""
+    verdict = "about right"
+    if share < COVERAGE_TOO_LOW:
+        verdict = "too small, the tracker is surer than it should be"
+    elif share > COVERAGE_TOO_HIGH:
+        verdict = "too large, the tracker knows more than it says"
+    parts = [
+        f"{by_state[state]['coverage95']['lon']:.0f} % for {name}"
+        for state, name in (("visible", "vehicles in view"), ("hidden", "hidden ones"))
+        if by_state.get(state) and by_state[state]["coverage95"]["lon"] is not None
+    ]
+    detail = f" ({' and '.join(parts)})" if parts else ""
+    return f"The tracker's 95 % intervals held the true position in {share:.0f} % of cases{detail}; they are {verdict}."
+
+
+def _speed(metrics: Metrics) -> str:
+    timing = metrics["timing"]
+    median, factor = timing["tracker_ms"]["p50"], timing["realtime_factor"]
+    if median is None or factor is None:
+        return ""
+    pace = f"{factor:.1f} times as fast as" if factor >= 1.0 else f"{1.0 / factor:.1f} times slower than"
+    return f"A tracker step took {median:.0f} ms; traffic, sensor and tracker together ran {pace} real time."
+
+
+def _error_headline(label: str, row: Mapping[str, Any], note: str) -> Headline:
+    interval = row.get("position_m_ci95")
+    text = f"{interval[0]:.2f} to {interval[1]:.2f} m" if interval else ""
+    return Headline(label, _number(row.get("position_m"), 2, " m"), text, note)
+
+
+def _with_interval(row: Mapping[str, Any], key: str, unit: str) -> str:
+    interval = row.get(f"{key}_ci95")
+    between = f" (95 % interval {interval[0]:.2f} to {interval[1]:.2f}{unit})" if interval else ""
+    return f"{row[key]:.2f}{unit}{between}"
+
+
+def _count(number: int) -> str:
+    return str(number) if number else "none"
+
+
+def _times(count: int) -> str:
+    return {0: "never", 1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def _number(value: float | None, decimals: int, unit: str = "") -> str:
+    return "-" if value is None else f"{value:.{decimals}f}{unit}"
