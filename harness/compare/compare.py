@@ -10,13 +10,15 @@ import numpy as np
 
 from harness.compare.sources import SETTING, Source
 from harness.compare.vehicles import arms_by_vehicle
-from harness.compare.verdicts import METRICS, Arms, Verdict, fewest_pairs, judge
+from harness.compare.verdicts import BETTER, METRICS, WORSE, Arms, Verdict, fewest_pairs, judge
 from harness.errors import UserError
 from harness.metrics import without_nan
 from mmpf.road import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
+
+FOLLOWED, HIDDEN = "hidden_outcomes.tracked_percent", ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,8 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
         raise UserError(
             f"compare: {a.name} and {b.name} have no setting in common; compare grids of the same densities"
         )
-    notes += _power_notes(arms)
-    return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), tuple(notes), tolerance)
+    verdicts = tuple(judge(arms, tolerance))
+    return Comparison(a.name, b.name, verdicts, (*notes, *_power_notes(arms), *_survivor_notes(verdicts)), tolerance)
 
 
 def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, pd.DataFrame]]:
@@ -134,3 +136,13 @@ def _power_notes(arms: list[Arms]) -> list[str]:
             f"{pairs} pairs are too few for any verdict on {len(arms)} metrics: {needed} are needed; add seeds."
         )
     return notes
+
+
+def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
+    """Warn where the errors of hidden vehicles are over those that a tracker did not let go of."""
+    lost = {verdict.label for verdict in verdicts if verdict.metric == FOLLOWED and verdict.verdict == WORSE}
+    flattered = {verdict.label for verdict in verdicts if verdict.metric in HIDDEN and verdict.verdict == BETTER}
+    return [
+        f"{label}: errors of hidden vehicles are over those still followed; b follows fewer, so smaller errors are no gain."
+        for label in sorted(lost & flattered)
+    ]

@@ -56,8 +56,7 @@ def _of_vehicles(label: str, metric: ComparedMetric, pairs: pd.DataFrame) -> Arm
 
 
 def _vehicle_means(errors: pd.Series[float], vehicle: list[pd.Series[str]]) -> FloatArray:
-    means: FloatArray = errors.abs().groupby(vehicle).mean().to_numpy(dtype=np.float64)
-    return means
+    return np.asarray(errors.abs().groupby(vehicle).mean(), dtype=np.float64)
 
 
 def _of_runs(label: str, metric: ComparedMetric, a: Source, b: Source) -> Arms:

@@ -36,11 +36,11 @@ METRICS = (
     ComparedMetric("mae.partial.lon_m", "MAE partly hidden, m"),
     ComparedMetric("mae.hidden.lon_m", "MAE hidden, m"),
     ComparedMetric("mae.hidden.speed_mps", "speed MAE hidden, m/s"),
-    ComparedMetric("hidden_outcomes.tracked_percent", "hidden vehicles tracked, %", True),
-    ComparedMetric("occlusion.same_id_percent", "same identity after occlusion, %", True),
+    ComparedMetric("hidden_outcomes.tracked_percent", "hidden tracked, %", True),
+    ComparedMetric("occlusion.same_id_percent", "same identity, %", True),
     ComparedMetric("mot.hota", "HOTA in sight, %", True),
     ComparedMetric("mot.idf1", "IDF1 in sight, %", True),
-    ComparedMetric("mot_all.hota", "HOTA seen in last 10 s, %", True),
+    ComparedMetric("mot_all.hota", "HOTA last 10 s, %", True),
     ComparedMetric("gospa.mean", "GOSPA, m"),
 )
 
@@ -99,7 +99,7 @@ class Verdict:
     regression: bool
 
 
-def judge(arms: Sequence[Arms], tolerance: float = 0.0) -> list[Verdict]:
+def judge(arms: Sequence[Arms], tolerance: float = 0.0, draws: int = DRAWS) -> list[Verdict]:
     """Give a verdict on every metric.
 
     Paired arms are tested by flipping the signs of the differences, others by exchanging values between the arms within
@@ -108,9 +108,10 @@ def judge(arms: Sequence[Arms], tolerance: float = 0.0) -> list[Verdict]:
     Args:
         arms: The values.
         tolerance: A worse value is a regression if the difference exceeds this share of a.
+        draws: Number of resamples, and of permutations where they are too many to try all.
     """
     compared = [_cleaned(arm) for arm in arms]
-    differences = [_difference(arm) for arm in compared]
+    differences = [_difference(arm, draws) for arm in compared]
     corrected = holm(np.array([difference.p for difference in differences]))
     return [
         _verdict(arm, difference, p, tolerance)
@@ -185,16 +186,16 @@ def _cleaned(arms: Arms) -> Arms:
     )
 
 
-def _difference(arms: Arms) -> PairedDifference:
+def _difference(arms: Arms, draws: int) -> PairedDifference:
     rng = np.random.default_rng(0)
     if not arms.testable:
         mean = float(arms.b.mean() - arms.a.mean()) if len(arms.a) and len(arms.b) else np.nan
         return PairedDifference(mean, Interval(np.nan, np.nan), np.nan)
     if arms.paired:
-        return paired_difference(arms.a, arms.b, rng, draws=DRAWS)
+        return paired_difference(arms.a, arms.b, rng, draws=draws)
     assert arms.stratum_a is not None
     assert arms.stratum_b is not None
-    return unpaired_difference(arms.a, arms.b, arms.stratum_a, arms.stratum_b, rng)
+    return unpaired_difference(arms.a, arms.b, arms.stratum_a, arms.stratum_b, rng, draws)
 
 
 def _verdict(arms: Arms, difference: PairedDifference, p: float, tolerance: float) -> Verdict:

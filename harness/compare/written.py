@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from rich import box
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
@@ -44,13 +43,7 @@ def print_comparison(comparison: Comparison) -> None:
     """Print the comparison on stderr."""
     parts: list[Table | Text] = [Text(f"\na: {comparison.a}\nb: {comparison.b}")]
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
-        table = Table(title=label, box=box.SIMPLE, title_justify="left")
-        for place, heading in enumerate(HEADINGS):
-            table.add_column(heading, justify="left" if place in (0, len(HEADINGS) - 1) else "right")
-        for cells, _ in _rows(comparison, label):
-            word = cells[-1].removesuffix(REGRESSION)
-            table.add_row(*cells[:-1], Text(cells[-1], style=COLOURS.get(word, "")))
-        parts.append(table)
+        parts.append(_screen_table(comparison, label))
     parts += [Text(note) for note in comparison.notes]
     style = "bold red" if comparison.regression else "bold"
     Console(stderr=True, highlight=False).print(Group(*parts, Text(conclusion(comparison), style=style)))
@@ -61,6 +54,18 @@ EXPLANATION = (
     "number of metrics and trackers by Holm's method, so that any false verdict has a probability of at most 5 %."
 )
 REGRESSION = ", regression"
+
+
+def _screen_table(comparison: Comparison, label: str) -> Table:
+    """Return what fits 80 columns: all but p and the number of pairs."""
+    table = Table(title=label, box=None, title_justify="left", padding=(0, 2, 0, 0))
+    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "b is")):
+        table.add_column(heading, justify="left" if place in (0, 5) else "right", no_wrap=True)
+    for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label):
+        name, a, b, _, interval, *_ = _cells(verdict)
+        word = Text(verdict.verdict, style=COLOURS.get(verdict.verdict, ""))
+        table.add_row(name.rpartition(",")[0], a, b, _percent(verdict).strip(" ()"), interval, word)
+    return table
 
 
 def _rows(comparison: Comparison, label: str) -> list[tuple[list[str], bool]]:
