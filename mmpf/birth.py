@@ -85,7 +85,7 @@ def _draw_states(
 
     local_speed = _local_speed(detections.lon_m[chosen], traffic, options.local_range_m)
     near = normal(local_speed, options.local_speed_std_mps)
-    anything = rng.uniform(0.0, options.highest_speed_mps, shape)
+    anything = normal(local_speed, options.other_speed_std_mps)
     speed = np.where(rng.uniform(size=shape) < options.local_speed_share, near, anything)
     measured = np.isfinite(detections.speed_mps[chosen])
     around_measurement = normal(

@@ -57,11 +57,18 @@ class JointUpdate:
             probability = detection_probabilities(
                 visible, distance, situation.sensor, joint.hidden_detection_probability
             )
+            in_view = np.clip(
+                (visible - joint.missed_from_fraction) / (joint.missed_full_fraction - joint.missed_from_fraction),
+                0.0,
+                1.0,
+            )
+            missed = np.minimum(probability, joint.missed_detection_cap * in_view)
         else:
             probability = np.full(len(cloud), joint.fixed_probability)
+            missed = np.minimum(probability, joint.missed_detection_cap)
         weight = np.exp(cloud.log_weight)
         expected = np.bincount(cloud.component, weight * probability, minlength=len(prior))
-        return Occlusion(probability, expected < HIDDEN_PROBABILITY_LIMIT)
+        return Occlusion(probability, missed, expected < HIDDEN_PROBABILITY_LIMIT)
 
     def measurement_update(
         self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator
@@ -78,7 +85,7 @@ class JointUpdate:
             prior_weight,
             prior.starts,
             occlusion.detection_probability,
-            joint.missed_detection_cap,
+            occlusion.missed_probability,
             likelihoods,
             len(detections),
         )
@@ -88,7 +95,7 @@ class JointUpdate:
 
         factor = _particle_factors(
             occlusion.detection_probability,
-            joint.missed_detection_cap,
+            occlusion.missed_probability,
             prior.starts,
             likelihoods,
             marginals.detection_message / situation.sensor.clutter_density_per_m2,
@@ -150,6 +157,7 @@ class JointUpdate:
             & (components.existence > joint.confirm_existence)
             & (components.hits >= joint.confirm_hits)
         )
+        confirmed_now &= ~self._stands_on_another(mixture)
         components = replace(components, confirmed=components.confirmed | confirmed_now)
         mixture = replace(mixture, components=components)
         if not joint.stitch or not confirmed_now.any():
@@ -161,6 +169,17 @@ class JointUpdate:
         existence = mixture.components.existence
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
         return replace(mixture, cloud=replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component]))
+
+    def _stands_on_another(self, mixture: Mixture) -> npt.NDArray[np.bool_]:
+        """Return which components share a footprint with a confirmed, seen component: they may not be confirmed."""
+        mean, components = component_moments(mixture).mean, mixture.components
+        blocks = components.confirmed & (components.unseen_s <= self.options.joint.hidden_after_s)
+        vehicle = self.options.vehicle
+        overlaps = (np.abs(mean[LON][:, None] - mean[LON]) < 0.75 * vehicle.length_m) & (
+            np.abs(mean[LAT][:, None] - mean[LAT]) < 0.75 * vehicle.width_m
+        )
+        np.fill_diagonal(overlaps, val=False)
+        return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 
     def _room_left_by_seen_tracks(self, prior: Mixture, mean: FloatArray, situation: Situation) -> FloatArray:
         """Return the interaction prior of each particle: two vehicles can't be in one place (Khan et al. 2004)."""
@@ -248,11 +267,11 @@ def _evidence(
     weight: FloatArray,
     starts: IntArray,
     detection_probability: FloatArray,
-    cap: float,
+    missed_probability: FloatArray,
     likelihoods: GatedLikelihoods,
     detections: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - min(P_D, cap)] per component, shape (m,)."""
+    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_missed] per component, shape (m,)."""
     components = len(starts) - 1
     evidence = np.zeros((components, detections))
     not_seen = np.ones(components)
@@ -260,7 +279,7 @@ def _evidence(
         weight,
         starts,
         detection_probability,
-        cap,
+        missed_probability,
         likelihoods.component,
         likelihoods.detection,
         likelihoods.values,
@@ -273,13 +292,13 @@ def _evidence(
 
 def _particle_factors(
     detection_probability: FloatArray,
-    cap: float,
+    missed_probability: FloatArray,
     starts: IntArray,
     likelihoods: GatedLikelihoods,
     message: FloatArray,
 ) -> FloatArray:
-    """Return each particle's weight factor (1 - min(P_D, cap)) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
-    factor = 1.0 - np.minimum(detection_probability, cap)
+    """Return each particle's weight factor (1 - P_missed) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
+    factor = 1.0 - missed_probability
     pair_message = message[likelihoods.component, likelihoods.detection]
     _add_detection_terms(
         detection_probability,
@@ -313,7 +332,7 @@ def _sum_evidence(
     weight: FloatArray,
     starts: IntArray,
     detection_probability: FloatArray,
-    cap: float,
+    missed_probability: FloatArray,
     pair_component: IntArray,
     pair_detection: IntArray,
     values: FloatArray,
@@ -324,7 +343,7 @@ def _sum_evidence(
     for m in range(len(starts) - 1):
         seen = 0.0
         for n in range(starts[m], starts[m + 1]):
-            seen += weight[n] * min(detection_probability[n], cap)
+            seen += weight[n] * missed_probability[n]
         not_seen[m] = 1.0 - seen
     for p in range(len(pair_component)):
         begin = starts[pair_component[p]]

@@ -47,7 +47,8 @@ class MaxLikelihoodUpdate:
             table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), vehicle)
             shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), table, vehicle)
         is_hidden = shadowed >= self.options.max_likelihood.shadowed_share
-        return Occlusion(np.where(is_hidden, 0.0, 1.0)[prior.cloud.component], is_hidden)
+        probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
+        return Occlusion(probability, probability, is_hidden)
 
     def measurement_update(
         self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator

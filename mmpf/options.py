@@ -38,13 +38,15 @@ class ModelErrorOptions(Settings):
         speed: Of the longitudinal speed, m/s per root second.
         accel: Of the longitudinal acceleration, m/s² per root second.
         lat_speed: Of the lateral speed, m/s per root second.
-        hidden_share: Share of it for components that are not seen, which only the model can place.
+        hidden_lon_share: Share of the first two for components that are not seen, which only the model can place.
+        hidden_lat_share: Share of the last for them: they keep to their lanes.
     """
 
     speed: Annotated[float, Field(ge=0.0)] = 0.3
     accel: Annotated[float, Field(ge=0.0)] = 0.5
     lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
-    hidden_share: Annotated[float, Field(ge=0.0)] = 1.0
+    hidden_lon_share: Annotated[float, Field(ge=0.0)] = 1.0
+    hidden_lat_share: Annotated[float, Field(ge=0.0)] = 0.0
 
 
 class BirthOptions(Settings):
@@ -53,7 +55,7 @@ class BirthOptions(Settings):
     Attributes:
         local_speed_share: Share of particles whose speed is drawn near the speed of the traffic around.
         local_speed_std_mps: Spread of that share.
-        highest_speed_mps: The other particles' speeds are uniform from zero to this.
+        other_speed_std_mps: Spread of the other particles' speeds: the neighbours alone would lose the fast lane.
         lat_speed_std_mps: Spread of the lateral speed.
         accel_std_mps2: Spread of the longitudinal acceleration.
         local_range_m: Tracks within this distance tell the speed of the traffic around.
@@ -61,7 +63,7 @@ class BirthOptions(Settings):
 
     local_speed_share: Probability = 0.6
     local_speed_std_mps: Positive = 2.5
-    highest_speed_mps: Positive = 40.0
+    other_speed_std_mps: Positive = 8.0
     lat_speed_std_mps: Positive = 0.4
     accel_std_mps2: Positive = 0.7
     local_range_m: Positive = 40.0
@@ -74,6 +76,8 @@ class JointOptions(Settings):
         gate_std: A detection counts for a component within this many standard deviations.
         missed_detection_cap: The detection probability used for "not seen" is at most this, since misses of one
             vehicle are correlated in time.
+        missed_from_fraction: "Not seen" counts as evidence from this visible fraction on, and
+        missed_full_fraction: in full from this one on: shadows are drawn by vehicles of unknown size.
         hidden_detection_probability: Detection probability of a particle that lies in shadow.
         survival_probability: Per 0.1 s.
         birth_density: Expected newborn vehicles in relation to clutter at one detection (b in Meyer et al. 2018).
@@ -109,11 +113,13 @@ class JointOptions(Settings):
 
     gate_std: Positive = 4.5
     missed_detection_cap: Probability = 0.6
+    missed_from_fraction: Probability = 0.3
+    missed_full_fraction: Probability = 0.9
     hidden_detection_probability: Probability = 0.02
     survival_probability: Probability = 0.999
     birth_density: Positive = 0.3
     birth_unexplained: Probability = 0.3
-    confirm_existence: Probability = 0.9
+    confirm_existence: Probability = 0.6
     confirm_hits: Annotated[int, Field(ge=1)] = 3
     prune_existence: Probability = 0.02
     occluder_existence: Probability = 0.2
@@ -128,7 +134,7 @@ class JointOptions(Settings):
     merge_lat_m: Positive = 1.0
     merge_scans: Annotated[int, Field(ge=1)] = 3
     stitch: bool = True
-    stitch_density: Positive = 3e-4
+    stitch_density: Positive = 1e-4
     stitch_lon_m: Positive = 2.0
     stitch_lat_m: Positive = 0.7
     stitch_speed_mps: Positive = 2.0

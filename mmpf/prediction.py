@@ -86,7 +86,13 @@ def _add_model_error(
     options: ModelErrorOptions,
     rng: np.random.Generator,
 ) -> None:
-    scale = np.sqrt(dt_s) * np.where(is_hidden, options.hidden_share, 1.0)
-    for row, density in ((SPEED, options.speed), (ACCEL, options.accel), (LAT_SPEED, options.lat_speed)):
+    root_dt = np.sqrt(dt_s)
+    lon_scale = np.where(is_hidden, options.hidden_lon_share, 1.0) * root_dt
+    lat_scale = np.where(is_hidden, options.hidden_lat_share, 1.0) * root_dt
+    for row, density, scale in (
+        (SPEED, options.speed, lon_scale),
+        (ACCEL, options.accel, lon_scale),
+        (LAT_SPEED, options.lat_speed, lat_scale),
+    ):
         if density > 0.0:
             state[row] += density * scale * rng.standard_normal(len(scale))

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.options import BirthOptions, FilterOptions, JointOptions
+from mmpf.options import BirthOptions, FilterOptions, JointOptions, ModelErrorOptions
 from mmpf.road import FloatArray
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
@@ -57,6 +57,7 @@ def test_one_linear_gaussian_target_is_tracked_like_the_exact_kalman_filter(upda
         update=update,  # type: ignore[arg-type]
         particles=PARTICLES,
         birth=BIRTH,
+        model_error=ModelErrorOptions(speed=0.0, accel=0.0, lat_speed=0.0),
         joint=JointOptions(young_hits=0, gate_std=20.0),
     )
     runs = np.empty((REPLICATES, STEPS, 4))
