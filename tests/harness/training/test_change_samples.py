@@ -1,0 +1,38 @@
+"""The lane-change model is trained on the very inputs that it is given in use."""
+
+import numpy as np
+
+from harness.study.cases import lane_change_cases
+from harness.training.change_fit import LINE_COLUMNS, change_samples
+from harness.training.changing import lane_change_windows
+from mmpf.motion.lane_changer import FURTHEST_NEIGHBOUR_M, change_inputs, view_of
+from mmpf.state import LAT, LON, SPEED
+
+from .test_windows import ROAD, STEP_S, changing, steady, traffic
+
+
+def test_inputs_in_training_and_in_use_are_the_same():
+    recording = traffic(
+        (0.0, 10.0, changing(150)), (30.0, 9.0, steady(2.0)), (40.0, 11.0, steady(6.0)), (-20.0, 10.5, steady(6.0))
+    )
+    changes = lane_change_windows(recording, ROAD, STEP_S)
+    x, y = change_samples(changes, np.random.default_rng(0))
+    cases = lane_change_cases(changes, 1, STEP_S, np.random.default_rng(0))
+    exact = [column for column in range(14) if column not in LINE_COLUMNS]
+    for step in (0, 30, 49, 52, 80):
+        state = cases.truth[step]
+        around = cases.surroundings(state, step, False)
+        crossed = state[LAT] > 2.0
+        view = view_of(around, state[SPEED], np.ones(1), crossed)
+        used = change_inputs(state, np.ones(1), np.zeros(1), np.full(1, 2.0), view)
+        known = [c for c in exact if not (crossed[0] and c in (7, 12))]
+        np.testing.assert_allclose(used[0, known], x[step, known], atol=1e-9)
+        assert abs(used[0, 9] - x[step, 9]) < 1.0
+    np.testing.assert_allclose(y[:, 1], np.diff(changes.state[LON, 0]), atol=1e-9)
+
+
+def test_a_missing_neighbour_scatters_about_the_furthest_distance():
+    changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
+    x, _ = change_samples(changes, np.random.default_rng(0))
+    assert abs(x[:, 6].mean() - FURTHEST_NEIGHBOUR_M) < 5.0
+    assert x[:, 6].std() > 1.0

@@ -1,0 +1,66 @@
+"""The adaptive IDM takes up each driver's headway; the lane-change model crosses to either side alike."""
+
+import numpy as np
+import pytest
+
+from mmpf.motion.adaptive_idm import Adaptation, AdaptiveDriver
+from mmpf.motion.idm import TREIBER_2000, idm_acceleration
+from mmpf.motion.lane_changer import LaneChangeDriver
+from mmpf.motion.process_noise import ProcessNoise
+from mmpf.motion.protocol import take_surroundings
+from mmpf.state import ACCEL, LAT, LAT_SPEED, SPEED
+
+from .surroundings import around, states, vehicle
+
+STEP_S = 0.1
+
+
+@pytest.mark.parametrize("headway", [0.8, 1.6, 2.8])
+def test_the_first_acceleration_tells_the_headway(headway):
+    state, leader = states(1, 15.0), vehicle(1, 35.0, 14.0)
+    state[ACCEL] = idm_acceleration(state[SPEED], leader, TREIBER_2000, np.array([headway]))
+    model = AdaptiveDriver(TREIBER_2000, Adaptation(2.0, 0.0, 1.0), ProcessNoise(0.0, 0.0))
+    after, latents = model.propagate(
+        state,
+        model.draw_latents(state, np.random.default_rng(0)),
+        around(state, leader),
+        STEP_S,
+        np.random.default_rng(0),
+    )
+    assert latents[0, 0] == pytest.approx(headway)
+    assert after[ACCEL, 0] == pytest.approx(state[ACCEL, 0])
+
+
+def test_a_lane_change_to_the_left_is_the_mirror_of_one_to_the_right():
+    def driven(to_left):
+        model, state = LaneChangeDriver(to_left=to_left), states(50, 20.0)
+        state[LAT_SPEED] = 0.6 if to_left else -0.6
+        rng = np.random.default_rng(3)
+        after, _ = model.propagate(state, model.draw_latents(state, rng), around(state), STEP_S, rng)
+        return after
+
+    left, right = driven(True), driven(False)
+    np.testing.assert_allclose(left[LAT] - 2.0, 2.0 - right[LAT], atol=1e-9)
+    np.testing.assert_allclose(left[SPEED], right[SPEED], atol=1e-9)
+
+
+def test_a_car_under_way_to_the_next_lane_arrives_there():
+    model, state, rng = LaneChangeDriver(), states(300, 20.0, lat_m=3.4), np.random.default_rng(0)
+    state[LAT_SPEED] = 0.9
+    latents = model.draw_latents(state, rng)
+    for _ in range(40):
+        lane = np.clip(np.floor(state[LAT] / 4.0), 0, 1)
+        here = around(state)
+        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
+        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+    assert np.median(state[LAT]) > 4.5
+    assert (state[LAT] > 4.0).mean() > 0.9
+
+
+def test_some_particles_know_what_they_knew_among_all():
+    state = states(10)
+    all_of_them = around(state, vehicle(10, 5.0, 3.0))
+    gaps = type(all_of_them.leader)(**{**vars(all_of_them.leader), "gap_m": np.arange(10.0)})
+    some = take_surroundings(type(all_of_them)(**{**vars(all_of_them), "leader": gaps}), np.array([2, 7]))
+    np.testing.assert_array_equal(some.leader.gap_m, [2.0, 7.0])
+    assert some.length_m.shape == (2,)
