@@ -25,6 +25,18 @@ class _Strict(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class RecordingConfig(_Strict):
+    """Which recorded traffic takes the simulated one's place.
+
+    Attributes:
+        format: Name of the file's format.
+        ego: Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn.
+    """
+
+    format: Annotated[str, Field(min_length=1)]
+    ego: Annotated[str, Field(min_length=1)] = "auto"
+
+
 class TrafficConfig(_Strict):
     """Which traffic is driven, and for how long.
 
@@ -33,18 +45,24 @@ class TrafficConfig(_Strict):
         demand: Name of one of the network's demands; excludes ``density``.
         density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given, unless the network
             is a SUMO configuration with a demand of its own.
-        duration_s: Scored time in seconds; warm-up comes on top.
+        duration_s: Scored time in seconds; warm-up comes on top. Of a recording, its first seconds.
+        recording: Set where the traffic was recorded on a real road; there is neither demand nor density then.
     """
 
     net: Annotated[str, Field(min_length=1)] = "us101"
     demand: Annotated[str, Field(min_length=1)] | None = None
     density: Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])] | None = None
     duration_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 60.0
+    recording: RecordingConfig | None = None
 
     @model_validator(mode="after")
     def _one_way_to_set_traffic(self) -> Self:
         if self.demand is not None and self.density is not None:
             raise ValueError("give either a demand or a density, not both")
+        if self.recording is not None:
+            if self.demand is not None or self.density is not None:
+                raise ValueError("recorded traffic is as it was; leave demand and density out")
+            return self
         if self.demand is None and self.density is None and not _brings_its_own_demand(Path(self.net)):
             # The model is frozen for its users; during validation the default is still being filled in.
             object.__setattr__(self, "density", DEFAULT_DENSITY)
@@ -108,7 +126,8 @@ class RunConfig(_Strict):
 
     Attributes:
         seed: Root of all randomness.
-        replay: Run folder whose recorded truth and detections are used in place of SUMO and the sensor.
+        replay: Run folder whose recorded truth and detections are used in place of SUMO and the sensor, or a file of
+            traffic recorded on a real road.
         traffic: The traffic.
         sensor: The sensor.
         tracker: The tracker.
@@ -128,6 +147,8 @@ class RunConfig(_Strict):
         """Return what is run in a few words."""
         traffic, tracker = self.traffic, self.tracker
         demand = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
+        if traffic.recording is not None and self.replay is not None:
+            demand = f"{Path(self.replay).stem}, ego {traffic.recording.ego}"
         parts = [traffic.net, demand, tracker.name, tracker.model, tracker.update]
         return ", ".join(part for part in parts if part)
 
@@ -136,6 +157,8 @@ class RunConfig(_Strict):
         traffic = self.traffic
         demand = f"d{traffic.density:g}" if traffic.density is not None else traffic.demand
         network = traffic.net.rstrip("/").rsplit("/", 1)[-1].removesuffix(".sumocfg")
+        if traffic.recording is not None and self.replay is not None:
+            network, demand = Path(self.replay).stem, f"ego-{traffic.recording.ego}"
         parts = [network, self.tracker.name, self.tracker.model, demand, f"s{self.seed}"]
         return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))
 

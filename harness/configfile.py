@@ -27,6 +27,8 @@ OPTION_OF_KEY = {
     "traffic.demand": "--demand",
     "traffic.density": "--density",
     "traffic.duration_s": "--duration",
+    "traffic.recording.format": "--format",
+    "traffic.recording.ego": "--ego",
     "sensor.profile": "--sensor",
     "tracker.name": "--tracker",
     "tracker.model": "--model",

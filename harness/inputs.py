@@ -1,4 +1,4 @@
-"""What a run is driven by: live traffic and sensor, or an earlier run's recording of both."""
+"""What a run is driven by: live or recorded traffic before a sensor, or an earlier run's recording of both."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness import runfolder
 from harness.config import RunConfig
 from harness.cosim import Streams
 from harness.errors import UserError
@@ -26,15 +27,19 @@ class RunInputs:
         truth: Yields the frames.
         sensor: Looks at them.
         files: The files that decided them, by a name for the manifest.
+        report: What the user should know about them; empty if nothing.
+        about: Tables about them for ``metrics.json``, by name.
     """
 
     truth: TruthSource
     sensor: Sensor
     files: Mapping[str, Path] = field(default_factory=dict)
+    report: str = ""
+    about: Mapping[str, object] = field(default_factory=dict)
 
     def hashes(self) -> dict[str, str]:
         """Return the SHA-256 of each input file."""
-        return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in self.files.items()}
+        return {name: _sha256(path) for name, path in self.files.items()}
 
 
 def open_inputs(config: RunConfig, streams: Streams) -> RunInputs:
@@ -47,11 +52,34 @@ def open_inputs(config: RunConfig, streams: Streams) -> RunInputs:
     Raises:
         UserError: There is no such network, demand, sensor or recording, or it is broken.
     """
-    if config.replay is not None:
-        from harness.replay import open_recording  # noqa: PLC0415
+    if config.replay is None:
+        return _open_live(config, streams)
+    path = Path(config.replay)
+    if not runfolder.is_run_folder(path):
+        return _open_recorded_traffic(path, config)
+    from harness.replay import open_recording  # noqa: PLC0415
 
-        return open_recording(Path(config.replay), config)
-    return _open_live(config, streams)
+    return open_recording(path, config)
+
+
+def _open_recorded_traffic(path: Path, config: RunConfig) -> RunInputs:
+    from harness.sensor.detector import build_sensor  # noqa: PLC0415
+    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
+    from harness.truth.recorded.formats import files_of  # noqa: PLC0415
+    from harness.truth.recorded.source import open_recorded_traffic  # noqa: PLC0415
+
+    traffic, recording = config.traffic, config.traffic.recording
+    if recording is None:
+        raise UserError(f"--replay: {path} is not a run's folder, and no format of recorded traffic is set")
+    sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+    truth = open_recorded_traffic(path, recording.format, traffic.net, recording.ego, traffic.duration_s)
+    return RunInputs(
+        truth=truth,
+        sensor=sensor,
+        files={f"replay/{file.name}": file for file in files_of(path)},
+        report=truth.report(),
+        about={"recording": truth.summary()},
+    )
 
 
 def _open_live(config: RunConfig, streams: Streams) -> RunInputs:
@@ -78,3 +106,8 @@ def _network_files(network: Network) -> dict[str, Path]:
     if network.vehicle_types_file is not None:
         files["vehicle_types_file"] = network.vehicle_types_file
     return files
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

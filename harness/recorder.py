@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.sensor.observation import VISIBILITY_STATES, Observation
-from harness.truth.frame import Frame
+from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
 from mmpf.state import TRACK_STATES, Tracks
 
 Columns = dict[str, npt.NDArray[np.generic]]
@@ -113,7 +113,15 @@ def _truth_columns(frame: Frame, observation: Observation) -> Columns:
         "visible_fraction": np.round(observation.visible_fraction, TRACK_DECIMALS),
         "state": _named(VISIBILITY_STATES, observation.state),
         "occluder_id": occluder.astype(object),
+        **_window_columns(frame, count),
     }
+
+
+def _window_columns(frame: Frame, count: int) -> Columns:
+    """Return where the record of the road begins and ends, if it does."""
+    if frame.window_m == EVERYWHERE:
+        return {}
+    return {name: np.full(count, edge_m) for name, edge_m in zip(WINDOW_COLUMNS, frame.window_m, strict=True)}
 
 
 def _detection_columns(frame: Frame, observation: Observation) -> Columns:

@@ -1,4 +1,4 @@
-"""The configuration of a run that may be a replay: traffic and sensor then come from the recording."""
+"""The configuration of a run that may be a replay: of an earlier run, or of traffic recorded on a real road."""
 
 from __future__ import annotations
 
@@ -23,14 +23,30 @@ def resolve_run_config(
         settings: Likewise.
 
     Raises:
-        UserError: As there; or a replay is asked for traffic, a sensor or a folder that the recording does not have.
+        UserError: As there; or a replay is asked for traffic, a sensor or a folder that the recording does not have;
+            or the file is no recorded traffic.
     """
     table = merge_layers(config_file, options, settings)
     replay = table.get("replay")
     if isinstance(replay, str):
-        folder = Path(replay).resolve()
-        table |= _recorded_part(folder, table) | {"replay": str(folder)}
+        path = Path(replay).resolve()
+        part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
+        table |= part | {"replay": str(path)}
+    elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):
+        option = next(iter(traffic["recording"]))
+        raise UserError(f"--{option}: simulated traffic has no such choice; add --replay FILE of recorded traffic")
     return config_from_table(table)
+
+
+def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the traffic's table with the file's format and the network that it is driven on."""
+    from harness.truth.recorded.formats import network_of, recognise  # noqa: PLC0415
+
+    traffic = dict(asked.get("traffic", {}))
+    recording = {"ego": "auto"} | dict(traffic.get("recording", {}))
+    entry = recognise(path, recording.get("format"))
+    traffic["recording"] = recording | {"format": entry.name}
+    return {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
 
 
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -90,6 +90,11 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
     return PendingFolder(path=pending, final=final, force=force)
 
 
+def is_run_folder(path: Path) -> bool:
+    """Return whether a path is a folder that a run has left, finished or not."""
+    return (path / MANIFEST).is_file() or (path / CONFIG).is_file()
+
+
 def read_manifest(folder: Path, option: str) -> dict[str, Any]:
     """Return the manifest of a run folder.
 

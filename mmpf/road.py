@@ -16,6 +16,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 NO_LANE = 0
+# A segment that faces a position goes before one that is nearer but does not.
+FACING_FIRST = 1e6
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,12 @@ class Road:
         lengths = np.hypot(*np.diff(self._vertices, axis=0).T)
         return self.reference_start_m + np.concatenate([[0.0], np.cumsum(lengths)])
 
+    @cached_property
+    def _mitres(self) -> tuple[FloatArray, FloatArray]:
+        """How far each segment's start and end shift along it per metre to the left, so that parallels join up."""
+        half_turn = np.tan(0.5 * np.diff(self._segment_headings))
+        return np.concatenate([[0.0], half_turn]), np.concatenate([-half_turn, [0.0]])
+
     @property
     def is_straight(self) -> bool:
         """Whether the frame is the Cartesian plane up to a turn and a shift."""
@@ -86,32 +94,41 @@ class Road:
         return np.asarray(self._segment_headings[self._segment_at(lon_m)])
 
     def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
+        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape.
+
+        Parallels of the reference line bend with it and are mitred at its vertices, so that the map has neither gaps
+        nor overlaps up to the line's radius of curvature.
+        """
         segment = self._segment_at(lon_m)
         heading = self._segment_headings[segment]
         along = lon_m - self._vertex_lon[segment]
+        start, end = self._mitres
+        share = np.clip(along / np.diff(self._vertex_lon)[segment], 0.0, 1.0)
+        along = along + lat_m * (start[segment] + (end - start)[segment] * share)
         origin = self._vertices[segment]
         x = origin[..., 0] + along * np.cos(heading) - lat_m * np.sin(heading)
         y = origin[..., 1] + along * np.sin(heading) + lat_m * np.cos(heading)
         return x, y
 
     def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map Cartesian positions, shape (n,), to longitudinal and lateral position, each (n,).
+        """Map Cartesian positions, shape (n,), to longitudinal and lateral position, each (n,): undo ``to_cartesian``.
 
-        On a curved reference line the nearest segment counts; at a vertex the two neighbours agree to first order.
+        Where several segments face a position the nearest counts.
         """
         cosine, sine = np.cos(self._segment_headings), np.sin(self._segment_headings)
         offset_x = np.asarray(x)[:, None] - self._vertices[None, :-1, 0]
         offset_y = np.asarray(y)[:, None] - self._vertices[None, :-1, 1]
         along = offset_x * cosine + offset_y * sine
         across = -offset_x * sine + offset_y * cosine
-        lower = np.zeros(len(cosine))
-        upper = np.diff(self._vertex_lon)
-        lower[0], upper[-1] = -np.inf, np.inf
-        overshoot = along - np.clip(along, lower, upper)
-        nearest = np.argmin(np.hypot(overshoot, across), axis=1)
+        start, end = self._mitres
+        lower, upper = across * start, np.diff(self._vertex_lon) + across * end
+        share = np.clip((along - lower) / np.maximum(upper - lower, 1e-9), 0.0, 1.0)
+        lower[:, 0], upper[:, -1] = -np.inf, np.inf
+        overshoot = np.abs(along - np.clip(along, lower, np.maximum(lower, upper)))
+        nearest = np.argmin(np.abs(across) + FACING_FIRST * overshoot, axis=1)
         rows = np.arange(len(nearest))
-        return self._vertex_lon[nearest] + along[rows, nearest], across[rows, nearest]
+        shift = across * (start + (end - start) * share)
+        return self._vertex_lon[nearest] + (along - shift)[rows, nearest], across[rows, nearest]
 
     @cached_property
     def lane_table(self) -> FloatArray:

@@ -39,7 +39,24 @@ def command(
     replay: Annotated[
         Path | None,
         typer.Option(
-            help="Use the truth and detections recorded in this run folder; no SUMO.", rich_help_panel=TRAFFIC
+            help="A run folder, whose truth and detections are used again; or a file of recorded traffic: CommonRoad "
+            "XML, NGSIM CSV or text, highD folder, SUMO FCD. No SUMO.",
+            rich_help_panel=TRAFFIC,
+        ),
+    ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help="Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd. (default: by its content)",
+            rich_help_panel=TRAFFIC,
+        ),
+    ] = None,
+    ego: Annotated[
+        str | None,
+        typer.Option(
+            help="Recorded vehicle that carries the sensor: its ID, auto, or each in turn. (default: auto)",
+            rich_help_panel=TRAFFIC,
         ),
     ] = None,
     tracker: Annotated[
@@ -98,6 +115,7 @@ def command(
       python -m harness run --net us101
       python -m harness run --density 45 --model cam --seed 3 --out results/cam
       python -m harness run --replay results/cam --model cvm --json
+      python -m harness run --replay us101.csv --ego each --duration 120
       python -m harness run --config results/cam/config.toml --set sensor.range_m=80
       python -m harness run --demand us101-0805 --set tracker.options.joint.gate_std=4
     """
@@ -110,6 +128,8 @@ def command(
         "duration": duration,
         "sensor": sensor,
         "replay": None if replay is None else str(replay),
+        "format": format_,
+        "ego": ego,
         "tracker": tracker,
         "model": model,
         "update": update,

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
+from harness.truth.frame import WINDOW_COLUMNS
 from mmpf.road import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -28,7 +30,7 @@ class TruthRows:
         lat_m: Lateral position.
         speed_mps: Longitudinal speed.
         lat_speed_mps: Lateral speed.
-        in_range: Within the sensor's range.
+        in_range: Within the sensor's range, and not at or beyond the edge of what the source knows of the road.
         state: Index into ``harness.sensor.observation.VISIBILITY_STATES``.
         detected: At least one detection came from the vehicle at this step.
     """
@@ -67,6 +69,7 @@ class TrackRows:
         std_lat_m: Standard deviation of the lateral position.
         std_speed_mps: Standard deviation of the speed.
         hidden: The tracker itself says that it cannot see the vehicle.
+        unknowable: At or beyond the edge of what the source knows of the road, so that no vehicle there is on record.
     """
 
     step: IntArray
@@ -80,6 +83,7 @@ class TrackRows:
     std_lat_m: FloatArray
     std_speed_mps: FloatArray
     hidden: BoolArray
+    unknowable: BoolArray
 
     def __len__(self) -> int:
         return len(self.step)
@@ -119,13 +123,18 @@ class RunRows:
     tracks: TrackRows
 
 
-def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> RunRows:
+def read_run(
+    truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame, edge_m: float = ScoringSettings().gate_lon_m
+) -> RunRows:
     """Turn the three tables of a run into arrays.
 
     Args:
-        truth: One row per vehicle and step; a missing column ``episode`` means a single episode.
+        truth: One row per vehicle and step; a missing column ``episode`` means a single episode. Columns
+            ``window_start_m`` and ``window_end_m`` bound what the source knows of the road.
         detections: One row per detection; ``truth_id`` empty or null for clutter.
         tracks: One row per track and step.
+        edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
+            may have its track just outside.
 
     Returns:
         The run's arrays.
@@ -147,6 +156,8 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
     detection_row, detection_position = _detection_origins(
         detections, steps, names, name_codes[rows].astype(np.int64), step_index[rows]
     )
+    windows = _windows(truth, first_row, edge_m)
+    inside = _inside(_floats(truth, "lon_m"), windows, step_index)
     detected = np.zeros(len(rows), dtype=bool)
     detected[detection_row] = True
     return RunRows(
@@ -161,7 +172,7 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
             lat_m=_floats(truth, "lat_m")[rows],
             speed_mps=_floats(truth, "speed_mps")[rows],
             lat_speed_mps=_floats(truth, "lat_speed_mps")[rows],
-            in_range=truth["in_range"].to_numpy(dtype=bool)[rows],
+            in_range=truth["in_range"].to_numpy(dtype=bool)[rows] & inside[rows],
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
         ),
@@ -170,11 +181,27 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
             lon_m=_floats(detections, "lon_m")[detection_position],
             lat_m=_floats(detections, "lat_m")[detection_position],
         ),
-        tracks=_reported_tracks(tracks, steps, episodes),
+        tracks=_reported_tracks(tracks, steps, episodes, windows),
     )
 
 
-def _reported_tracks(tracks: pd.DataFrame, steps: IntArray, episodes: IntArray) -> TrackRows:
+def _windows(truth: pd.DataFrame, first_row: IntArray, edge_m: float) -> FloatArray | None:
+    """Return where what is known of the road begins and ends at each step, shape (2, steps); None for everywhere."""
+    if not set(WINDOW_COLUMNS) <= set(truth):
+        return None
+    start_m, end_m = (_floats(truth, name)[first_row] for name in WINDOW_COLUMNS)
+    return np.stack([start_m + edge_m, end_m - edge_m])
+
+
+def _inside(lon_m: FloatArray, windows: FloatArray | None, step: IntArray) -> BoolArray:
+    if windows is None:
+        return np.ones(len(lon_m), dtype=bool)
+    return np.asarray((lon_m >= windows[0, step]) & (lon_m <= windows[1, step]))
+
+
+def _reported_tracks(
+    tracks: pd.DataFrame, steps: IntArray, episodes: IntArray, windows: FloatArray | None
+) -> TrackRows:
     state = _state_codes(tracks["state"], ("tentative", "confirmed", "hidden"))
     rows = np.flatnonzero(state > 0)
     step = _step_index(_ints(tracks, "step")[rows], steps, "tracks")
@@ -199,6 +226,7 @@ def _reported_tracks(tracks: pd.DataFrame, steps: IntArray, episodes: IntArray) 
         std_lat_m=_floats(tracks, "std_lat_m")[rows],
         std_speed_mps=_floats(tracks, "std_speed_mps")[rows],
         hidden=state[rows] == 2,
+        unknowable=~_inside(lon, windows, step),
     )
 
 

@@ -2,7 +2,8 @@
 
 Conventions of all scores: the ego is no vehicle; tentative tracks are not reported and not scored; accuracies and
 shares are in percent; errors are estimate minus truth; vehicles and tracks of different episodes have nothing to do
-with each other; a vehicle beyond the sensor's range is neither missed nor is the track on it false. What has no rows
+with each other; a vehicle beyond the sensor's range is neither missed nor is the track on it false, and the same holds
+at and beyond the edge of the road that the truth's source knows. What has no rows
 behind it is nan here and null in ``metrics.json``.
 
 The error of a hidden vehicle counts only while its track is alive and its own, so a tracker that soon lets go of hidden
@@ -163,7 +164,7 @@ def evaluate(
         ValueError: The tables contradict each other or hold unknown states.
     """
     settings = settings or ScoringSettings()
-    rows = read_run(truth, detections, tracks)
+    rows = read_run(truth, detections, tracks, settings.gate_lon_m)
     history = detection_history(rows.truth, settings)
     pairs = near_pairs(rows.truth, rows.tracks, settings)
     matching = match(rows, history, pairs, settings)

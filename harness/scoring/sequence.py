@@ -57,11 +57,12 @@ class Selection:
 def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
     """Select the vehicles in sight; tracks that the tracker flags as hidden and that match none of them are left out.
 
-    A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts.
+    A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
+    the source knows of the road, unless it is on a vehicle that counts.
     """
     in_sight = history.in_sight(settings)
     chosen = gate_match(pairs, in_sight)
-    tracks = ~rows.tracks.hidden
+    tracks = ~rows.tracks.hidden & ~rows.tracks.unknowable
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]
     return Selection(in_sight & rows.truth.in_range, tracks)
 
@@ -69,11 +70,12 @@ def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: Pairs, sett
 def select_remembered(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
     """Select the vehicles detected within the memory; every reported track counts.
 
-    A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts.
+    A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
+    the source knows of the road, unless it is on a vehicle that counts.
     """
     remembered = history.remembered(settings)
     chosen = gate_match(pairs, remembered)
-    tracks = np.ones(len(rows.tracks), dtype=bool)
+    tracks = ~rows.tracks.unknowable
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]
     return Selection(remembered & rows.truth.in_range, tracks)
 

@@ -13,6 +13,10 @@ from mmpf.road import FloatArray, IntArray, Road
 
 StringArray = npt.NDArray[np.str_]
 
+EVERYWHERE = (-np.inf, np.inf)
+# Columns of the truth table that hold a frame's window; absent where it is everywhere.
+WINDOW_COLUMNS = ("window_start_m", "window_end_m")
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -33,6 +37,7 @@ class Frame:
         lane: Lane number as in ``mmpf.road``; 0 off the road.
         length_m: Vehicle length.
         width_m: Vehicle width.
+        window_m: Stretch of the road of which the source knows all vehicles; beyond it nothing is scored.
     """
 
     step: int
@@ -49,6 +54,7 @@ class Frame:
     lane: IntArray
     length_m: FloatArray
     width_m: FloatArray
+    window_m: tuple[float, float] = EVERYWHERE
 
     def __len__(self) -> int:
         return len(self.vehicle_id)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.truth.frame import Frame
+from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
 from mmpf.road import Road
 
 if TYPE_CHECKING:
@@ -82,6 +82,10 @@ def frames_from_table(table: pd.DataFrame) -> Iterator[Frame]:
     lane = table["lane"].to_numpy(dtype=np.int64)[order]
     is_ego = table["is_ego"].to_numpy(dtype=bool)[order]
     floats = {name: table[name].to_numpy(dtype=np.float64)[order] for name in _PER_VEHICLE_FLOATS}
+    windows = [
+        table[name].to_numpy(dtype=np.float64)[order] if name in table else np.full(len(order), everywhere)
+        for name, everywhere in zip(WINDOW_COLUMNS, EVERYWHERE, strict=True)
+    ]
     starts = np.flatnonzero(np.diff(steps, prepend=steps[0] - 1))
     for start, end in zip(starts, np.append(starts[1:], len(steps)), strict=True):
         rows = slice(int(start), int(end))
@@ -93,5 +97,6 @@ def frames_from_table(table: pd.DataFrame) -> Iterator[Frame]:
             ego=int(egos[0]) if len(egos) else -1,
             vehicle_id=vehicle[rows],
             lane=lane[rows],
+            window_m=(float(windows[0][start]), float(windows[1][start])),
             **{name: values[rows] for name, values in floats.items()},
         )

@@ -1,0 +1,193 @@
+"""CommonRoad scenarios, versions 2018b and 2020a: obstacles' trajectories on the road of their lanelets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError, iterparse
+
+import numpy as np
+
+from harness.errors import UserError
+from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
+from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
+from mmpf.road import FloatArray
+
+ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
+VERSIONS = ("2018b", "2020a")
+
+
+@dataclass(frozen=True)
+class _Obstacle:
+    """One obstacle: rows of (time step, x, y, orientation, speed), and its size."""
+
+    name: str
+    states: FloatArray
+    length_m: float
+    width_m: float
+
+
+@dataclass
+class _Scenario:
+    """What was found in the file so far."""
+
+    step_s: float = 0.0
+    lanelets: list[Lanelet] = field(default_factory=list)
+    obstacles: list[_Obstacle] = field(default_factory=list)
+    standing: list[_Obstacle] = field(default_factory=list)
+    left_out: dict[str, int] = field(default_factory=dict)
+
+
+def read_commonroad(path: Path) -> ReadTraffic:
+    """Read a scenario.
+
+    Positions are those of the obstacles' centres. A static obstacle stands there for the whole time. Pedestrians and
+    bicycles are left out, and so are obstacles whose future is a set or a probability instead of a trajectory.
+
+    Raises:
+        UserError: The file is broken or has no lanelets or no vehicles.
+    """
+    scenario = _Scenario()
+    try:
+        _collect(path, scenario)
+    except ParseError as error:
+        raise UserError(f"{path}: broken or truncated XML: {error}") from None
+    except (AttributeError, TypeError, ValueError, KeyError) as error:
+        raise UserError(f"{path}: not a CommonRoad scenario of version {' or '.join(VERSIONS)}: {error}") from None
+    if not scenario.lanelets:
+        raise UserError(f"{path}: the scenario has no lanelets to take the road from")
+    if not scenario.obstacles:
+        raise UserError(f"{path}: the scenario has no vehicle with a trajectory")
+    last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
+    return _traffic(scenario, [*scenario.obstacles, *(_lasting(obstacle, last) for obstacle in scenario.standing)])
+
+
+def _collect(path: Path, scenario: _Scenario) -> None:
+    depth = 0
+    for event, element in iterparse(path, events=("start", "end")):
+        depth += 1 if event == "start" else -1
+        if event == "start" and depth == 1:
+            _check_root(element, path)
+            scenario.step_s = float(element.attrib["timeStepSize"])
+        if event == "end" and depth == 1:
+            _take(element, scenario)
+            element.clear()
+
+
+def _check_root(root: Element, path: Path) -> None:
+    version = root.attrib.get("commonRoadVersion")
+    if root.tag != "commonRoad" or version not in VERSIONS:
+        raise UserError(f"{path}: CommonRoad version {version}; known are {' and '.join(VERSIONS)}")
+
+
+def _take(element: Element, scenario: _Scenario) -> None:
+    if element.tag == "lanelet" and element.find("leftBound") is not None:
+        scenario.lanelets.append(_lanelet(element))
+    elif element.tag in ("obstacle", "dynamicObstacle", "staticObstacle"):
+        reason = _reason_to_leave_out(element)
+        if reason is not None:
+            scenario.left_out[reason] = scenario.left_out.get(reason, 0) + 1
+        elif element.tag == "staticObstacle" or element.findtext("role") == "static":
+            scenario.standing.append(_obstacle(element))
+        else:
+            scenario.obstacles.append(_obstacle(element))
+
+
+def _reason_to_leave_out(element: Element) -> str | None:
+    if (element.findtext("type") or "").strip() in ON_FOOT_OR_CYCLE:
+        return "on foot or bicycle"
+    if element.find("occupancySet") is not None or element.find("probabilityDistribution") is not None:
+        return "without a trajectory"
+    return None
+
+
+def _lanelet(element: Element) -> Lanelet:
+    return Lanelet(
+        name=element.attrib["id"],
+        left_xy=_points(element.find("leftBound")),
+        right_xy=_points(element.find("rightBound")),
+        successors=tuple(other.attrib["ref"] for other in element.findall("successor")),
+    )
+
+
+def _points(bound: Element | None) -> FloatArray:
+    assert bound is not None
+    return np.array([(_number(point, "x"), _number(point, "y")) for point in bound.findall("point")])
+
+
+def _obstacle(element: Element) -> _Obstacle:
+    name = element.attrib["id"]
+    length_m, width_m = _size(element.find("shape"))
+    trajectory = element.find("trajectory")
+    first = element.find("initialState")
+    states = [first] if first is not None else []
+    states += list(trajectory) if trajectory is not None else []
+    return _Obstacle(name, np.array([_state(state) for state in states]), length_m, width_m)
+
+
+def _size(shape: Element | None) -> tuple[float, float]:
+    assert shape is not None
+    rectangle, circle = shape.find("rectangle"), shape.find("circle")
+    if rectangle is not None:
+        return _number(rectangle, "length"), _number(rectangle, "width")
+    if circle is not None:
+        return 2.0 * _number(circle, "radius"), 2.0 * _number(circle, "radius")
+    raise ValueError("an obstacle's shape is neither rectangle nor circle")
+
+
+def _state(state: Element) -> tuple[float, float, float, float, float]:
+    point = state.find("position/point")
+    if point is None:
+        raise ValueError("an obstacle's position is not a point")
+    return (
+        _exact(state, "time"),
+        _number(point, "x"),
+        _number(point, "y"),
+        _exact(state, "orientation"),
+        _exact(state, "velocity", 0.0),
+    )
+
+
+def _exact(state: Element, name: str, absent: float | None = None) -> float:
+    text = state.findtext(f"{name}/exact")
+    if text is None:
+        if absent is None:
+            raise ValueError(f"a state has no exact {name}")
+        return absent
+    return float(text)
+
+
+def _number(element: Element, name: str) -> float:
+    text = element.findtext(name)
+    if text is None:
+        raise ValueError(f"{element.tag} has no {name}")
+    return float(text)
+
+
+def _lasting(obstacle: _Obstacle, last: float) -> _Obstacle:
+    steps = np.arange(0.0, last + 1.0)
+    states = np.column_stack([steps, np.tile(obstacle.states[0, 1:], (len(steps), 1))])
+    return _Obstacle(obstacle.name, states, obstacle.length_m, obstacle.width_m)
+
+
+def _traffic(scenario: _Scenario, obstacles: list[_Obstacle]) -> ReadTraffic:
+    states = np.concatenate([obstacle.states for obstacle in obstacles])
+    vehicle = np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles])
+    step, x, y, orientation, speed = states.T
+    road = road_from_lanelets(scenario.lanelets, x, y)
+    lon_m, lat_m = road.to_road(x, y)
+    heading = (orientation - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
+    rows = Rows(
+        vehicle=vehicle,
+        time_s=step * scenario.step_s,
+        lon_m=lon_m,
+        lat_m=lat_m,
+        heading_rad=heading,
+        speed_mps=speed * np.cos(heading),
+        # The lanelets' directions scatter too much for the drift to follow from the heading.
+        lat_speed_mps=unknown(len(step)),
+        length_m=np.array([obstacle.length_m for obstacle in obstacles])[vehicle],
+        width_m=np.array([obstacle.width_m for obstacle in obstacles])[vehicle],
+    )
+    read = len(obstacles) + sum(scenario.left_out.values())
+    return ReadTraffic(road, np.array([obstacle.name for obstacle in obstacles]), rows, read, scenario.left_out)

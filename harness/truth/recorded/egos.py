@@ -1,0 +1,101 @@
+"""Which of the recorded vehicles carries the sensor, and when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.errors import UserError
+from harness.truth.recorded.resample import STEP_S
+from harness.truth.recorded.traffic import RecordedTraffic
+from mmpf.road import IntArray
+
+AUTO, EACH = "auto", "each"
+SHORTEST_EGO_S = 3.0
+
+
+@dataclass(frozen=True)
+class EgoStay:
+    """A vehicle that carries the sensor from one recorded step to another.
+
+    Attributes:
+        stay: Its stay, an index into the traffic's names.
+        first_step: First recorded step.
+        last_step: Last recorded step.
+    """
+
+    stay: int
+    first_step: int
+    last_step: int
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return self.last_step - self.first_step + 1
+
+
+def plan_egos(traffic: RecordedTraffic, ego: str) -> tuple[EgoStay, ...]:
+    """Return the egos in the order in which they are driven; each is an episode.
+
+    Args:
+        traffic: The traffic.
+        ego: Name of a vehicle; ``auto``: at every time one that stays longest, and the next one when it is gone;
+            ``each``: every vehicle that is in the window for 3 s or more, in turn.
+
+    Raises:
+        UserError: There is no such vehicle, or none that stays long enough.
+    """
+    stays = _stays_in_window(traffic)
+    if ego == EACH:
+        shortest = round(SHORTEST_EGO_S / STEP_S)
+        chosen = tuple(stay for stay in stays if stay.steps >= shortest)
+        if not chosen:
+            raise UserError(f"--ego {EACH}: no vehicle is on record for {SHORTEST_EGO_S:g} s; take --ego {AUTO}")
+        return chosen
+    if ego == AUTO:
+        return _relay(traffic, stays)
+    chosen = tuple(stay for stay in stays if str(traffic.names[stay.stay]) == ego)
+    if not chosen:
+        names = [str(traffic.names[stay.stay]) for stay in stays]
+        known = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+        raise UserError(f"--ego {ego}: no vehicle of that name is on record within the first seconds driven: {known}")
+    return chosen
+
+
+def _stays_in_window(traffic: RecordedTraffic) -> list[EgoStay]:
+    """Return when each stay is first and last in the window, in the order of the stays."""
+    start_m, end_m = traffic.window_m
+    lon_m = traffic.columns["lon_m"]
+    inside = np.flatnonzero((lon_m >= start_m) & (lon_m <= end_m))
+    stay, step = traffic.stay[inside], traffic.step_of_row[inside]
+    order = np.lexsort((step, stay))
+    stay, step = stay[order], step[order]
+    first = np.flatnonzero(np.diff(stay, prepend=-1))
+    last = np.append(first[1:], len(stay)) - 1
+    return [EgoStay(int(stay[a]), int(step[a]), int(step[b])) for a, b in zip(first, last, strict=True)]
+
+
+def _relay(traffic: RecordedTraffic, stays: list[EgoStay]) -> tuple[EgoStay, ...]:
+    """Hand the sensor on whenever its vehicle is gone; of equally long stays that nearest the window's middle goes."""
+    if not stays:
+        raise UserError(f"--ego {AUTO}: no vehicle is on record within the window")
+    stay, first, last = np.array([(s.stay, s.first_step, s.last_step) for s in stays], dtype=np.int64).T
+    off_middle_m = _distance_from_middle(traffic, stay)
+    relay: list[EgoStay] = []
+    now = int(first.min())
+    while (left := np.flatnonzero(last >= now)).size:
+        now = max(now, int(first[left].min()))
+        present = left[first[left] <= now]
+        best = present[np.lexsort((off_middle_m[present], -last[present]))[0]]
+        relay.append(EgoStay(int(stay[best]), now, int(last[best])))
+        now = int(last[best]) + 1
+    return tuple(relay)
+
+
+def _distance_from_middle(traffic: RecordedTraffic, stay: IntArray) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    count = np.bincount(traffic.stay, minlength=len(traffic.names))
+    mean_m = np.bincount(traffic.stay, weights=traffic.columns["lon_m"], minlength=len(traffic.names)) / np.maximum(
+        count, 1
+    )
+    return np.asarray(np.abs(mean_m[stay] - 0.5 * sum(traffic.window_m)))

@@ -1,0 +1,153 @@
+"""SUMO's floating-car data: XML, metres, in the plane of the network; positions are those of the front bumper.
+
+Sizes come from the file where it states them, else from the network's vehicle types, else from SUMO's defaults.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import ParseError, iterparse
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.errors import UserError
+from harness.truth.network import Network, load_network
+from harness.truth.reading import OFF_ROAD_WITHIN_M
+from harness.truth.recorded.rows import ReadTraffic, Rows, name_codes, unknown
+from mmpf.road import FloatArray, IntArray, Road
+
+# SUMO's own sizes of its vehicle classes, metres.
+DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.2, 0.9), "bus": (12.0, 2.5)}
+CHUNK_ROWS = 100_000
+ON_FOOT = "person"
+
+_Row = tuple[str, str, float, float, float, float, float, float, float]
+
+
+def read_fcd(path: Path, net: str) -> ReadTraffic:
+    """Read floating-car data; vehicles that never come within 15 m of the network's main road are left out.
+
+    Raises:
+        UserError: The file is broken, its time goes back, or a vehicle lacks position, angle or speed.
+    """
+    network = load_network(net)
+    try:
+        rows, people = _collect(path)
+    except ParseError as error:
+        raise UserError(f"{path}: broken or truncated XML: {error}") from None
+    except KeyError as error:
+        raise UserError(
+            f"{path}: a vehicle or timestep lacks {error}; write the data with SUMO's usual attributes"
+        ) from None
+    except ValueError as error:
+        raise UserError(f"{path}: a value is no number: {error}") from None
+    if not rows:
+        raise UserError(f"{path}: there is no vehicle in it; give a recording with vehicles")
+    return _traffic(rows, people, network)
+
+
+def _collect(path: Path) -> tuple[list[_Row], int]:
+    rows: list[_Row] = []
+    people: set[str] = set()
+    time_s = -np.inf
+    root = None
+    for event, element in iterparse(path, events=("start", "end")):
+        if root is None:
+            root = element
+        if event == "start" and element.tag == "timestep":
+            before, time_s = time_s, float(element.attrib["time"])
+            if time_s <= before:
+                raise UserError(f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order")
+        elif event == "end" and element.tag == "vehicle":
+            given = element.attrib
+            rows.append(
+                (
+                    given["id"],
+                    given.get("type", ""),
+                    time_s,
+                    float(given["x"]),
+                    float(given["y"]),
+                    float(given["angle"]),
+                    float(given["speed"]),
+                    float(given.get("length", "nan")),
+                    float(given.get("width", "nan")),
+                )
+            )
+        elif event == "end" and element.tag == ON_FOOT:
+            people.add(element.attrib.get("id", ""))
+        elif event == "end" and element.tag == "timestep":
+            root.clear()
+    return rows, len(people)
+
+
+def _traffic(rows: list[_Row], people: int, network: Network) -> ReadTraffic:
+    names, kinds, *numbers = zip(*rows, strict=True)
+    time_s, x, y, angle_deg, speed, length_m, width_m = (np.array(column, dtype=np.float64) for column in numbers)
+    length_m, width_m = _sizes(np.array(kinds), length_m, width_m, _type_sizes(network))
+    vehicle_names, vehicle = name_codes(np.array(names))
+    heading_in_plane = np.radians(90.0 - angle_deg)
+    lon_m, lat_m, heading = _in_road_frame(network.road, x, y, heading_in_plane, length_m)
+    near = _vehicles_beside_road(network.road, lat_m, vehicle, len(vehicle_names))
+    kept = near[vehicle]
+    left_out = {"never within 15 m of the main road": int(np.sum(~near)), "on foot": people}
+    all_rows = Rows(
+        vehicle=vehicle,
+        time_s=time_s,
+        lon_m=lon_m,
+        lat_m=lat_m,
+        heading_rad=heading,
+        speed_mps=speed * np.cos(heading),
+        lat_speed_mps=unknown(len(vehicle)),
+        length_m=length_m,
+        width_m=width_m,
+    )
+    return ReadTraffic(network.road, vehicle_names, all_rows.take(kept), len(vehicle_names) + people, left_out)
+
+
+def _in_road_frame(
+    road: Road, x: FloatArray, y: FloatArray, heading_in_plane: FloatArray, length_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return position of the centre and heading; the centre is half a length behind the bumper along the heading."""
+    centre_x = x - 0.5 * length_m * np.cos(heading_in_plane)
+    centre_y = y - 0.5 * length_m * np.sin(heading_in_plane)
+    lon_m, lat_m = np.empty(len(x)), np.empty(len(x))
+    for start in range(0, len(x), CHUNK_ROWS):
+        part = slice(start, start + CHUNK_ROWS)
+        lon_m[part], lat_m[part] = road.to_road(centre_x[part], centre_y[part])
+    heading = (heading_in_plane - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
+    return lon_m, lat_m, heading
+
+
+def _vehicles_beside_road(road: Road, lat_m: FloatArray, vehicle: IntArray, vehicles: int) -> npt.NDArray[np.bool_]:
+    _, right, left, _, _ = road.lane_table.T
+    beside = (lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M)
+    return np.asarray(np.bincount(vehicle[beside], minlength=vehicles) > 0)
+
+
+def _sizes(
+    kinds: npt.NDArray[np.str_], length_m: FloatArray, width_m: FloatArray, of_type: dict[str, tuple[float, float]]
+) -> tuple[FloatArray, FloatArray]:
+    distinct, code = np.unique(kinds, return_inverse=True)
+    sizes = np.array([_size_of(str(kind), of_type) for kind in distinct])
+    return (
+        np.where(np.isnan(length_m), sizes[code, 0], length_m),
+        np.where(np.isnan(width_m), sizes[code, 1], width_m),
+    )
+
+
+def _size_of(kind: str, of_type: dict[str, tuple[float, float]]) -> tuple[float, float]:
+    # SUMO names a type that it drew from another one "other@number".
+    return of_type.get(kind) or of_type.get(kind.partition("@")[0]) or DEFAULT_SIZES["passenger"]
+
+
+def _type_sizes(network: Network) -> dict[str, tuple[float, float]]:
+    sizes: dict[str, tuple[float, float]] = {}
+    if network.vehicle_types_file is None:
+        return sizes
+    for _, element in iterparse(network.vehicle_types_file):
+        if element.tag == "vType":
+            usual = DEFAULT_SIZES.get(element.attrib.get("vClass", "passenger"), DEFAULT_SIZES["passenger"])
+            length_m = float(element.attrib.get("length", usual[0]))
+            sizes[element.attrib["id"]] = (length_m, float(element.attrib.get("width", usual[1])))
+    return sizes

@@ -1,0 +1,200 @@
+"""The formats of recorded traffic: recognised by what a file holds, never by its name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.errors import UserError
+from harness.truth.recorded.rows import ReadTraffic
+
+OPTION = "--replay"
+ROAD_OF_RECORDING = "recording"
+HEAD_BYTES = 65_536
+LONGEST_HEADER = 4_096
+
+NGSIM_NAMES = frozenset(
+    {"vehicle_id", "frame_id", "total_frames", "global_time", "local_x", "local_y", "v_vel", "lane_id"}
+)
+HIGHD_NAMES = frozenset({"frame", "id", "x", "y", "width", "height", "xvelocity", "yvelocity", "laneid"})
+# So many of a format's names tell it; the rest may be missing, and is named then.
+TELLING_NAMES = 5
+NGSIM_TEXT_COLUMNS = 18
+
+
+@dataclass(frozen=True)
+class RecordingFormat:
+    """A format of recorded traffic.
+
+    Attributes:
+        name: What ``--format`` takes.
+        description: What it is.
+        brings_road: Whether the file itself says where the lanes are.
+        recognises: Whether the first characters of a file are of this format.
+        read: Reads a file, given the path and the network's name.
+    """
+
+    name: str
+    description: str
+    brings_road: bool
+    recognises: Callable[[str], bool]
+    read: Callable[[Path, str], ReadTraffic]
+
+
+def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
+    """Return the format of a file or folder; only its first bytes are read.
+
+    Args:
+        path: The file, or the folder of a highD recording.
+        forced: Name of the format, if the user says so.
+
+    Raises:
+        UserError: The file is missing, empty or binary, its format is unknown, or there is no format of that name.
+    """
+    if forced is not None and forced not in FORMATS:
+        raise UserError(f"--format {forced}: no such format; known are {', '.join(FORMATS)}")
+    if not path.exists():
+        raise UserError(f"{OPTION}: {path} does not exist; give a run's folder or a file of recorded traffic")
+    head = "" if path.is_dir() else _head(path)
+    if forced is not None:
+        return FORMATS[forced]
+    if path.is_dir():
+        if any(path.glob("*_tracks.csv")):
+            return FORMATS["highd"]
+        raise UserError(
+            f"{OPTION}: {path} is not a run's folder: manifest.json is missing or broken; nor has it a highD recording"
+        )
+    for entry in FORMATS.values():
+        if entry.recognises(head):
+            return entry
+    raise UserError(
+        f"{OPTION}: {path} is no recorded traffic that is known here ({', '.join(FORMATS)}); name it with --format"
+    )
+
+
+def network_of(entry: RecordingFormat, net: str | None) -> str:
+    """Return the network that a recording is driven on.
+
+    Args:
+        entry: Format of the recording.
+        net: What the user asked for.
+
+    Raises:
+        UserError: The format brings its own road and another one is asked for, or the other way round.
+    """
+    if entry.brings_road:
+        if net not in (None, ROAD_OF_RECORDING):
+            raise UserError(f"--net {net}: a {entry.name} recording brings its own road; leave --net out")
+        return ROAD_OF_RECORDING
+    if net == ROAD_OF_RECORDING:
+        raise UserError(f"--net {net}: a {entry.name} recording has no road of its own; name a network")
+    return net if net is not None else "us101"
+
+
+def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
+    """Read a recording whose format is known.
+
+    Raises:
+        UserError: The file is broken or does not fit the network.
+    """
+    entry = recognise(path, format_name)
+    return entry.read(path, network_of(entry, net))
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return the files of a recording: the file itself, or those of a highD recording."""
+    from harness.truth.recorded.highd import recording_files  # noqa: PLC0415
+
+    if not path.is_dir() and not path.name.endswith("_tracks.csv"):
+        return (path,)
+    return recording_files(path)
+
+
+def _head(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as error:
+        raise UserError(f"{OPTION}: can't read {path}: {error.strerror}") from None
+    if not head.strip():
+        raise UserError(f"{OPTION}: {path} is empty; give a file of recorded traffic")
+    if b"\0" in head:
+        raise UserError(f"{OPTION}: {path} is a binary file; recorded traffic is text: {', '.join(FORMATS)}")
+    try:
+        # A character may be cut in two at the end of the head.
+        return head.decode("utf-8-sig", errors="strict" if len(head) < HEAD_BYTES else "ignore")
+    except UnicodeDecodeError:
+        raise UserError(f"{OPTION}: {path} is no text; recorded traffic is text: {', '.join(FORMATS)}") from None
+
+
+def _header_names(head: str) -> set[str]:
+    line = head.lstrip().partition("\n")[0][:LONGEST_HEADER]
+    return {name.strip().strip('"').lower() for name in line.split(",")}
+
+
+def _is_commonroad(head: str) -> bool:
+    return re.search(r"<commonRoad[\s>]", head) is not None
+
+
+def _is_fcd(head: str) -> bool:
+    return re.search(r"<fcd-export[\s>]", head) is not None
+
+
+def _is_highd(head: str) -> bool:
+    return len(_header_names(head) & HIGHD_NAMES) >= TELLING_NAMES
+
+
+def _is_ngsim(head: str) -> bool:
+    return len(_header_names(head) & NGSIM_NAMES) >= TELLING_NAMES
+
+
+def _is_ngsim_text(head: str) -> bool:
+    """Whether the lines are 18 numbers without a header; one or two too few or too many are named later."""
+    words = head.lstrip().partition("\n")[0][:LONGEST_HEADER].split()
+    if abs(len(words) - NGSIM_TEXT_COLUMNS) > 2:
+        return False
+    return all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", word, re.IGNORECASE) for word in words)
+
+
+def _read_commonroad(path: Path, net: str) -> ReadTraffic:  # noqa: ARG001
+    from harness.truth.recorded.commonroad import read_commonroad  # noqa: PLC0415
+
+    return read_commonroad(path)
+
+
+def _read_ngsim(path: Path, net: str) -> ReadTraffic:
+    from harness.truth.recorded.ngsim import read_ngsim_csv  # noqa: PLC0415
+
+    return read_ngsim_csv(path, net)
+
+
+def _read_ngsim_text(path: Path, net: str) -> ReadTraffic:
+    from harness.truth.recorded.ngsim import read_ngsim_text  # noqa: PLC0415
+
+    return read_ngsim_text(path, net)
+
+
+def _read_highd(path: Path, net: str) -> ReadTraffic:  # noqa: ARG001
+    from harness.truth.recorded.highd import read_highd  # noqa: PLC0415
+
+    return read_highd(path)
+
+
+def _read_fcd(path: Path, net: str) -> ReadTraffic:
+    from harness.truth.recorded.fcd import read_fcd  # noqa: PLC0415
+
+    return read_fcd(path, net)
+
+
+FORMATS: dict[str, RecordingFormat] = {
+    entry.name: entry
+    for entry in (
+        RecordingFormat("commonroad", "CommonRoad scenario, 2018b or 2020a", True, _is_commonroad, _read_commonroad),
+        RecordingFormat("fcd", "SUMO floating-car data", False, _is_fcd, _read_fcd),
+        RecordingFormat("ngsim", "NGSIM's public CSV with its header", False, _is_ngsim, _read_ngsim),
+        RecordingFormat("highd", "highD recording, a folder or its tracks file", True, _is_highd, _read_highd),
+        RecordingFormat("ngsim-text", "NGSIM's original text of 18 columns", False, _is_ngsim_text, _read_ngsim_text),
+    )
+}

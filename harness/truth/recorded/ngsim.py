@@ -1,0 +1,195 @@
+"""NGSIM trajectories: the public CSV with its header, and the original text of 18 columns.
+
+Feet and milliseconds. ``Local_Y`` runs along the section, ``Local_X`` from the left edge of lane 1 to the right; both
+are those of the front bumper's middle. The stated accelerations are not used, see ``harness.truth.recorded.motion``.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+
+from harness.errors import UserError
+from harness.truth.network import load_network
+from harness.truth.recorded.rows import ReadTraffic, Rows, name_codes, unknown
+from mmpf.road import FloatArray, Road
+
+FOOT_M = 0.3048
+COLUMNS = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel")
+TEXT_COLUMNS = (
+    *("Vehicle_ID", "Frame_ID", "Total_Frames", "Global_Time", "Local_X", "Local_Y", "Global_X", "Global_Y"),
+    *("v_Length", "v_Width", "v_Class", "v_Vel", "v_Acc", "Lane_ID", "Preceding", "Following"),
+    *("Space_Headway", "Time_Headway"),
+)
+FRAME_S = 0.1
+NAME_USED_AGAIN_MS = 60_000.0
+
+Columns = dict[str, FloatArray]
+
+
+def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
+    """Read the public CSV; where it holds several sites the one that is named like the network counts.
+
+    Raises:
+        UserError: A column is missing, a value is no number, or no site is the network's.
+    """
+    names = _csv_names(path)
+    lower = {name.lower(): name for name in names}
+    missing = [name for name in COLUMNS if name.lower() not in lower]
+    if missing:
+        raise UserError(f"{path}: the column {', '.join(missing)} is missing; NGSIM's CSV has {', '.join(COLUMNS)}")
+    wanted = {name: lower[name.lower()] for name in COLUMNS}
+    location = lower.get("location")
+    table = _read_columns(path, wanted, location)
+    columns = {name: table[source].to_numpy() for name, source in wanted.items()}
+    if location is None:
+        return _traffic(columns, path, net, {})
+    return _of_one_site(columns, table[location], path, net)
+
+
+def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
+    """Read the original text.
+
+    Raises:
+        UserError: It does not have 18 columns of numbers.
+    """
+    import pandas as pd  # noqa: PLC0415  (heavy)
+
+    with path.open(encoding="utf-8-sig") as file:
+        found = len(next(line for line in file if line.strip()).split())
+    if found != len(TEXT_COLUMNS):
+        raise UserError(
+            f"{path}: {found} columns where NGSIM's text has {len(TEXT_COLUMNS)}: {', '.join(TEXT_COLUMNS)}"
+        )
+    try:
+        table = pd.read_csv(
+            path, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=list(COLUMNS), dtype=np.float64
+        )
+    except (ValueError, OSError) as error:
+        raise UserError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
+    return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
+
+
+def _csv_names(path: Path) -> list[str]:
+    with path.open(encoding="utf-8-sig") as file:
+        return [name.strip().strip('"') for name in file.readline().split(",")]
+
+
+def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> pa.Table:
+    include = [*wanted.values(), *([location] if location is not None else [])]
+    types: dict[str, pa.DataType] = dict.fromkeys(wanted.values(), pa.float64())
+    if location is not None:
+        types[location] = pa.dictionary(pa.int32(), pa.string())
+    try:
+        return _read_csv(path, include, types)
+    except pa.ArrowInvalid as error:
+        if "conversion error" not in str(error):
+            raise UserError(f"{path}: broken CSV: {_one_line(error)}") from None
+    # Some exports group the digits of large numbers by commas.
+    try:
+        texts = _read_csv(path, include, dict.fromkeys(include, pa.string()))
+        return pa.table(
+            {
+                name: texts[name]
+                if name == location
+                else pc.cast(pc.replace_substring(texts[name], ",", ""), pa.float64())
+                for name in include
+            }
+        )
+    except pa.ArrowInvalid as error:
+        raise UserError(f"{path}: broken CSV: {_one_line(error)}") from None
+
+
+def _read_csv(path: Path, include: list[str], types: dict[str, pa.DataType]) -> pa.Table:
+    return pa.csv.read_csv(
+        path,
+        convert_options=pa.csv.ConvertOptions(
+            include_columns=include, column_types=types, null_values=["", "NA", "NULL"], strings_can_be_null=True
+        ),
+    )
+
+
+def _of_one_site(columns: Columns, location: pa.ChunkedArray, path: Path, net: str) -> ReadTraffic:
+    sites = _plain(location)
+    known = sorted(set(sites.tolist()) - {"None"})
+    if len(known) < 2:
+        return _traffic(columns, path, net, {})
+    wanted = [site for site in known if _letters(site) == _letters(Path(net).name)]
+    if not wanted:
+        raise UserError(
+            f"{path}: it holds the sites {', '.join(known)}, none of which is the network {net}; give --net"
+        )
+    of_site = sites == wanted[0]
+    others = len(set(zip(sites[~of_site].tolist(), columns["Vehicle_ID"][~of_site].tolist(), strict=True)))
+    chosen = {name: values[of_site] for name, values in columns.items()}
+    return _traffic(chosen, path, net, {f"at another site than {wanted[0]}": others})
+
+
+def _plain(location: pa.ChunkedArray) -> npt.NDArray[np.str_]:
+    encoded = location.combine_chunks()
+    if not pa.types.is_dictionary(encoded.type):
+        encoded = encoded.dictionary_encode()
+    names = np.array([*map(str, encoded.dictionary.to_pylist()), "None"])
+    index = pc.fill_null(encoded.indices, len(names) - 1).to_numpy(zero_copy_only=False)
+    return names[np.asarray(index, dtype=np.int64)]
+
+
+def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -> ReadTraffic:
+    road = load_network(net).road
+    _check_clock(columns, path)
+    names, vehicle = name_codes(
+        columns["Vehicle_ID"].astype(np.int64) if _whole(columns["Vehicle_ID"]) else columns["Vehicle_ID"]
+    )
+    length_m, width_m = columns["v_Length"] * FOOT_M, columns["v_Width"] * FOOT_M
+    left_edge_m = _left_edge(road)
+    count = len(vehicle)
+    rows = Rows(
+        vehicle=vehicle,
+        time_s=columns["Global_Time"] / 1e3,
+        lon_m=road.section_m[0] + columns["Local_Y"] * FOOT_M - 0.5 * length_m,
+        lat_m=left_edge_m - columns["Local_X"] * FOOT_M,
+        heading_rad=unknown(count),
+        speed_mps=columns["v_Vel"] * FOOT_M,
+        lat_speed_mps=unknown(count),
+        length_m=length_m,
+        width_m=width_m,
+    )
+    return ReadTraffic(road, names, rows, len(names) + sum(left_out.values()), left_out)
+
+
+def _left_edge(road: Road) -> float:
+    return max(lane.left_m for lane in road.lanes)
+
+
+def _check_clock(columns: Columns, path: Path) -> None:
+    """Refuse a file whose two clocks, frames and milliseconds, disagree from one row of a vehicle to the next."""
+    same = np.diff(columns["Vehicle_ID"]) == 0.0
+    elapsed_ms = np.diff(columns["Global_Time"])
+    frames = np.diff(columns["Frame_ID"])
+    # Each of NGSIM's periods counts its frames and vehicles anew.
+    one_period = same & (np.abs(elapsed_ms) < NAME_USED_AGAIN_MS)
+    off = np.flatnonzero(one_period & (np.abs(elapsed_ms - 1e3 * FRAME_S * frames) > 50.0))
+    if len(off):
+        row = int(off[0])
+        raise UserError(
+            f"{path}: Global_Time of vehicle {columns['Vehicle_ID'][row]:.0f} moves by {elapsed_ms[row]:.0f} ms from "
+            f"row {row + 1} to {row + 2} while Frame_ID moves by {frames[row]:.0f}; mend the time columns"
+        )
+
+
+def _whole(values: FloatArray) -> bool:
+    return bool(np.all(np.isfinite(values)) and np.all(values == np.floor(values)))
+
+
+def _letters(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

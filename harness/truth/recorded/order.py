@@ -1,0 +1,126 @@
+"""Puts rows in order: duplicates out, time checked, and each vehicle's rows cut where its record has a gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import UserError
+from harness.truth.frame import StringArray
+from harness.truth.recorded.rows import ReadTraffic, Rows
+from mmpf.road import IntArray
+
+# Times closer together than this are one time.
+TIME_RESOLUTION_S = 1e-3
+# A name that comes up again after this long, forward or backward, is another vehicle: counting began anew.
+NAME_USED_AGAIN_S = 60.0
+# A pause of up to this long is filled in, a longer one ends a stay.
+LONGEST_PAUSE_S = 1.0
+SAME_POSITION_M = 0.05
+
+
+@dataclass(frozen=True)
+class Stays:
+    """Rows in order, and where each stay of a vehicle begins in them.
+
+    Attributes:
+        rows: The rows, sorted by stay and time; their ``vehicle`` is the stay.
+        starts: First row of each stay, shape (s,).
+        vehicle: Vehicle of each stay, an index into the file's names, shape (s,).
+        names: Unique name of each stay, shape (s,): the vehicle's, from its second stay on with a number.
+        interval_s: Usual time between two rows of a vehicle.
+        duplicates: Rows left out because the vehicle and time were there already.
+        contradictions: How many of them gave another position.
+    """
+
+    rows: Rows
+    starts: IntArray
+    vehicle: IntArray
+    names: StringArray
+    interval_s: float
+    duplicates: int
+    contradictions: int
+
+    @property
+    def ends(self) -> IntArray:
+        """Row after the last one of each stay, shape (s,)."""
+        return np.append(self.starts[1:], len(self.rows))
+
+
+def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
+    """Sort the rows by vehicle and time, without duplicates.
+
+    Of several rows of one vehicle and time the file's first counts.
+
+    Raises:
+        UserError: A number is missing, or a vehicle's time goes back.
+    """
+    rows = traffic.rows
+    _check_numbers(rows, traffic.names, path)
+    tick = np.round((rows.time_s - rows.time_s.min()) / TIME_RESOLUTION_S).astype(np.int64)
+    key = rows.vehicle * (int(tick.max()) + 1) + tick
+    order = np.argsort(key, kind="stable")
+    repeated = np.zeros(len(order), dtype=bool)
+    repeated[1:] = key[order][1:] == key[order][:-1]
+    contradictions = _count_contradictions(rows, order, repeated)
+    kept = order[~repeated]
+    _check_time(rows.take(np.sort(kept)), traffic.names, path)
+    rows = rows.take(kept)
+    step_s = np.diff(rows.time_s)
+    same = np.diff(rows.vehicle) == 0
+    interval_s = float(np.median(step_s[same])) if same.any() else 0.1
+    begins = np.ones(len(rows), dtype=bool)
+    begins[1:] = ~same | (step_s > max(LONGEST_PAUSE_S, 1.5 * interval_s))
+    starts = np.flatnonzero(begins)
+    return Stays(
+        rows=replace(rows, vehicle=np.cumsum(begins) - 1),
+        starts=starts,
+        vehicle=rows.vehicle[starts],
+        names=_stay_names(traffic.names, rows.vehicle[starts]),
+        interval_s=interval_s,
+        duplicates=int(repeated.sum()),
+        contradictions=contradictions,
+    )
+
+
+def _check_numbers(rows: Rows, names: StringArray, path: Path) -> None:
+    if not len(rows):
+        raise UserError(f"{path}: there is no vehicle in it; give a recording with vehicles")
+    for column in ("time_s", "lon_m", "lat_m", "length_m", "width_m"):
+        missing = np.flatnonzero(~np.isfinite(getattr(rows, column)))
+        if len(missing):
+            name = names[rows.vehicle[missing[0]]]
+            raise UserError(f"{path}: vehicle {name} has a row whose {column} is no number; mend or remove the row")
+
+
+def _count_contradictions(rows: Rows, order: IntArray, repeated: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
+    again = np.flatnonzero(repeated)
+    off_m = np.hypot(
+        rows.lon_m[order[again]] - rows.lon_m[order[again - 1]], rows.lat_m[order[again]] - rows.lat_m[order[again - 1]]
+    )
+    return int((off_m > SAME_POSITION_M).sum())
+
+
+def _check_time(rows: Rows, names: StringArray, path: Path) -> None:
+    """Refuse time that goes back from one row of a vehicle to its next one in the file."""
+    step_s = np.diff(rows.time_s)
+    back = (np.diff(rows.vehicle) == 0) & (step_s < 0.0) & (step_s > -NAME_USED_AGAIN_S)
+    if back.any():
+        row = int(np.flatnonzero(back)[0])
+        raise UserError(
+            f"{path}: the time of vehicle {names[rows.vehicle[row]]} goes back from {rows.time_s[row]:.2f} s to "
+            f"{rows.time_s[row + 1]:.2f} s; sort the rows by vehicle and time, and check the time column"
+        )
+
+
+def _stay_names(names: StringArray, vehicle: IntArray) -> StringArray:
+    first = np.maximum.accumulate(np.where(np.diff(vehicle, prepend=-1) != 0, np.arange(len(vehicle)), 0))
+    number = np.arange(len(vehicle)) - first + 1
+    return np.array(
+        [
+            str(names[code]) if count == 1 else f"{names[code]}-{count}"
+            for code, count in zip(vehicle, number, strict=True)
+        ]
+    )

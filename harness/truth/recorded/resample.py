@@ -1,0 +1,100 @@
+"""Brings each stay of a vehicle onto the common clock of 0.1 s."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.truth.recorded.order import Stays
+from harness.truth.recorded.rows import Rows
+from mmpf.road import FloatArray, IntArray
+
+STEP_S = 0.1
+# How far a recorded time may be off the clock and still be taken as on it.
+ON_CLOCK = 1e-3
+
+
+@dataclass(frozen=True)
+class Clocked:
+    """Rows on the clock.
+
+    Attributes:
+        rows: The rows, sorted by stay and time; ``time_s`` is on the clock, from 0.
+        step: Tick of each row, shape (n,).
+        stay: Stay of each row, an index into ``Stays``, shape (n,).
+        filled: How many rows lie in pauses longer than the usual interval.
+    """
+
+    rows: Rows
+    step: IntArray
+    stay: IntArray
+    filled: int
+
+
+def on_clock(stays: Stays) -> Clocked:
+    """Interpolate each stay at the ticks of the clock, which starts with the recording.
+
+    Rows on a tick go through unchanged. Between rows positions follow the cubic that has the recorded speeds at both
+    ends where the rows are more than a tick apart (Hermite), else a straight line; everything else is linear.
+    """
+    rows = stays.rows
+    ticks = (rows.time_s - rows.time_s.min()) / STEP_S
+    near = np.round(ticks)
+    ticks = np.where(np.abs(ticks - near) <= ON_CLOCK, near, ticks)
+    first = np.ceil(ticks[stays.starts]).astype(np.int64)
+    count = np.maximum(np.floor(ticks[stays.ends - 1]).astype(np.int64) - first + 1, 0)
+    stay = np.repeat(np.arange(len(stays.starts)), count)
+    step = first[stay] + np.arange(len(stay)) - np.repeat(np.cumsum(count) - count, count)
+    before = _row_at_or_before(ticks, stays, stay, step)
+    after = np.minimum(before + 1, stays.ends[stay] - 1)
+    apart = np.maximum(ticks[after] - ticks[before], 1e-12)
+    share = np.where(after > before, np.clip((step - ticks[before]) / apart, 0.0, 1.0), 0.0)
+    inside = (share > 0.0) & (share < 1.0)
+    return Clocked(
+        rows=_interpolated(rows, before, after, share, apart * STEP_S, stay, step),
+        step=step,
+        stay=stay,
+        filled=int((inside & (apart * STEP_S > 1.5 * stays.interval_s)).sum()),
+    )
+
+
+def _row_at_or_before(ticks: FloatArray, stays: Stays, stay: IntArray, step: IntArray) -> IntArray:
+    span = float(ticks.max()) + 2.0
+    key = stays.rows.vehicle * span + ticks
+    return np.asarray(np.searchsorted(key, stay * span + step + 1e-6, side="right") - 1, dtype=np.int64)
+
+
+def _interpolated(
+    rows: Rows,
+    before: IntArray,
+    after: IntArray,
+    share: FloatArray,
+    apart_s: FloatArray,
+    stay: IntArray,
+    step: IntArray,
+) -> Rows:
+    def linear(values: FloatArray) -> FloatArray:
+        # A value times 0 is nan where it is unknown, so rows on a tick are copied.
+        mixed = values[before] + share * (values[after] - values[before])
+        return np.where(share == 0.0, values[before], np.where(share == 1.0, values[after], mixed))
+
+    def position(values: FloatArray, speed: FloatArray) -> FloatArray:
+        straight = linear(values)
+        chord = values[after] - values[before]
+        start, end = speed[before] * apart_s - chord, chord - speed[after] * apart_s
+        bulge = share * (1.0 - share) * ((1.0 - share) * start + share * end)
+        curved = (apart_s > STEP_S + 1e-6) & (share > 0.0) & (share < 1.0) & np.isfinite(bulge)
+        return np.where(curved, straight + bulge, straight)
+
+    return Rows(
+        vehicle=stay,
+        time_s=np.asarray(step * STEP_S, dtype=np.float64),
+        lon_m=position(rows.lon_m, rows.speed_mps),
+        lat_m=position(rows.lat_m, rows.lat_speed_mps),
+        heading_rad=linear(rows.heading_rad),
+        speed_mps=linear(rows.speed_mps),
+        lat_speed_mps=linear(rows.lat_speed_mps),
+        length_m=linear(rows.length_m),
+        width_m=linear(rows.width_m),
+    )

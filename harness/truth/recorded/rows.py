@@ -1,0 +1,81 @@
+"""What every reader hands over: recorded positions in the road frame, row by row, as the file has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.truth.frame import StringArray
+from mmpf.road import FloatArray, IntArray, Road
+
+Selection = npt.NDArray[np.bool_] | IntArray
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Vehicle-times, struct of arrays of shape (n,); what a file does not state is nan.
+
+    Attributes:
+        vehicle: Index into the names of the vehicles.
+        time_s: Time on the file's own clock.
+        lon_m: Longitudinal position of the centre.
+        lat_m: Lateral position of the centre.
+        heading_rad: Heading against the road.
+        speed_mps: Longitudinal speed.
+        lat_speed_mps: Lateral speed.
+        length_m: Length.
+        width_m: Width.
+    """
+
+    vehicle: IntArray
+    time_s: FloatArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.vehicle)
+
+    def take(self, rows: Selection) -> Self:
+        """Return the chosen rows."""
+        return replace(self, **{column.name: getattr(self, column.name)[rows] for column in fields(self)})
+
+
+@dataclass(frozen=True)
+class ReadTraffic:
+    """A file's content.
+
+    Attributes:
+        road: The road whose frame the rows are in.
+        names: Name of each vehicle, shape (v,), unique.
+        rows: The vehicle-times in the file's order.
+        vehicles_read: How many vehicles the file has, those that were left out among them.
+        left_out: How many vehicles were left out, by reason.
+        notes: What else the user should know about the reading, a line each.
+    """
+
+    road: Road
+    names: StringArray
+    rows: Rows
+    vehicles_read: int
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def unknown(count: int) -> FloatArray:
+    """Return a column that the file does not have, shape (count,)."""
+    return np.full(count, np.nan)
+
+
+def name_codes(values: npt.NDArray[np.generic]) -> tuple[StringArray, IntArray]:
+    """Return the distinct names in ascending order of the values, and each row's index into them."""
+    distinct, codes = np.unique(values, return_inverse=True)
+    return distinct.astype(np.str_), codes.astype(np.int64)

@@ -1,0 +1,173 @@
+"""Recorded traffic ready to be driven through: all vehicles on one clock, step by step, in the road frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.truth.frame import Frame, StringArray
+from harness.truth.recorded.motion import completed
+from harness.truth.recorded.order import Stays, order_rows
+from harness.truth.recorded.plausible import check_units
+from harness.truth.recorded.resample import STEP_S, on_clock
+from harness.truth.recorded.rows import ReadTraffic
+from mmpf.road import FloatArray, IntArray, Road
+
+# Fewer vehicles than this that come or go within the recording don't tell where its edge is.
+EDGE_VEHICLES = 3
+FRAME_COLUMNS = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "length_m", "width_m")
+
+
+@dataclass(frozen=True)
+class ReadingCounts:
+    """What became of a file's vehicles and rows.
+
+    Attributes:
+        vehicles_read: Vehicles in the file.
+        vehicles_kept: Vehicles of them that are driven.
+        left_out: Vehicles left out, by reason.
+        stays: Times that a kept vehicle is on record without a pause.
+        rows_kept: Vehicle-times on the clock.
+        duplicates: Rows left out because vehicle and time were there already.
+        contradictions: Duplicates that gave another position.
+        filled: Vehicle-times filled in within pauses.
+    """
+
+    vehicles_read: int
+    vehicles_kept: int
+    left_out: Mapping[str, int]
+    stays: int
+    rows_kept: int
+    duplicates: int
+    contradictions: int
+    filled: int
+
+
+@dataclass(frozen=True)
+class RecordedTraffic:
+    """All vehicles at every step; rows sorted by step, then by stay.
+
+    Attributes:
+        road: The road; its section is the window.
+        step_starts: First row of each step and the row after the last, shape (steps + 1,).
+        stay: Stay of each row, an index into ``names``, shape (n,).
+        names: Name of each stay, shape (s,).
+        columns: The columns of ``Frame`` that are floats, each of shape (n,), and ``accel_mps2``.
+        lane: Lane number of each row, shape (n,).
+        counts: What became of the file's vehicles and rows.
+        notes: What the reader had to say.
+    """
+
+    road: Road
+    step_starts: IntArray
+    stay: IntArray
+    names: StringArray
+    columns: Mapping[str, FloatArray]
+    lane: IntArray
+    counts: ReadingCounts
+    notes: tuple[str, ...]
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.step_starts) - 1
+
+    @property
+    def window_m(self) -> tuple[float, float]:
+        """Stretch of the road that is on record."""
+        return self.road.section_m
+
+    @property
+    def step_of_row(self) -> IntArray:
+        """Step of each row, shape (n,)."""
+        return np.repeat(np.arange(self.steps), np.diff(self.step_starts))
+
+    def frame(self, recorded_step: int, step: int, episode: int, ego_stay: int) -> Frame:
+        """Return what is on record of one step, as step ``step`` of a run whose ego is the stay ``ego_stay``."""
+        rows = slice(int(self.step_starts[recorded_step]), int(self.step_starts[recorded_step + 1]))
+        stay = self.stay[rows]
+        return Frame(
+            step=step,
+            time_s=round(step * STEP_S, 6),
+            episode=episode,
+            ego=int(np.searchsorted(stay, ego_stay)),
+            vehicle_id=self.names[stay],
+            lane=self.lane[rows],
+            window_m=self.window_m,
+            **{name: values[rows] for name, values in self.columns.items()},
+        )
+
+
+def assemble(read: ReadTraffic, path: Path, duration_s: float) -> RecordedTraffic:
+    """Bring a file's content onto the clock and cut it to its first ``duration_s`` seconds.
+
+    Raises:
+        UserError: The content contradicts itself.
+    """
+    stays = order_rows(read, path)
+    check_units(stays, path)
+    clocked = on_clock(stays)
+    rows, accel = completed(clocked)
+    order = np.argsort(clocked.step, kind="stable")
+    steps = min(int(clocked.step.max()) + 1, max(1, round(duration_s / STEP_S)))
+    order = order[: np.searchsorted(clocked.step[order], steps)]
+    stay = clocked.stay[order]
+    rows = rows.take(order)
+    window_m = recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m)
+    return RecordedTraffic(
+        road=replace(read.road, section_m=window_m),
+        step_starts=np.searchsorted(clocked.step[order], np.arange(steps + 1)),
+        stay=stay,
+        names=stays.names,
+        columns={name: getattr(rows, name) for name in FRAME_COLUMNS} | {"accel_mps2": accel[order]},
+        lane=read.road.lane_number_at(rows.lon_m, rows.lat_m),
+        counts=_counts(read, stays, stay, clocked.stay, clocked.filled, duration_s),
+        notes=read.notes,
+    )
+
+
+def recorded_window(step: IntArray, stay: IntArray, lon_m: FloatArray) -> tuple[float, float]:
+    """Return the stretch of road on record: from where vehicles usually appear to where they usually vanish.
+
+    Only vehicles count that appear after the recording's start or vanish before its end; where these are too few the
+    outermost positions are taken.
+
+    Args:
+        step: Step of each row, shape (n,).
+        stay: Stay of each row, sorted by stay and step, shape (n,).
+        lon_m: Longitudinal position of each row, shape (n,).
+    """
+    first = np.flatnonzero(np.diff(stay, prepend=-1))
+    last = np.append(first[1:], len(stay)) - 1
+    middle_m = 0.5 * float(lon_m.min() + lon_m.max())
+    appears_m = lon_m[first[(step[first] > step.min()) & (lon_m[first] < middle_m)]]
+    vanishes_m = lon_m[last[(step[last] < step.max()) & (lon_m[last] > middle_m)]]
+    start_m = float(np.median(appears_m)) if len(appears_m) >= EDGE_VEHICLES else float(lon_m.min())
+    end_m = float(np.median(vanishes_m)) if len(vanishes_m) >= EDGE_VEHICLES else float(lon_m.max())
+    return start_m, max(end_m, start_m + 1.0)
+
+
+def _counts(
+    read: ReadTraffic, stays: Stays, used: IntArray, clocked: IntArray, filled: int, duration_s: float
+) -> ReadingCounts:
+    in_file = len(np.unique(stays.vehicle))
+    on_clock_vehicles = len(np.unique(stays.vehicle[np.unique(clocked)]))
+    kept = len(np.unique(stays.vehicle[np.unique(used)]))
+    left_out = {reason: count for reason, count in read.left_out.items() if count}
+    if in_file > on_clock_vehicles:
+        left_out["on record between two steps only"] = in_file - on_clock_vehicles
+    if on_clock_vehicles > kept:
+        left_out[f"on record only after the first {duration_s:g} s"] = on_clock_vehicles - kept
+    return ReadingCounts(
+        vehicles_read=read.vehicles_read,
+        vehicles_kept=kept,
+        left_out=left_out,
+        stays=len(np.unique(used)),
+        rows_kept=len(used),
+        duplicates=stays.duplicates,
+        contradictions=stays.contradictions,
+        filled=filled,
+    )
