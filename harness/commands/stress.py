@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -108,6 +110,8 @@ def command(
         timeout_s=timeout_per_run,
         resume=resume,
         quiet=quiet,
+        warn=lambda line: typer.echo(f"warning: {line}", err=True),
+        command=shlex.join(["harness", *sys.argv[1:]]),
     )
     if not quiet:
         from harness.stress.tables import print_result  # noqa: PLC0415

@@ -143,6 +143,7 @@ def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
     lost = {verdict.label for verdict in verdicts if verdict.metric == FOLLOWED and verdict.verdict == WORSE}
     flattered = {verdict.label for verdict in verdicts if verdict.metric in HIDDEN and verdict.verdict == BETTER}
     return [
-        f"{label}: errors of hidden vehicles are over those still followed; b follows fewer, so smaller errors are no gain."
+        f"{label}: errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are "
+        "no gain."
         for label in sorted(lost & flattered)
     ]

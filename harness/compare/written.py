@@ -42,8 +42,8 @@ def as_markdown(comparison: Comparison) -> str:
 def print_comparison(comparison: Comparison) -> None:
     """Print the comparison on stderr."""
     parts: list[Table | Text] = [Text(f"\na: {comparison.a}\nb: {comparison.b}")]
-    for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
-        parts.append(_screen_table(comparison, label))
+    labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts)
+    parts += [_screen_table(comparison, label) for label in labels]
     parts += [Text(note) for note in comparison.notes]
     style = "bold red" if comparison.regression else "bold"
     Console(stderr=True, highlight=False).print(Group(*parts, Text(conclusion(comparison), style=style)))

@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from harness import runfolder
 from harness.errors import RunInterruptedError, UserError
+from harness.manifest import write_manifest
 from harness.metrics import without_nan
 from harness.progress import progress_bar
 from harness.stress.grid import Cell, Grid, GridRequest, distinct_trackers, plan_grid, with_example
@@ -51,6 +53,8 @@ def run_stress(
     timeout_s: float | None = None,
     resume: bool = False,
     quiet: bool = True,
+    warn: Callable[[str], object] = str,
+    command: str = "",
     execute: RunCells | None = None,
 ) -> FinishedGrid:
     """Run a grid and write its folder.
@@ -62,6 +66,8 @@ def run_stress(
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         resume: Whether runs that the folder already holds are kept.
         quiet: Whether to leave out the progress bar.
+        warn: Called with a line that the user should read.
+        command: What the user typed, for the manifest.
         execute: Runs the cells elsewhere than in processes of this machine.
 
     Raises:
@@ -72,6 +78,10 @@ def run_stress(
     check_grid(grid)
     rows_folder = _open_folder(out, resume)
     done = read_rows(rows_folder, (run.key for run in grid.runs))
+    versions = _versions(out)
+    _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
+    if done and versions != _versions(out):
+        warn(f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?")
     open_cells = [cell for cell in (_without(cell, done) for cell in grid.cells) if cell.runs]
     if open_cells:
         _forget_outcome(out)
@@ -93,7 +103,9 @@ def run_stress(
         raise RunInterruptedError(
             f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and --resume"
         ) from None
-    return _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
+    finished = _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
+    _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
+    return finished
 
 
 def check_grid(grid: Grid) -> None:
@@ -134,6 +146,27 @@ def _open_folder(out: Path, resume: bool) -> Path:
     for leftover in rows.glob(f"*{TEMPORARY}"):
         leftover.unlink()
     return rows
+
+
+def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
+    write_manifest(
+        out / runfolder.MANIFEST,
+        status=status,
+        command=command,
+        seed=grid.cells[0].config.seed,
+        inputs={},
+        wall_times_s={},
+        steps=runs,
+    )
+
+
+def _versions(out: Path) -> Any:  # noqa: ANN401
+    """Return what made the folder's runs, as far as its manifest tells."""
+    try:
+        manifest = json.loads((out / runfolder.MANIFEST).read_text(encoding="utf-8"))
+        return manifest["git_revision"], manifest["versions"]
+    except (OSError, ValueError, KeyError):
+        return None
 
 
 def _without(cell: Cell, done: Mapping[str, Row]) -> Cell:
