@@ -32,7 +32,17 @@ class Moments:
 
 
 def component_moments(mixture: Mixture) -> Moments:
-    """Return the moments of each component under its particles' weights."""
+    """Return the moments of each component under its particles' weights.
+
+    A belief never changes, and several stages ask for its moments: they are worked out once and kept with it.
+    """
+    kept: dict[str, Moments] = vars(mixture)
+    if "moments" not in kept:
+        kept["moments"] = _moments(mixture)
+    return kept["moments"]
+
+
+def _moments(mixture: Mixture) -> Moments:
     mean = np.zeros((STATE_SIZE, len(mixture)))
     variance = np.zeros((STATE_SIZE, len(mixture)))
     effective_size = np.zeros(len(mixture))
@@ -50,19 +60,21 @@ def _accumulate_moments(
     variance: FloatArray,
     effective_size: FloatArray,
 ) -> None:
+    # Loops run over slices from zero on: the compiler turns only those into vector instructions.
     for m in range(len(starts) - 1):
-        begin, end = starts[m], starts[m + 1]
+        own_weight = weight[starts[m] : starts[m + 1]]
         squares = 0.0
-        for n in range(begin, end):
-            squares += weight[n] * weight[n]
+        for n in range(len(own_weight)):
+            squares += own_weight[n] * own_weight[n]
         effective_size[m] = 1.0 / squares if squares > 0.0 else 0.0
         for row in range(state.shape[0]):
+            values = state[row, starts[m] : starts[m + 1]]
             first = 0.0
-            for n in range(begin, end):
-                first += weight[n] * state[row, n]
+            for n in range(len(own_weight)):
+                first += own_weight[n] * values[n]
             second = 0.0
-            for n in range(begin, end):
-                centred = state[row, n] - first
-                second += weight[n] * centred * centred
+            for n in range(len(own_weight)):
+                centred = values[n] - first
+                second += own_weight[n] * centred * centred
             mean[row, m] = first
             variance[row, m] = second

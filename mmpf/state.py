@@ -57,12 +57,12 @@ class ParticleCloud:
             component: Their components' new indices, ascending, shape (k,).
         """
         return ParticleCloud(
-            state=np.ascontiguousarray(self.state[:, particles]),
+            state=self.state.take(particles, axis=1),
             log_weight=self.log_weight[particles],
             log_raw_weight=self.log_raw_weight[particles],
             component=component,
             log_component_weight=self.log_component_weight[particles],
-            latents=np.ascontiguousarray(self.latents[:, particles]),
+            latents=self.latents.take(particles, axis=1),
         )
 
     @classmethod

@@ -89,3 +89,26 @@ def test_the_sensors_own_free_space_asserts_occlusion() -> None:
         VEHICLE,
     )
     assert share == pytest.approx([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("spread_m", [0.05, 1.0, 8.0])
+def test_visible_fractions_are_those_of_each_particle_ray_by_ray(spread_m: float):
+    rng = np.random.default_rng(3)
+    components, particles = 30, 40
+    centre = np.stack([rng.uniform(-80.0, 80.0, components), rng.uniform(0.0, 18.0, components)])
+    component = np.repeat(np.arange(components), particles)
+    lon_m, lat_m = centre[:, component] + rng.normal(0.0, spread_m, (2, len(component)))
+    ego, vehicle = ego_at(0.0), Footprint()
+    table = depth_table(ego, centre[0], centre[1], rng.random(components) < 0.7, vehicle)
+    found = visible_fractions(ego, lon_m, lat_m, component, table, vehicle)
+    sectors = table.depth_m.shape[1]
+    for n in range(len(component)):
+        x, y = lon_m[n] - ego.lon_m, lat_m[n] - ego.lat_m
+        distance = np.hypot(x, y)
+        half = np.arctan2(0.5 * (vehicle.length_m * abs(y) + vehicle.width_m * abs(x)) / distance, distance)
+        rays = min(max(int(2.0 * half / (2.0 * np.pi / sectors)), 3), 16)
+        bearings = np.arctan2(y, x) + half * ((2.0 * np.arange(rays) + 1.0) / rays - 1.0)
+        sector = np.floor((bearings + np.pi) / (2.0 * np.pi) * sectors).astype(int) % sectors
+        own = table.caster[0, sector] == component[n]
+        surface = np.where(own, table.depth_m[1, sector], table.depth_m[0, sector])
+        assert found[n] == pytest.approx((surface >= distance).mean(), abs=1e-12)

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mmpf.moments import component_moments
+from mmpf.state import Components, Mixture, ParticleCloud
+
+
+def mixture_of(sizes: list[int], seed: int = 0) -> Mixture:
+    rng = np.random.default_rng(seed)
+    component = np.repeat(np.arange(len(sizes)), sizes)
+    weight = rng.uniform(0.1, 1.0, len(component))
+    weight /= np.bincount(component, weight)[component]
+    log_weight = np.log(weight)
+    cloud = ParticleCloud(
+        rng.normal(100.0, 5.0, (6, len(component))), log_weight, log_weight, component, log_weight, np.zeros((0, 0))
+    )
+    return Mixture(cloud, Components.newborn(np.arange(len(sizes)), np.full(len(sizes), 0.5)))
+
+
+@pytest.mark.parametrize("sizes", [[1], [3, 1, 40], [7, 8, 9, 1000], []])
+def test_moments_are_those_of_the_weighted_particles(sizes):
+    mixture = mixture_of(sizes)
+    found = component_moments(mixture)
+    assert found.mean.shape == (6, len(sizes))
+    for m in range(len(sizes)):
+        own = mixture.cloud.component == m
+        weight, state = np.exp(mixture.cloud.log_weight[own]), mixture.cloud.state[:, own]
+        mean = np.average(state, axis=1, weights=weight)
+        assert found.mean[:, m] == pytest.approx(mean, rel=1e-12)
+        variance = np.average((state - mean[:, None]) ** 2, axis=1, weights=weight)
+        assert found.variance[:, m] == pytest.approx(variance, rel=1e-9, abs=1e-18)
+        assert found.effective_size[m] == pytest.approx(1.0 / (weight**2).sum(), rel=1e-12)
+
+
+def test_a_changed_belief_has_moments_of_its_own():
+    mixture = mixture_of([50, 50])
+    before = component_moments(mixture).mean.copy()
+    moved = replace(mixture, cloud=replace(mixture.cloud, state=mixture.cloud.state + 3.0))
+    assert component_moments(moved).mean == pytest.approx(before + 3.0)
+    assert component_moments(mixture).mean == pytest.approx(before)
