@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.figure import Figure
 
+from harness.recorded import RecordedRun
 from harness.recorder import DETECTION_NUMBERS
-from harness.report.recorded import RecordedRun
 from harness.report.scene import (
     ELLIPSE_SCALE,
     OUT_OF_SIGHT,

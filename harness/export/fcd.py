@@ -1,0 +1,56 @@
+"""The truth of a run as SUMO's floating-car data: what ``sumo --fcd-output`` writes, with the vehicles' sizes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from harness.recorded import RecordedRun
+
+FILE = "fcd.xml"
+
+
+def export(run: RecordedRun, folder: Path) -> list[Path]:
+    """Write ``fcd.xml``: position of the front bumper in the plane, angle clockwise from north, speed along the body.
+
+    ``length`` and ``width`` stand beside SUMO's own attributes, since readers need them to find a vehicle's centre.
+    """
+    path = folder / FILE
+    path.write_text("\n".join(_lines(run)) + "\n", encoding="utf-8")
+    return [path]
+
+
+def _lines(run: RecordedRun) -> list[str]:
+    truth = run.truth
+    columns = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
+    lon, lat, in_lane, speed, lat_speed, accel, length, width = (truth[name].to_numpy(np.float64) for name in columns)
+    heading = in_lane + run.road.heading_at(lon)
+    centre_x, centre_y = run.road.to_cartesian(lon, lat)
+    numbers = np.stack(
+        [
+            centre_x + 0.5 * length * np.cos(heading),
+            centre_y + 0.5 * length * np.sin(heading),
+            (90.0 - np.degrees(heading)) % 360.0,
+            np.maximum(speed / np.cos(in_lane), 0.0),
+            lat_speed,
+            accel,
+            length,
+            width,
+        ],
+        axis=-1,
+    )
+    pattern = (
+        '        <vehicle id=%s x="%.4f" y="%.4f" angle="%.4f" speed="%.4f" speedLat="%.4f" acceleration="%.4f" '
+        'length="%.3f" width="%.3f"/>'
+    )
+    vehicles = [
+        pattern % (quoteattr(name), *row) for name, row in zip(truth["vehicle_id"], numbers.tolist(), strict=True)
+    ]
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<fcd-export>"]
+    times = truth["time_s"].to_numpy(np.float64)
+    first = np.unique(truth["step"].to_numpy(), return_index=True)[1]
+    for begin, end in zip(first, np.append(first[1:], len(truth)), strict=True):
+        lines += [f'    <timestep time="{times[begin]:.2f}">', *vehicles[begin:end], "    </timestep>"]
+    return [*lines, "</fcd-export>"]

@@ -1,0 +1,94 @@
+"""A run in MOTChallenge's text format, laid out as TrackEval's ``MotChallenge2DBox`` expects it.
+
+The picture is the road from above, one pixel a centimetre: x runs along the road, y to the right of the driving
+direction. There is a sequence for each of the two sets of vehicles that the run's own scores are over, so that
+TrackEval on these files scores the same vehicles and tracks. Tracks have no size; their boxes have a usual car's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from harness.recorded import RecordedRun
+from harness.scoring.history import DetectionHistory, detection_history
+from harness.scoring.pairs import Pairs, near_pairs
+from harness.scoring.rows import RunRows, read_run
+from harness.scoring.sequence import Selection, mot_sequence, select_in_sight, select_remembered
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from mmpf.road import FloatArray, IntArray
+
+PIXELS_PER_M = 100.0
+Select = Callable[[RunRows, DetectionHistory, Pairs, ScoringSettings], Selection]
+SEQUENCES: dict[str, Select] = {"in-sight": select_in_sight, "seen-in-10-s": select_remembered}
+# The one class that TrackEval evaluates in this format.
+EVALUATED_CLASS = 1
+
+README = """Multi-object tracking files of a run, in the format of MOTChallenge, from above: 1 pixel is 1 cm.
+
+To score them with TrackEval (boxes by overlap, whereas the run's own scores compare positions):
+
+  python scripts/run_mot_challenge.py --GT_FOLDER gt --TRACKERS_FOLDER trackers --SKIP_SPLIT_FOL True \\
+      --SEQMAP_FILE seqmap.txt --DO_PREPROC False
+"""
+
+
+def export(run: RecordedRun, folder: Path) -> list[Path]:
+    """Write ``gt/<sequence>/gt/gt.txt`` with ``seqinfo.ini``, ``trackers/<tracker>/data/<sequence>.txt``, a seqmap."""
+    settings = ScoringSettings()
+    rows = read_run(run.truth, run.detections, run.tracks)
+    history = detection_history(rows.truth, settings)
+    pairs = near_pairs(rows.truth, rows.tracks, settings)
+    files = [_written(folder / "README.txt", README)]
+    files.append(_written(folder / "seqmap.txt", "\n".join(["name", *SEQUENCES]) + "\n"))
+    for name, select in SEQUENCES.items():
+        selection = select(rows, history, pairs, settings)
+        sequence = mot_sequence(rows, history, pairs, selection)
+        truth_row = rows.truth.name_row[selection.truth]
+        size_m = run.truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)[truth_row]
+        truth_boxes = _boxes(rows.truth.lon_m[selection.truth], rows.truth.lat_m[selection.truth], size_m)
+        visible = run.truth["visible_fraction"].to_numpy(dtype=np.float64)[truth_row]
+        truth_lines = _lines(
+            sequence.truth_step, sequence.truth_identity, truth_boxes, [f"1,{EVALUATED_CLASS},{v:.4f}" for v in visible]
+        )
+        nominal = np.broadcast_to([NOMINAL_LENGTH_M, NOMINAL_WIDTH_M], (int(selection.tracks.sum()), 2))
+        track_boxes = _boxes(rows.tracks.lon_m[selection.tracks], rows.tracks.lat_m[selection.tracks], nominal)
+        track_lines = _lines(
+            sequence.track_step, sequence.track_identity, track_boxes, ["1,-1,-1,-1"] * len(track_boxes)
+        )
+        files += [
+            _written(folder / "gt" / name / "gt" / "gt.txt", truth_lines),
+            _written(folder / "gt" / name / "seqinfo.ini", _sequence_info(name, rows)),
+            _written(folder / "trackers" / run.config.tracker.name / "data" / f"{name}.txt", track_lines),
+        ]
+    return files
+
+
+def _boxes(lon_m: FloatArray, lat_m: FloatArray, size_m: FloatArray) -> FloatArray:
+    """Return left, top, width and height in pixels, shape (n, 4), of bodies that point along the road."""
+    length, width = size_m.T
+    return PIXELS_PER_M * np.stack([lon_m - 0.5 * length, -lat_m - 0.5 * width, length, width], axis=-1)
+
+
+def _lines(step: IntArray, identity: IntArray, boxes: FloatArray, ends: list[str]) -> str:
+    """Return one line for each row in the order of time; frames and identities count from 1."""
+    rows = zip(step.tolist(), identity.tolist(), boxes.tolist(), ends, strict=True)
+    ordered = sorted(rows, key=lambda row: (row[0], row[1]))
+    return "".join(
+        f"{frame + 1},{number + 1},{box[0]:.4f},{box[1]:.4f},{box[2]:.4f},{box[3]:.4f},{end}\n"
+        for frame, number, box, end in ordered
+    )
+
+
+def _sequence_info(name: str, rows: RunRows) -> str:
+    step_s = float(np.median(np.diff(rows.time_s))) if len(rows.time_s) > 1 else 0.1
+    return f"[Sequence]\nname={name}\nframeRate={1.0 / step_s:g}\nseqLength={len(rows.time_s)}\n"
+
+
+def _written(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path

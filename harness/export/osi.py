@@ -1,0 +1,159 @@
+"""A run as ASAM OSI traces: the ground truth, and as sensor data the sensor's detections and the tracker's tracks.
+
+Sensor data is in the frame of the ego, whose origin is declared to be the middle of its box (``bbcenter_to_rear`` is
+zero), since nothing is known of its axles. Numbers of vehicles are those of ``vehicles.csv``.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from osi3.osi_detectedobject_pb2 import DetectedItemHeader
+from osi3.osi_groundtruth_pb2 import GroundTruth
+from osi3.osi_object_pb2 import MovingObject
+from osi3.osi_sensordata_pb2 import SensorData
+
+from harness.recorded import RecordedRun
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from mmpf.road import FloatArray, IntArray, Road
+
+Columns = dict[str, list[Any]]
+
+OSI_VERSION = (3, 8, 0)
+HEIGHT_M = 1.5
+GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES = (
+    "ground_truth.osi",
+    "sensor_data_detections.osi",
+    "sensor_data_tracks.osi",
+    "vehicles.csv",
+)
+
+
+def export(run: RecordedRun, folder: Path) -> list[Path]:
+    """Write the three traces and the vehicles' numbers."""
+    codes, names = pd.factorize(run.truth["vehicle_id"])
+    numbers = {str(name): number for number, name in enumerate(names, start=1)}
+    files = [folder / name for name in (GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES)]
+    _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1))
+    _write_trace(files[1], _sensor_data(run, run.detections, _describe_detection, numbers))
+    _write_trace(files[2], _sensor_data(run, run.tracks, _describe_track, numbers))
+    rows = [f"{number},{name}" for name, number in numbers.items()]
+    files[3].write_text("\n".join(["number,vehicle_id", *rows]) + "\n", encoding="utf-8")
+    return files
+
+
+def _write_trace(path: Path, messages: Iterable[Any]) -> None:
+    """Write messages one after the other, each behind its length as a 32-bit number, little-endian."""
+    with path.open("wb") as trace:
+        for message in messages:
+            content = message.SerializeToString(deterministic=True)
+            trace.write(struct.pack("<I", len(content)) + content)
+
+
+def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
+    truth = run.truth
+    x, y, heading = _in_plane(truth, run.road)
+    names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
+    speed, lat_speed, accel, length, width = (_floats(truth, name) for name in names)
+    along = run.road.heading_at(_floats(truth, "lon_m"))
+    velocity_x = speed * np.cos(along) - lat_speed * np.sin(along)
+    velocity_y = speed * np.sin(along) + lat_speed * np.cos(along)
+    is_ego = truth["is_ego"].to_numpy(dtype=bool)
+    for rows in _steps(truth).values():
+        message = GroundTruth()
+        _stamp(message, float(_floats(truth, "time_s")[rows.start]))
+        for i in range(rows.start, rows.stop):
+            vehicle = message.moving_object.add(type=MovingObject.TYPE_VEHICLE)
+            vehicle.id.value = int(number[i])
+            _place(vehicle.base, x[i], y[i], 0.5 * HEIGHT_M, heading[i], (length[i], width[i]))
+            vehicle.base.velocity.x, vehicle.base.velocity.y = velocity_x[i], velocity_y[i]
+            vehicle.base.acceleration.x = accel[i] * np.cos(along[i])
+            vehicle.base.acceleration.y = accel[i] * np.sin(along[i])
+            if is_ego[i]:
+                message.host_vehicle_id.value = int(number[i])
+                vehicle.vehicle_attributes.bbcenter_to_rear.x = 0.0
+        yield message
+
+
+def _sensor_data(
+    run: RecordedRun, table: pd.DataFrame, describe: Any, numbers: Mapping[str, int]
+) -> Iterator[SensorData]:
+    egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
+    ego_x, ego_y, ego_heading = _in_plane(egos, run.road)
+    x, y, heading = _in_plane(table, run.road)
+    rows_of = _steps(table)
+    columns = {str(name): table[name].tolist() for name in table}
+    for k, (step, time_s) in enumerate(zip(egos["step"].tolist(), egos["time_s"].tolist(), strict=True)):
+        message = SensorData()
+        _stamp(message, time_s)
+        message.last_measurement_time.CopyFrom(message.timestamp)
+        host = message.host_vehicle_location
+        host.position.x, host.position.y, host.orientation.yaw = ego_x[k], ego_y[k], ego_heading[k]
+        cosine, sine = np.cos(ego_heading[k]), np.sin(ego_heading[k])
+        rows = rows_of.get(step, slice(0, 0))
+        for i in range(rows.start, rows.stop):
+            dx, dy = x[i] - ego_x[k], y[i] - ego_y[k]
+            found = message.moving_object.add()
+            size = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
+            turned = heading[i] - ego_heading[k]
+            _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, turned, size)
+            describe(found, columns, i, numbers)
+        yield message
+
+
+def _describe_detection(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401
+    found.header.measurement_state = DetectedItemHeader.MEASUREMENT_STATE_MEASURED
+    _spread(found, columns, row)
+    origin = numbers.get(columns["truth_id"][row])
+    if origin is not None:
+        found.header.ground_truth_id.add(value=origin)
+
+
+def _describe_track(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401, ARG001
+    seen = columns["state"][row] != "hidden"
+    state = "MEASUREMENT_STATE_MEASURED" if seen else "MEASUREMENT_STATE_PREDICTED"
+    found.header.measurement_state = getattr(DetectedItemHeader, state)
+    found.header.tracking_id.value = int(columns["track_id"][row])
+    found.header.existence_probability = float(columns["existence"][row])
+    _spread(found, columns, row)
+
+
+def _spread(found: Any, columns: Columns, row: int) -> None:  # noqa: ANN401
+    found.base_rmse.position.x = float(columns["std_lon_m"][row])
+    found.base_rmse.position.y = float(columns["std_lat_m"][row])
+
+
+def _stamp(message: Any, time_s: float) -> None:  # noqa: ANN401
+    version = message.version
+    version.version_major, version.version_minor, version.version_patch = OSI_VERSION
+    nanoseconds = round(time_s * 1e9)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(nanoseconds, 1_000_000_000)
+
+
+def _place(base: Any, x: float, y: float, z: float, yaw: float, size: tuple[float, float]) -> None:  # noqa: ANN401
+    base.position.x, base.position.y, base.position.z = x, y, z
+    base.orientation.yaw = (yaw + np.pi) % (2.0 * np.pi) - np.pi
+    base.dimension.length, base.dimension.width, base.dimension.height = *size, HEIGHT_M
+
+
+def _in_plane(table: pd.DataFrame, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, y and heading in the plane; what has no heading of its own points along the road."""
+    lon, lat = _floats(table, "lon_m"), _floats(table, "lat_m")
+    x, y = road.to_cartesian(lon, lat)
+    turn = _floats(table, "heading_rad") if "heading_rad" in table else np.zeros(len(table))
+    return x, y, road.heading_at(lon) + turn
+
+
+def _steps(table: pd.DataFrame) -> dict[int, slice]:
+    steps, first = np.unique(table["step"].to_numpy(dtype=np.int64), return_index=True)
+    ends = np.append(first[1:], len(table))
+    return {int(step): slice(int(begin), int(end)) for step, begin, end in zip(steps, first, ends, strict=True)}
+
+
+def _floats(table: pd.DataFrame, column: str) -> FloatArray:
+    return table[column].to_numpy(dtype=np.float64)

@@ -1,0 +1,116 @@
+"""A run as a recording for the rerun viewer: truth, detections and tracks in the plane, all steps in one batch each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+
+from harness.recorded import RecordedRun
+from harness.report.scene import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
+from mmpf.road import FloatArray
+
+FILE = "run.rrd"
+TIMELINE = "time"
+HEIGHT_M = 1.5
+FLAT_M = 0.05
+COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION, "out": "#b0b0b0"}
+EGO_COLOUR, DETECTION_COLOUR, LANE_COLOUR = "#000000", "#0072B2", "#8c8c8c"
+LANE_REACH_M = 2000.0
+
+
+def export(run: RecordedRun, folder: Path) -> list[Path]:
+    """Write ``run.rrd``: entities ``road``, ``truth``, ``detections`` and ``tracks``, shown with ``rerun run.rrd``."""
+    path = folder / FILE
+    with rr.RecordingStream("mmpf-harness", recording_id=run.config.title()) as recording:
+        recording.save(str(path))
+        recording.log("road", _lanes(run), static=True)
+        _send(recording, "truth", run.truth, _truth_columns(run))
+        _send(recording, "detections", run.detections, _detection_columns(run))
+        _send(recording, "tracks", run.tracks, _track_columns(run))
+        recording.flush()
+    return [path]
+
+
+def _send(recording: Any, entity: str, table: pd.DataFrame, columns: Any) -> None:  # noqa: ANN401
+    """Send a table's columns with as many rows at each time as the table has there."""
+    if not len(table):
+        return
+    first = np.unique(table["step"].to_numpy(), return_index=True)[1]
+    lengths = np.diff(np.append(first, len(table)))
+    times = rr.TimeColumn(TIMELINE, duration=table["time_s"].to_numpy(dtype=np.float64)[first])
+    rr.send_columns(entity, [times], columns.partition(lengths), recording=recording)
+
+
+def _truth_columns(run: RecordedRun) -> Any:  # noqa: ANN401
+    truth = run.truth
+    half = 0.5 * truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)
+    colours = truth["state"].map(COLOURS).astype("object").to_numpy(copy=True)
+    colours[truth["is_ego"].to_numpy(dtype=bool)] = EGO_COLOUR
+    return rr.Boxes3D.columns(
+        centers=_places(run, truth, 0.5 * HEIGHT_M),
+        half_sizes=np.column_stack([half, np.full(len(half), 0.5 * HEIGHT_M)]),
+        quaternions=_turns(run, truth),
+        colors=_rgb(colours),
+        labels=truth["vehicle_id"].astype("object").tolist(),
+        show_labels=[False] * len(truth),
+    )
+
+
+def _detection_columns(run: RecordedRun) -> Any:  # noqa: ANN401
+    count = len(run.detections)
+    return rr.Points3D.columns(
+        positions=_places(run, run.detections, HEIGHT_M + 0.1),
+        colors=_rgb(np.full(count, DETECTION_COLOUR, dtype=object)),
+        radii=np.full(count, 0.25),
+    )
+
+
+def _track_columns(run: RecordedRun) -> Any:  # noqa: ANN401
+    spread = ELLIPSE_SCALE * run.tracks[["std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
+    return rr.Ellipsoids3D.columns(
+        centers=_places(run, run.tracks, HEIGHT_M + 0.1),
+        half_sizes=np.column_stack([spread, np.full(len(spread), FLAT_M)]),
+        quaternions=_turns(run, run.tracks),
+        colors=_rgb(np.full(len(spread), PURPLE, dtype=object)),
+        labels=[str(number) for number in run.tracks["track_id"]],
+        show_labels=[False] * len(spread),
+    )
+
+
+def _lanes(run: RecordedRun) -> Any:  # noqa: ANN401
+    strips = []
+    for lane in run.road.lanes:
+        start, end = np.clip([lane.start_m, lane.end_m], -LANE_REACH_M, LANE_REACH_M)
+        lon = np.linspace(start, end, 2 if run.road.is_straight else 200)
+        for side in (lane.right_m, lane.left_m):
+            x, y = run.road.to_cartesian(lon, np.full_like(lon, side))
+            strips.append(np.column_stack([x, y, np.zeros_like(x)]))
+    return rr.LineStrips3D(strips, colors=_rgb(np.full(len(strips), LANE_COLOUR, dtype=object)), radii=0.08)
+
+
+def _places(run: RecordedRun, table: pd.DataFrame, height_m: float) -> FloatArray:
+    x, y = run.road.to_cartesian(_floats(table, "lon_m"), _floats(table, "lat_m"))
+    return np.column_stack([x, y, np.full(len(x), height_m)])
+
+
+def _turns(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
+    """Return quaternions (x, y, z, w) about the vertical, shape (n, 4)."""
+    heading = run.road.heading_at(_floats(table, "lon_m"))
+    if "heading_rad" in table:
+        heading = heading + _floats(table, "heading_rad")
+    zero = np.zeros_like(heading)
+    return np.column_stack([zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading)])
+
+
+def _rgb(names: Any) -> Any:  # noqa: ANN401
+    """Return colours given as #rrggbb as bytes, shape (n, 3)."""
+    table = {name: [int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in set(names)}
+    return np.array([table[name] for name in names], dtype=np.uint8).reshape(-1, 3)
+
+
+def _floats(table: pd.DataFrame, column: str) -> FloatArray:
+    return table[column].to_numpy(dtype=np.float64)

@@ -1,0 +1,196 @@
+"""A run as a film: the road from above, what lies ahead of the ego over what lies behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from PIL import Image, ImageDraw, ImageFont
+
+from harness.errors import UserError
+from harness.recorded import RecordedRun, read_recorded_run
+from harness.recorder import DETECTION_NUMBERS
+from harness.report.scene import (
+    ELLIPSE_SCALE,
+    GREEN,
+    ORANGE,
+    OUT_OF_SIGHT,
+    PURPLE,
+    SEEN_GROUND,
+    SHADOW,
+    VERMILION,
+    in_road_frame,
+)
+from harness.sensor.shadows import sensor_position, shadow_polygons
+from mmpf.road import FloatArray
+from mmpf.scan import Detections, EgoPose
+
+WIDTH, HEIGHT = 1280, 720
+# Drawn this many times larger and reduced, so that edges are smooth.
+SMOOTH = 2
+OVERLAP_M, MARGIN_M = 8.0, 2.5
+HEAD, FOOT, GAP = 34, 34, 14
+OUTLINED = {"hidden": VERMILION, "out": "#9a9a9a"}
+FILLED = {"visible": GREEN, "partial": ORANGE}
+LEGEND = (
+    ("visible", GREEN), ("partly hidden", ORANGE), ("hidden", VERMILION), ("ego", "#000000"),
+    ("shadow", SHADOW), ("track, 95 %; thin: taken for hidden", PURPLE),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """A stretch of road in the picture, which pixels are ``SMOOTH`` times the film's.
+
+    Attributes:
+        draw: Where to draw.
+        origin_m: Longitudinal and lateral position at the upper left corner.
+        scale: Pixels a metre.
+    """
+
+    draw: ImageDraw.ImageDraw
+    origin_m: tuple[float, float]
+    scale: float
+
+    def place(self, lon_lat: FloatArray) -> list[tuple[float, float]]:
+        """Return road-frame points, shape (n, 2), in the picture."""
+        x = self.scale * (lon_lat[:, 0] - self.origin_m[0])
+        y = self.scale * (self.origin_m[1] - lon_lat[:, 1])
+        return list(zip(x.tolist(), y.tolist(), strict=True))
+
+
+def write_video(folder: Path, path: Path, force: bool = False) -> Path:
+    """Write a run as an MP4 film in its own time and return the file.
+
+    Args:
+        folder: A finished run's folder.
+        path: File to write, ending in ``.mp4``.
+        force: Whether an existing file may be replaced.
+
+    Raises:
+        UserError: The folder is no finished run's, the file exists or does not end in ``.mp4``, or the part of the
+            package that writes films is not installed.
+    """
+    if path.suffix != ".mp4":
+        raise UserError(f"--video: {path} must end in .mp4")
+    if path.exists() and not force:
+        raise UserError(f"--video: {path} exists; choose another file or add --force to replace it")
+    try:
+        import imageio_ffmpeg  # noqa: PLC0415
+    except ModuleNotFoundError:
+        raise UserError("--video: needs imageio-ffmpeg; install it with: pip install 'mmpf-harness[video]'") from None
+    run = read_recorded_run(folder)
+    times = np.unique(run.truth["time_s"].to_numpy(dtype=np.float64))
+    rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pending = path.with_name(f".{path.name}.running.mp4")
+    writer = imageio_ffmpeg.write_frames(str(pending), (WIDTH, HEIGHT), fps=rate, macro_block_size=16, quality=7)
+    writer.send(None)
+    try:
+        for picture in frames(run):
+            writer.send(np.ascontiguousarray(picture))
+    finally:
+        writer.close()
+    pending.replace(path)
+    return path
+
+
+def frames(run: RecordedRun) -> Iterator[Image.Image]:
+    """Yield one picture for each step of a run."""
+    tracks, detections = _by_step(run.tracks), _by_step(run.detections)
+    for step, truth in _by_step(run.truth).items():
+        yield draw_frame(run, truth, detections.get(step, run.detections[:0]), tracks.get(step, run.tracks[:0]))
+
+
+def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> Image.Image:
+    """Return the picture of one step."""
+    picture = Image.new("RGB", (SMOOTH * WIDTH, SMOOTH * HEIGHT), "white")
+    ego = int(np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))[0])
+    pose = EgoPose(**{name: float(_floats(truth, name)[ego]) for name in EgoPose.__dataclass_fields__})
+    reach = run.sensor.range_m + MARGIN_M
+    low = min(lane.right_m for lane in run.road.lanes) - MARGIN_M
+    high = max(lane.left_m for lane in run.road.lanes) + MARGIN_M
+    half = (HEIGHT - HEAD - FOOT - GAP) // 2
+    scale = SMOOTH * min(WIDTH / (reach + OVERLAP_M), half / (high - low))
+    for place, start_m in enumerate((-OVERLAP_M, -reach)):
+        stretch = Image.new("RGB", (SMOOTH * WIDTH, round(scale * (high - low))), OUT_OF_SIGHT)
+        strip = _Strip(ImageDraw.Draw(stretch), (pose.lon_m + start_m, high), scale)
+        _draw_ground(strip, run, pose, detections)
+        _draw_road_and_vehicles(strip, run, truth, ego)
+        _draw_detections_and_tracks(strip, detections, tracks)
+        picture.paste(stretch, (0, SMOOTH * (HEAD + place * (half + GAP))))
+    title = f"{run.config.title()}: {_floats(truth, 'time_s')[0]:.1f} s   (above: ahead, below: behind)"
+    _draw_words(ImageDraw.Draw(picture), title)
+    return picture.reduce(SMOOTH)
+
+
+def _draw_ground(strip: _Strip, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame) -> None:
+    bearings = np.linspace(-np.pi, np.pi, 181)
+    sensor = sensor_position(pose, run.road)
+    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * run.sensor.range_m + sensor
+    strip.draw.polygon(strip.place(in_road_frame(rim, run.road, 0.0)), fill=SEEN_GROUND)
+    scan = Detections(*(_floats(detections, name) for name in DETECTION_NUMBERS))
+    for outline in shadow_polygons(scan, pose, run.road, run.sensor.range_m):
+        strip.draw.polygon(strip.place(in_road_frame(outline, run.road, 0.0)), fill=SHADOW)
+
+
+def _draw_road_and_vehicles(strip: _Strip, run: RecordedRun, truth: pd.DataFrame, ego: int) -> None:
+    window = strip.origin_m[0] + np.array([0.0, SMOOTH * WIDTH / strip.scale])
+    for lane in run.road.lanes:
+        start, end = np.clip([lane.start_m, lane.end_m], *window)
+        for side in (lane.right_m, lane.left_m):
+            if start < end:
+                strip.draw.line(strip.place(np.array([[start, side], [end, side]])), fill="#a0a0a0", width=SMOOTH)
+    lon, lat, heading, length, width = (
+        _floats(truth, name) for name in ("lon_m", "lat_m", "heading_rad", "length_m", "width_m")
+    )
+    states = truth["state"].to_numpy(dtype=object)
+    for i in np.flatnonzero((lon > window[0] - 20.0) & (lon < window[1] + 20.0)):
+        along = 0.5 * length[i] * np.array([1.0, -1.0, -1.0, 1.0])
+        across = 0.5 * width[i] * np.array([1.0, 1.0, -1.0, -1.0])
+        cosine, sine = np.cos(heading[i]), np.sin(heading[i])
+        corners = np.stack([lon[i] + along * cosine - across * sine, lat[i] + along * sine + across * cosine], axis=-1)
+        fill = "#000000" if i == ego else FILLED.get(states[i])
+        edge = None if fill else OUTLINED[states[i]]
+        strip.draw.polygon(strip.place(corners), fill=fill, outline=edge, width=2 * SMOOTH)
+
+
+def _draw_detections_and_tracks(strip: _Strip, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
+    arm = 4 * SMOOTH
+    places = np.stack([_floats(detections, "lon_m"), _floats(detections, "lat_m")], axis=-1)
+    for x, y in strip.place(places):
+        for slope in (1, -1):
+            strip.draw.line((x - arm, y - slope * arm, x + arm, y + slope * arm), fill="#000000", width=SMOOTH)
+    shown = tracks[(tracks["state"] != "tentative").to_numpy()]
+    places = np.stack([_floats(shown, "lon_m"), _floats(shown, "lat_m")], axis=-1)
+    sizes = ELLIPSE_SCALE * strip.scale * np.stack([_floats(shown, "std_lon_m"), _floats(shown, "std_lat_m")], axis=-1)
+    hidden = (shown["state"] == "hidden").to_numpy()
+    font = ImageFont.load_default(11 * SMOOTH)
+    for (x, y), (along, across), dim, number in zip(
+        strip.place(places), sizes.tolist(), hidden, shown["track_id"], strict=True
+    ):
+        strip.draw.ellipse(
+            (x - along, y - across, x + along, y + across), outline=PURPLE, width=SMOOTH if dim else 2 * SMOOTH
+        )
+        above = y - min(max(across, strip.scale), 2.0 * strip.scale)
+        strip.draw.text((x, above), str(number), fill=PURPLE, font=font, anchor="mb")
+
+
+def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
+    draw.text((10 * SMOOTH, 8 * SMOOTH), heading, fill="#222222", font=ImageFont.load_default(16 * SMOOTH))
+    font, x, y = ImageFont.load_default(14 * SMOOTH), 10.0 * SMOOTH, SMOOTH * (HEIGHT - 24)
+    for name, colour in LEGEND:
+        draw.rectangle((x, y, x + 22 * SMOOTH, y + 13 * SMOOTH), fill=colour)
+        draw.text((x + 28 * SMOOTH, y - SMOOTH), name, fill="#222222", font=font)
+        x += 28 * SMOOTH + draw.textlength(name, font=font) + 22 * SMOOTH
+
+
+def _by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
+    return {int(str(step)): rows for step, rows in table.groupby("step", sort=True)}
+
+
+def _floats(table: pd.DataFrame, column: str) -> FloatArray:
+    return table[column].to_numpy(dtype=np.float64)
