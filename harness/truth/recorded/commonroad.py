@@ -58,6 +58,9 @@ def read_commonroad(path: Path) -> ReadTraffic:
         raise UserError(f"{path}: the scenario has no lanelets to take the road from")
     if not scenario.obstacles:
         raise UserError(f"{path}: the scenario has no vehicle with a trajectory")
+    for obstacle in scenario.obstacles:
+        if np.any(np.diff(obstacle.states[:, 0]) <= 0.0):
+            raise UserError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
     last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
     return _traffic(scenario, [*scenario.obstacles, *(_lasting(obstacle, last) for obstacle in scenario.standing)])
 

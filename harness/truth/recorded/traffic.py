@@ -16,8 +16,9 @@ from harness.truth.recorded.resample import STEP_S, on_clock
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.road import FloatArray, IntArray, Road
 
-# Fewer vehicles than this that come or go within the recording don't tell where its edge is.
+# Where so many vehicles come or go so near to each other is an edge of what was recorded.
 EDGE_VEHICLES = 3
+EDGE_WIDTH_M = 5.0
 FRAME_COLUMNS = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "length_m", "width_m")
 
 
@@ -130,10 +131,11 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float) -> RecordedTraffi
 
 
 def recorded_window(step: IntArray, stay: IntArray, lon_m: FloatArray) -> tuple[float, float]:
-    """Return the stretch of road on record: from where vehicles usually appear to where they usually vanish.
+    """Return the stretch of road on record: from where vehicles appear to where they vanish.
 
-    Only vehicles count that appear after the recording's start or vanish before its end; where these are too few the
-    outermost positions are taken.
+    An edge is where at least three vehicles appear (or vanish) within 5 m while the recording runs; without such place
+    the outermost position is taken. A single vehicle that strays beyond does not move the edge, nor does one that is
+    lost half-way.
 
     Args:
         step: Step of each row, shape (n,).
@@ -142,12 +144,20 @@ def recorded_window(step: IntArray, stay: IntArray, lon_m: FloatArray) -> tuple[
     """
     first = np.flatnonzero(np.diff(stay, prepend=-1))
     last = np.append(first[1:], len(stay)) - 1
-    middle_m = 0.5 * float(lon_m.min() + lon_m.max())
-    appears_m = lon_m[first[(step[first] > step.min()) & (lon_m[first] < middle_m)]]
-    vanishes_m = lon_m[last[(step[last] < step.max()) & (lon_m[last] > middle_m)]]
-    start_m = float(np.median(appears_m)) if len(appears_m) >= EDGE_VEHICLES else float(lon_m.min())
-    end_m = float(np.median(vanishes_m)) if len(vanishes_m) >= EDGE_VEHICLES else float(lon_m.max())
-    return start_m, max(end_m, start_m + 1.0)
+    appears_m = np.sort(lon_m[first[step[first] > step.min()]])
+    vanishes_m = np.sort(lon_m[last[step[last] < step.max()]])
+    start_m = _outermost_cluster(-appears_m[::-1], -float(lon_m.min()))
+    end_m = _outermost_cluster(vanishes_m, float(lon_m.max()))
+    return -start_m, max(end_m, -start_m + 1.0)
+
+
+def _outermost_cluster(ascending_m: FloatArray, otherwise_m: float) -> float:
+    """Return the largest position that has enough others just below it."""
+    others = EDGE_VEHICLES - 1
+    if len(ascending_m) <= others:
+        return otherwise_m
+    crowded = np.flatnonzero(ascending_m[others:] - ascending_m[:-others] <= EDGE_WIDTH_M)
+    return float(ascending_m[others:][crowded[-1]]) if len(crowded) else otherwise_m
 
 
 def _counts(

@@ -1,0 +1,225 @@
+"""Every layout of one scene gives the scene back: positions exact, motion as it was, nobody left out in silence."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.errors import UserError
+from harness.truth.recorded.formats import network_of, recognise
+from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
+from tests.harness.truth.recorded.layouts import (
+    CARS,
+    EPOCH_MS,
+    NGSIM_HEADER,
+    Car,
+    in_plane,
+    ngsim_rows,
+    write_commonroad,
+    write_fcd,
+    write_highd,
+    write_ngsim_csv,
+    write_ngsim_text,
+)
+
+WRITERS = {
+    "ngsim": lambda folder: write_ngsim_csv(folder / "scene.csv"),
+    "ngsim-text": lambda folder: write_ngsim_text(folder / "scene.txt"),
+    "commonroad": lambda folder: write_commonroad(folder / "scene.xml"),
+    "highd": lambda folder: write_highd(folder / "scene"),
+    "fcd": lambda folder: write_fcd(folder / "fcd.xml"),
+}
+
+
+def opened(path: Path, ego: str = "auto", duration_s: float = 60.0, net: str | None = None) -> RecordedTrafficTruth:
+    entry = recognise(path)
+    return open_recorded_traffic(path, entry.name, network_of(entry, net), ego, duration_s)
+
+
+def by_name(frame) -> dict[str, int]:
+    return {str(name): row for row, name in enumerate(frame.vehicle_id)}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_layout_is_recognised_by_its_content_whatever_its_name(name, tmp_path):
+    written = WRITERS[name](tmp_path)
+    renamed = written.rename(tmp_path / "anything.dat")
+    assert recognise(renamed).name == name
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_car_is_where_the_scene_has_it(name, tmp_path):
+    truth = opened(WRITERS[name](tmp_path))
+    frames = list(truth.frames())
+    assert len(frames) == truth.expected_steps == 51
+    for frame in frames:
+        rows = by_name(frame)
+        present = [car for car in CARS if car.from_s - 1e-6 <= frame.time_s <= car.to_s + 1e-6]
+        assert set(rows) == {str(car.name) for car in present}
+        for car in present:
+            row = rows[str(car.name)]
+            wanted_lon, wanted_lat = car.lon_at(frame.time_s), car.lat_m
+            found = frame.lon_m[row], frame.lat_m[row]
+            if name == "commonroad":
+                found = tuple(float(v) for v in truth.road.to_cartesian(np.array(found[0]), np.array(found[1])))
+                wanted_lon, wanted_lat = in_plane(wanted_lon, wanted_lat, -0.7)
+            assert found == pytest.approx((wanted_lon, wanted_lat), abs=1e-5)
+            assert frame.speed_mps[row] == pytest.approx(car.speed_mps, abs=1e-5)
+            assert frame.lat_speed_mps[row] == pytest.approx(0.0, abs=1e-4)
+            assert frame.heading_rad[row] == pytest.approx(0.0, abs=1e-3)
+            assert frame.length_m[row] == pytest.approx(car.length_m, abs=1e-5)
+            assert frame.width_m[row] == pytest.approx(car.width_m, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_recorded_accelerations_are_not_believed(name, tmp_path):
+    """The files state absurd ones beside constant speeds."""
+    for frame in opened(WRITERS[name](tmp_path)).frames():
+        np.testing.assert_allclose(frame.accel_mps2, 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_the_lane_is_that_of_the_road(name, tmp_path):
+    truth = opened(WRITERS[name](tmp_path))
+    frame = next(iter(truth.frames()))
+    rows = by_name(frame)
+    widths = {"highd": 3.75}
+    lanes = 3 if name == "highd" else 5
+    for car in CARS[:3]:
+        if name == "highd" and car.lat_m > 3 * 3.75:
+            continue
+        assert frame.lane[rows[str(car.name)]] == lanes - int(car.lat_m // widths.get(name, 3.66))
+
+
+def test_both_versions_of_commonroad_say_the_same(tmp_path):
+    old = list(opened(write_commonroad(tmp_path / "old.xml", version="2018b")).frames())
+    new = list(opened(write_commonroad(tmp_path / "new.xml", version="2020a")).frames())
+    for one, other in zip(old, new, strict=True):
+        np.testing.assert_array_equal(one.vehicle_id, other.vehicle_id)
+        np.testing.assert_array_equal(one.lon_m, other.lon_m)
+
+
+def test_commonroad_pedestrians_are_left_out_and_counted_and_parked_cars_stand_still(tmp_path):
+    state = (
+        "<initialState><position><point><x>50</x><y>-30</y></point></position><orientation><exact>-0.7</exact>"
+        "</orientation><time><exact>0</exact></time></initialState>"
+    )
+    shape = "<shape><rectangle><length>4.0</length><width>1.7</width></rectangle></shape>"
+    extra = (
+        f'<dynamicObstacle id="900"><type>pedestrian</type>{shape}{state}</dynamicObstacle>'
+        f'<staticObstacle id="901"><type>parkedVehicle</type>{shape}{state}</staticObstacle>'
+    )
+    truth = opened(write_commonroad(tmp_path / "scene.xml", extra=extra))
+    assert truth.traffic.counts.left_out == {"on foot or bicycle": 1}
+    assert truth.traffic.counts.vehicles_read == len(CARS) + 2
+    frames = list(truth.frames())
+    for frame in frames:
+        row = by_name(frame)["901"]
+        x, y = truth.road.to_cartesian(frame.lon_m[[row]], frame.lat_m[[row]])
+        assert (float(x[0]), float(y[0])) == pytest.approx((50.0, -30.0))
+        assert frame.speed_mps[row] == 0.0
+
+
+def test_highd_drives_the_busier_carriageway_and_counts_the_other(tmp_path):
+    upward = tuple(Car(100 + k, 20.0 + 15.0 * k, 2.0, 11.0) for k in range(6))
+    truth = opened(write_highd(tmp_path / "scene", cars=CARS, upper=upward))
+    assert truth.traffic.counts.left_out == {"on the other carriageway": len(CARS)}
+    for frame in truth.frames():
+        rows = by_name(frame)
+        gaps = [frame.lon_m[rows[str(car.name)]] - car.lon_at(frame.time_s) for car in upward]
+        np.testing.assert_allclose(gaps, gaps[0], atol=1e-5)
+        np.testing.assert_allclose(frame.speed_mps, 11.0)
+        np.testing.assert_allclose(frame.lat_m, 2.0, atol=1e-5)
+        assert set(frame.lane) == {3}
+
+
+def test_rows_a_second_apart_are_joined_by_a_curve_that_keeps_their_speeds(tmp_path):
+    """With constant acceleration the cubic through positions and speeds is the motion itself."""
+    lines = []
+    for tick in range(6):
+        x = 100.0 + 10.0 * tick + 0.5 * 1.5 * tick**2 + 2.0
+        lines.append(
+            f'<timestep time="{tick}"><vehicle id="a" x="{x}" y="9.0" angle="90" type="car" speed="{10 + 1.5 * tick}" '
+            'length="4" width="2"/></timestep>'
+        )
+    path = tmp_path / "fcd.xml"
+    path.write_text(f"<fcd-export>{''.join(lines)}</fcd-export>")
+    frames = list(opened(path).frames())
+    assert len(frames) == 51
+    for frame in frames:
+        t = frame.time_s
+        assert frame.lon_m[0] == pytest.approx(100.0 + 10.0 * t + 0.75 * t**2, abs=1e-6)
+        assert frame.accel_mps2[0] == pytest.approx(1.5, abs=1e-6)
+
+
+def test_fcd_vehicles_on_other_roads_are_left_out_and_counted(tmp_path):
+    far = Car(77, 50.0, 400.0, 10.0)
+    truth = opened(write_fcd(tmp_path / "fcd.xml", cars=(*CARS, far)))
+    assert truth.traffic.counts.left_out == {"never within 15 m of the main road": 1}
+
+
+def test_ngsim_duplicates_are_dropped_and_counted_wherever_they_lie(tmp_path):
+    rows = ngsim_rows()
+    contradicting = [*rows[9][:5], rows[9][5] + 10.0, *rows[9][6:]]
+    doubled = [*rows, *rows[5:40], *rows[60:80:3], contradicting]
+    truth = opened(write_ngsim_csv(tmp_path / "scene.csv", doubled))
+    once = opened(write_ngsim_csv(tmp_path / "once.csv", rows))
+    assert truth.traffic.counts.duplicates == 35 + 7 + 1
+    assert truth.traffic.counts.contradictions == 1
+    for one, other in zip(truth.frames(), once.frames(), strict=True):
+        np.testing.assert_array_equal(one.lon_m, other.lon_m)
+
+
+def test_an_ngsim_number_that_another_period_uses_again_is_another_vehicle(tmp_path):
+    later = [[*row[:1], row[1], row[2], row[3] + 900_000, *row[4:]] for row in ngsim_rows(CARS[:1])]
+    truth = opened(write_ngsim_csv(tmp_path / "scene.csv", [*ngsim_rows(), *later]), duration_s=1000.0)
+    assert "7-2" in truth.traffic.names
+    assert truth.traffic.counts.stays == len(CARS) + 1
+
+
+def test_a_short_pause_is_filled_in_and_a_long_one_ends_the_stay(tmp_path):
+    rows = ngsim_rows(CARS[:1])
+    short = opened(write_ngsim_csv(tmp_path / "short.csv", [*rows[:20], *rows[24:]]))
+    assert short.traffic.counts.filled == 4
+    frame = list(short.frames())[22]
+    assert frame.lon_m[0] == pytest.approx(CARS[0].lon_at(2.2), abs=1e-5)
+    long = opened(write_ngsim_csv(tmp_path / "long.csv", [*rows[:20], *rows[35:]]))
+    assert [str(name) for name in long.traffic.names] == ["7", "7-2"]
+
+
+def test_of_several_sites_the_one_of_the_network_counts(tmp_path):
+    elsewhere = [[*row, "i-80"] for row in ngsim_rows(CARS[:2])]
+    here = [[*row, "us-101"] for row in ngsim_rows()]
+    truth = opened(write_ngsim_csv(tmp_path / "scene.csv", [*elsewhere, *here]))
+    assert truth.traffic.counts.left_out == {"at another site than us-101": 2}
+    assert truth.traffic.counts.vehicles_kept == len(CARS)
+
+
+def test_digits_grouped_by_commas_are_numbers_all_the_same(tmp_path):
+    rows = [[*row[:3], f'"{row[3]:,}"', *row[4:]] for row in ngsim_rows()]
+    truth = opened(write_ngsim_csv(tmp_path / "scene.csv", rows))
+    assert f'"{EPOCH_MS:,}"' in (tmp_path / "scene.csv").read_text()
+    assert truth.traffic.counts.vehicles_kept == len(CARS)
+
+
+def test_the_columns_of_the_csv_may_come_in_any_order_and_case(tmp_path):
+    names = NGSIM_HEADER.split(",")
+    order = np.random.default_rng(1).permutation(len(names))
+    rows = [[[*row, "us-101"][k] for k in order] for row in ngsim_rows()]
+    lines = [",".join(names[k].lower() for k in order), *(",".join(map(str, row)) for row in rows)]
+    path = tmp_path / "scene.csv"
+    path.write_text("\n".join(lines) + "\n")
+    assert opened(path).traffic.counts.vehicles_kept == len(CARS)
+
+
+def test_a_recording_is_cut_to_the_seconds_asked_for_and_says_who_is_missing_then(tmp_path):
+    truth = opened(write_ngsim_csv(tmp_path / "scene.csv"), duration_s=0.5)
+    assert truth.expected_steps == 5
+    assert truth.traffic.counts.left_out == {"on record only after the first 0.5 s": 1}
+    assert "1 on record only after the first 0.5 s" in truth.report()
+
+
+@pytest.mark.parametrize(("name", "net"), [("commonroad", "us101"), ("highd", "us101"), ("ngsim", "recording")])
+def test_a_road_that_does_not_go_with_the_format_is_refused(name, net, tmp_path):
+    with pytest.raises(UserError, match="--net"):
+        opened(WRITERS[name](tmp_path), net=net)
