@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Protocol
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from harness.sensor.observation import Observation, Sensor
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
@@ -89,6 +90,21 @@ def co_simulate(
         The wall times of the stages.
     """
     times = times if times is not None else StageTimes()
+    # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.
+    with threadpool_limits(limits=1, user_api="blas"):
+        _run_loop(truth, sensor, build_tracker, recorder, streams, watch, times)
+    return times
+
+
+def _run_loop(
+    truth: TruthSource,
+    sensor: Sensor,
+    build_tracker: TrackerBuilder,
+    recorder: Recorder,
+    streams: Streams,
+    watch: Watch | None,
+    times: StageTimes,
+) -> None:
     sensor_rng = np.random.default_rng(streams.sensor)
     episodes = _EpisodeTrackers(truth, sensor, build_tracker, streams.tracker)
     frames = iter(truth.frames())
@@ -96,7 +112,7 @@ def co_simulate(
         begin = perf_counter()
         frame = next(frames, None)
         if frame is None:
-            return times
+            return
         moved = perf_counter()
         observation = sensor.observe(frame, truth.road, sensor_rng)
         sensed = perf_counter()

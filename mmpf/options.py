@@ -42,8 +42,8 @@ class ModelErrorOptions(Settings):
         hidden_lat_share: Share of the last for them: they keep to their lanes.
     """
 
-    speed: Annotated[float, Field(ge=0.0)] = 0.3
-    accel: Annotated[float, Field(ge=0.0)] = 0.5
+    speed: Annotated[float, Field(ge=0.0)] = 0.4
+    accel: Annotated[float, Field(ge=0.0)] = 0.8
     lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
     hidden_lon_share: Annotated[float, Field(ge=0.0)] = 1.0
     hidden_lat_share: Annotated[float, Field(ge=0.0)] = 0.0
@@ -134,7 +134,7 @@ class JointOptions(Settings):
     merge_lat_m: Positive = 1.0
     merge_scans: Annotated[int, Field(ge=1)] = 3
     stitch: bool = True
-    stitch_density: Positive = 1e-4
+    stitch_density: Positive = 3e-5
     stitch_lon_m: Positive = 2.0
     stitch_lat_m: Positive = 0.7
     stitch_speed_mps: Positive = 2.0
@@ -169,7 +169,7 @@ class MaxLikelihoodOptions(Settings):
     """
 
     gate_std: Positive = float("inf")
-    removal_weight: Probability = 1e-3
+    removal_weight: Probability = 0.0
     floor_component_weight: Probability = 0.0
     added_particles: Probability = 0.1
     merge_lon_m: Positive = 2.5

@@ -4,5 +4,24 @@ Importing the package fills ``mmpf.motion.protocol.motion_models``.
 """
 
 from mmpf.motion import adaptive_idm, bicycle, constant, idm, lane_changer, learned_driver, short_driver
+from mmpf.motion.protocol import MotionModel, motion_models
 
-__all__ = ["adaptive_idm", "bicycle", "constant", "idm", "lane_changer", "learned_driver", "short_driver"]
+__all__ = [
+    "adaptive_idm",
+    "bicycle",
+    "constant",
+    "idm",
+    "lane_changer",
+    "learned_driver",
+    "motion_model",
+    "short_driver",
+]
+
+
+def motion_model(name: str) -> MotionModel:
+    """Return the motion model of that name with its default parameters.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    return motion_models[name]()

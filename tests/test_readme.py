@@ -1,0 +1,21 @@
+"""The README's example is run as it stands."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def test_the_filter_alone_tracks_the_two_cars_of_the_readme() -> None:
+    (example,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+    done = subprocess.run([sys.executable, "-c", example], capture_output=True, text=True, timeout=120, check=True)
+    numbers = [float(number) for number in re.findall(r"[-+.\d]+", done.stdout)]
+    assert len(numbers) == 6, done.stdout
+    names, positions, speeds = numbers[:2], numbers[2:4], numbers[4:]
+    assert names[0] != names[1]
+    assert sorted(abs(a - b) < 0.5 for a, b in zip(sorted(positions), (83.0, 127.8), strict=True)) == [True, True]
+    assert all(18.0 < speed < 24.0 for speed in speeds)
