@@ -19,7 +19,7 @@ COLOURS = {
     "gmm-lane-change": "#56B4E9",
     "idm": "#D55E00",
     "idm-fitted": "#E69F00",
-    "idm-adaptive": "#F0E442",
+    "idm-adaptive": "#7F7F7F",
     "cvm": "#000000",
     "cam": "#009E73",
     "csav": "#CC79A7",
@@ -41,6 +41,7 @@ ERROR_PANELS = {
     ),
 }
 DRAW_EVERY = 4
+BAND_EVERY = 5
 
 
 def draw_study(result: StudyResult, folder: Path) -> list[Path]:
@@ -124,9 +125,10 @@ def _errors(axis: Axes, result: StudyResult, occlusion: str, quantity: str) -> N
         error = result.scores[occlusion, model].abs_error[quantity]
         time_s = np.arange(1, len(error) + 1) * result.step_s
         mean = error.mean(axis=1)
-        band = np.array([mean_with_interval(step, np.random.default_rng(0))[1] for step in error[::5]])
+        shown = np.unique(np.append(np.arange(0, len(error), BAND_EVERY), len(error) - 1))
+        band = np.array([mean_with_interval(error[step], np.random.default_rng(0))[1] for step in shown])
         colour = COLOURS.get(model, "#777777")
-        axis.fill_between(time_s[::5], band[:, 0], band[:, 1], color=colour, alpha=0.18, linewidth=0)
+        axis.fill_between(time_s[shown], band[:, 0], band[:, 1], color=colour, alpha=0.18, linewidth=0)
         axis.plot(time_s, mean, color=colour, linewidth=2.0 if model.startswith("gmm") else 1.3)
         ends.append((float(mean[-1]), model, colour))
     _label_ends(axis, ends, time_s[-1])

@@ -57,7 +57,13 @@ def target_lines(targets: Sequence[Target]) -> list[str]:
 
 
 def _setting_line(setting: Mapping[str, Any]) -> str:
-    return "; ".join(f"{name.replace('_', ' ')}: {value}" for name, value in setting.items()) + "."
+    return "; ".join(f"{name.replace('_', ' ')}: {_plain(value)}" for name, value in setting.items()) + "."
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {part}" for name, part in value.items())
+    return ", ".join(f"{part:g}" for part in value) if isinstance(value, list) else str(value)
 
 
 def _table(rows: Sequence[Row], lateral: bool) -> list[str]:

@@ -203,7 +203,8 @@ def _facts(plan: TrainingPlan, samples: int, used: int) -> dict[str, str]:
         "Seeds": f"trained on {plan.first_seed} to {last}; held out {FIRST_TUNING_SEED} to "
         f"{FIRST_TUNING_SEED + TUNING_RECORDINGS - 1}",
         "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
-        "Components": f"{plan.size} (the paper's setting is {PAPER_COMPONENTS[plan.case]}, kept for comparison and speed), full covariances",
+        "Components": f"{plan.size} (the paper's setting is {PAPER_COMPONENTS[plan.case]}, "
+        "kept for comparison and speed), full covariances",
         "Fit": "k-means start and EM on 60 000 samples, refined by EM on up to 1.2 million; seed "
         f"{plan.seed}, regularisation 1e-6 of standardised variables",
         "Sweep": f"{SWEEP_SAMPLES} samples, {SWEEP_ITERATIONS} EM iterations",
