@@ -15,6 +15,7 @@ import numpy.typing as npt
 from mmpf.road import FloatArray
 
 Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
 
 
 class InvalidMixtureError(ValueError):
@@ -85,12 +86,14 @@ class ConditionalGmm:
         Returns:
             Outputs, shape (n, q).
         """
-        from mmpf.motion.gmm_kernel import expand32, pick_and_draw  # noqa: PLC0415  compiled only where it is used
+        from mmpf.motion.gmm_kernel import draw_outputs  # noqa: PLC0415  compiled only where it is used
 
-        logits = expand32(x) @ self._logit_matrix32
         uniform = rng.random(len(x), dtype=np.float32)
         normal = rng.standard_normal((len(x), self.outputs))
-        return np.asarray(pick_and_draw(logits, uniform, normal, x, self.bias, self.slope, self.noise_factor))
+        x = np.ascontiguousarray(x)
+        return np.asarray(
+            draw_outputs(x, self._logit_matrix32, uniform, normal, self.bias, self.slope, self.noise_factor)
+        )
 
     @cached_property
     def conditional_covariances(self) -> FloatArray:
@@ -131,7 +134,7 @@ class ConditionalGmm:
 
     @cached_property
     def _logit_matrix32(self) -> Float32Array:
-        return np.ascontiguousarray(self.logit_matrix.T, dtype=np.float32)
+        return np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
 
 
 def expand(x: FloatArray) -> FloatArray:
