@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.motion.features import situation
+from mmpf.motion.features import SMALLEST_GAP_M, situation
 from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.lane_keeping import LaneKeeper
@@ -29,6 +29,11 @@ from mmpf.state import ACCEL, SPEED
 CASE = "lane-keeping"
 FURTHEST_LEADER_M = 100.0
 REDRAWN_PER_S = 0.2
+
+AVOIDED_BY_M = 1.0
+BRAKING_WORTH_IT_MPS2 = 1.0
+BACKING_OFF_PER_S2 = 0.5
+CLOSING = 3
 
 KNOWN, HABIT, BIAS, DESIRED_SPEED, OFFSET, INTENTION, TARGET = range(7)
 LATENTS = 7
@@ -184,7 +189,8 @@ class LearnedDriver:
         index = np.flatnonzero(follows & (latents[INTENTION] == 0.0))
         if len(index):
             x = np.column_stack([seen[index], latents[HABIT, index]])
-            accel[index] = self.model.following.sample(x, rng)[:, 0] + latents[BIAS, index]
+            sampled = self.model.following.sample(x, rng)[:, 0] + latents[BIAS, index]
+            accel[index] = np.minimum(sampled, _hardest_that_avoids(leader.gap_m[index], seen[index, CLOSING]))
         return np.asarray(np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2))
 
 
@@ -220,6 +226,17 @@ def load_driver_model(path: Path) -> DriverModel:
 def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
     """Return the driver that keeps its lane whatever happens."""
     return replace(driver, changes_lanes=False)
+
+
+def _hardest_that_avoids(gap_m: FloatArray, closing_mps: FloatArray) -> FloatArray:
+    """Return the acceleration that just avoids the leader where that takes real braking or it is all but touched.
+
+    It is infinite elsewhere. Training data hold no near misses, so that the mixture has to be told of them.
+    """
+    needed = np.maximum(closing_mps, 0.0) ** 2 / (2.0 * np.maximum(gap_m - AVOIDED_BY_M, SMALLEST_GAP_M))
+    limit = np.where(needed > BRAKING_WORTH_IT_MPS2, -needed, np.inf)
+    back_off = -BACKING_OFF_PER_S2 * (AVOIDED_BY_M - gap_m) - closing_mps
+    return np.where(gap_m < AVOIDED_BY_M, np.minimum(limit, back_off), limit)
 
 
 def _follows(leader: Neighbour) -> npt.NDArray[np.bool_]:
