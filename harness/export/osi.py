@@ -7,7 +7,7 @@ zero), since nothing is known of its axles. Numbers of vehicles are those of ``v
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.road import FloatArray, IntArray, Road
 
 Columns = dict[str, list[Any]]
+Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]
 
 OSI_VERSION = (3, 8, 0)
 HEIGHT_M = 1.5
@@ -81,7 +82,7 @@ def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
 
 
 def _sensor_data(
-    run: RecordedRun, table: pd.DataFrame, describe: Any, numbers: Mapping[str, int]
+    run: RecordedRun, table: pd.DataFrame, describe: Describe, numbers: Mapping[str, int]
 ) -> Iterator[SensorData]:
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     ego_x, ego_y, ego_heading = _in_plane(egos, run.road)

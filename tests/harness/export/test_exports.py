@@ -1,0 +1,210 @@
+"""Each format read back by the program that it is meant for."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.cli import EXIT_USER_ERROR, run_command_line
+from harness.errors import UserError
+from harness.export.formats import export_run
+from harness.recorded import read_recorded_run
+from harness.scoring.settings import ScoringSettings
+from mmpf.road import Lane, Road
+from tests.harness.recorded_scene import GIVEN_UP, STEPS, metrics_of, write_recorded_scene
+
+# A road that turns from east to north-east, so that the road frame and the plane differ.
+BENT = Road(
+    lanes=tuple(Lane(number, 3.66 * (5 - number), 3.66 * (6 - number)) for number in range(1, 6)),
+    reference_xy=((1000.0, 50.0), (1150.0, 50.0), (1350.0, 250.0)),
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_recorded_scene(tmp_path / "run")
+
+
+@pytest.fixture
+def bent(tmp_path):
+    return write_recorded_scene(tmp_path / "bent", road=BENT)
+
+
+def test_csv_holds_every_table_as_it_was(folder):
+    files = export_run(folder, "csv")
+    run = read_recorded_run(folder)
+    assert [file.name for file in files] == ["truth.csv", "detections.csv", "tracks.csv", "errors.csv", "events.csv"]
+    for file in files:
+        table = getattr(run, file.stem)
+        read = pd.read_csv(file, keep_default_na=False, na_values=[""])
+        assert list(read) == list(table)
+        assert len(read) == len(table)
+        numbers = table.select_dtypes("number").columns
+        np.testing.assert_array_equal(read[numbers].to_numpy(float), table[numbers].to_numpy(float))
+
+
+def test_sumo_reads_the_floating_car_data(bent):
+    sumolib = pytest.importorskip("sumolib")
+    (file,) = export_run(bent, "fcd")
+    steps = list(sumolib.xml.parse(str(file), "timestep"))
+    assert [float(step.time) for step in steps] == pytest.approx(0.1 * np.arange(STEPS), abs=1e-9)
+    run = read_recorded_run(bent)
+    truth = run.truth[run.truth["step"] == 50].set_index("vehicle_id")
+    for vehicle in steps[50].vehicle:
+        row = truth.loc[vehicle.id]
+        heading = np.radians(90.0 - float(vehicle.angle))
+        back = 0.5 * float(vehicle.length)
+        x, y = float(vehicle.x) - back * np.cos(heading), float(vehicle.y) - back * np.sin(heading)
+        lon, lat = run.road.to_road(np.array([x]), np.array([y]))
+        assert lon[0] == pytest.approx(row["lon_m"], abs=1e-3)
+        assert lat[0] == pytest.approx(row["lat_m"], abs=1e-3)
+        along = float(run.road.heading_at(np.array(row["lon_m"])))
+        assert heading - along == pytest.approx(row["heading_rad"], abs=1e-5)
+        assert float(vehicle.speed) * np.cos(row["heading_rad"]) == pytest.approx(row["speed_mps"], abs=1e-3)
+        assert float(vehicle.width) == row["width_m"]
+
+
+def test_the_harness_reads_its_own_floating_car_data(tmp_path):
+    fcd = pytest.importorskip("harness.truth.recorded.fcd")
+    from harness.truth.network import load_network  # noqa: PLC0415
+
+    folder = write_recorded_scene(tmp_path / "run", road=load_network("us101").road)
+    (file,) = export_run(folder, "fcd")
+    run = read_recorded_run(folder)
+    rows = fcd.read_fcd(file, "us101").rows
+    order = np.lexsort((np.round(rows.lon_m, 2), rows.time_s))
+    truth = run.truth.sort_values(["time_s", "lon_m"])
+    for column in ("time_s", "lon_m", "lat_m", "speed_mps", "length_m", "width_m", "heading_rad"):
+        expected = truth[column].to_numpy(float)
+        np.testing.assert_allclose(getattr(rows, column)[order], expected, atol=2e-3, err_msg=column)
+
+
+@pytest.mark.parametrize(("sequence", "key"), [("in-sight", "mot"), ("seen-in-10-s", "mot_all")])
+def test_trackeval_scores_the_exported_run_as_the_harness_does(folder, sequence, key):
+    trackeval = pytest.importorskip("trackeval", reason="TrackEval is the reader of this format")
+    export_run(folder, "mot")
+    dataset = by_position(trackeval)(
+        {
+            "GT_FOLDER": str(folder / "export" / "mot" / "gt"), "TRACKERS_FOLDER": str(folder / "export/mot/trackers"),
+            "SKIP_SPLIT_FOL": True, "SEQMAP_FILE": str(folder / "export/mot/seqmap.txt"), "DO_PREPROC": False,
+            "PRINT_CONFIG": False,
+        }
+    )  # fmt: skip
+    assert dataset.seq_list == ["in-sight", "seen-in-10-s"]
+    raw = dataset.get_raw_seq_data("mmpf", sequence)
+    data = dataset.get_preprocessed_seq_data(raw, "pedestrian")
+    scores = metrics_of(folder)[key]
+    quiet = {"PRINT_CONFIG": False}
+    hota = trackeval.metrics.HOTA().eval_sequence(data)
+    clear = trackeval.metrics.CLEAR(quiet).eval_sequence(data)
+    identity = trackeval.metrics.Identity(quiet).eval_sequence(data)
+    assert 0.0 < scores["hota"] < 100.0
+    assert 100.0 * np.mean(hota["HOTA"]) == pytest.approx(scores["hota"], abs=1e-6)
+    assert 100.0 * np.mean(hota["AssA"]) == pytest.approx(scores["assa"], abs=1e-6)
+    assert 100.0 * clear["MOTA"] == pytest.approx(scores["mota"], abs=1e-6)
+    assert 100.0 * identity["IDF1"] == pytest.approx(scores["idf1"], abs=1e-6)
+    assert clear["IDSW"] == scores["id_switches"]
+    assert clear["CLR_FN"] == scores["missed"]
+    assert clear["CLR_FP"] == scores["false_tracks"]
+
+
+def by_position(trackeval):
+    """Return TrackEval's reader of the format with the harness's similarity in place of the overlap of boxes."""
+    rules = ScoringSettings()
+
+    class ByPosition(trackeval.datasets.MotChallenge2DBox):
+        def _calculate_similarities(self, gt_dets_t, tracker_dets_t):
+            centres = [(boxes[:, :2] + 0.5 * boxes[:, 2:4]) / 100.0 for boxes in (gt_dets_t, tracker_dets_t)]
+            off = np.abs(centres[0][:, None] - centres[1][None])
+            return np.clip(1.0 - (off / (2.0 * np.array([rules.gate_lon_m, rules.gate_lat_m]))).max(axis=-1), 0.0, 1.0)
+
+    return ByPosition
+
+
+def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
+    pytest.importorskip("osi3", reason="the extra osi is not installed")
+    from osi3.osi_groundtruth_pb2 import GroundTruth  # noqa: PLC0415
+    from osi3.osi_sensordata_pb2 import SensorData  # noqa: PLC0415
+
+    truth_file, detections_file, tracks_file, _ = export_run(bent, "osi")
+    run = read_recorded_run(bent)
+    truths, detections, tracks = (
+        messages(*pair)
+        for pair in ((truth_file, GroundTruth), (detections_file, SensorData), (tracks_file, SensorData))
+    )
+    assert len(truths) == len(detections) == len(tracks) == STEPS
+    step = GIVEN_UP - 1
+    assert [len(found[step].moving_object) for found in (truths, detections, tracks)] == [4, 1, 2]
+    assert truths[step].timestamp.seconds + 1e-9 * truths[step].timestamp.nanos == pytest.approx(0.1 * step)
+    host = next(v for v in truths[step].moving_object if v.id.value == truths[step].host_vehicle_id.value)
+    held = next(found for found in tracks[step].moving_object if found.header.tracking_id.value == 2)
+    # From the ego's frame back to the plane and to the road, the track is where the table has it.
+    yaw, offset = host.base.orientation.yaw, held.base.position
+    x = host.base.position.x + offset.x * np.cos(yaw) - offset.y * np.sin(yaw)
+    y = host.base.position.y + offset.x * np.sin(yaw) + offset.y * np.cos(yaw)
+    lon, lat = run.road.to_road(np.array([x]), np.array([y]))
+    row = run.tracks[(run.tracks["step"] == step) & (run.tracks["track_id"] == 2)].iloc[0]
+    assert (lon[0], lat[0]) == pytest.approx((row["lon_m"], row["lat_m"]), abs=1e-6)
+    assert held.header.MeasurementState.Name(held.header.measurement_state) == "MEASUREMENT_STATE_PREDICTED"
+    (seen,) = detections[step].moving_object
+    near = {v.id.value: v for v in truths[step].moving_object}[seen.header.ground_truth_id[0].value]
+    assert np.hypot(near.base.position.x - host.base.position.x, near.base.position.y - host.base.position.y) < 16.0
+
+
+def messages(path, kind):
+    content, found = path.read_bytes(), []
+    while content:
+        (length,) = struct.unpack("<I", content[:4])
+        found.append(kind.FromString(content[4 : 4 + length]))
+        content = content[4 + length :]
+    return found
+
+
+def test_the_rerun_recording_is_one(folder):
+    pytest.importorskip("rerun", reason="the extra viewer is not installed")
+    (file,) = export_run(folder, "rerun")
+    assert file.read_bytes()[:3] == b"RRF"
+    assert file.stat().st_size > 2_000
+
+
+@pytest.mark.slow
+def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra video is not installed")
+    from harness.export.video import HEIGHT, WIDTH, write_video  # noqa: PLC0415
+
+    film = write_video(folder, tmp_path / "run.mp4")
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
+    assert count == STEPS
+    assert seconds == pytest.approx(STEPS * 0.1, abs=0.1)
+    assert next(imageio_ffmpeg.read_frames(str(film)))["size"] == (WIDTH, HEIGHT)
+    with pytest.raises(UserError, match="--force"):
+        write_video(folder, film)
+
+
+def test_an_export_is_replaced_as_a_whole_and_a_given_folder_only_by_force(folder, tmp_path):
+    export_run(folder, "csv")
+    (folder / "export" / "csv" / "stale.csv").touch()
+    export_run(folder, "csv")
+    assert not (folder / "export" / "csv" / "stale.csv").exists()
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "keep").touch()
+    with pytest.raises(UserError, match="--force"):
+        export_run(folder, "csv", out)
+    assert (out / "keep").exists()
+    export_run(folder, "csv", out, force=True)
+    assert not (out / "keep").exists()
+
+
+def test_the_command_lists_the_files_and_refuses_what_it_does_not_know(folder, tmp_path, capsys):
+    assert run_command_line(["export", str(folder), "--to", "mot", "--json"]) == 0
+    files = json.loads(capsys.readouterr().out)["files"]
+    assert any(file.endswith("gt.txt") for file in files)
+    for wrong in (["--to", "kitti"], [], ["--video", str(tmp_path / "run.avi")]):
+        assert run_command_line(["export", str(folder), *wrong]) == EXIT_USER_ERROR
+        assert capsys.readouterr().err.count("\n") == 1
+    assert run_command_line(["export", str(tmp_path), "--to", "csv"]) == EXIT_USER_ERROR

@@ -1,0 +1,122 @@
+"""A run folder made by hand, with one occlusion whose outcome is known.
+
+Three cars drive at 20 m/s on a straight five-lane road for 6 s: the ego; *near*, always in view and followed by track 1
+within 0.1 m; and *far*, detected up to 2 s, hidden from then on and seen again from 4 s. Track 2 holds *far*, is 3 m
+ahead of it from 2 s on, and is given up at 3 s; track 3 follows *far* from 4.3 s on. A fourth car, *distant*, is out of
+range all the time.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from harness import runfolder
+from harness.config import RunConfig
+from harness.configfile import resolve_config, write_config
+from harness.cosim import StageTimes
+from harness.manifest import write_manifest
+from harness.metrics import as_json, assemble_metrics
+from harness.recorder import write_table
+from harness.roadfile import write_road
+from harness.scoring import score_run
+from mmpf.road import Road, highway
+
+STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0
+LAST_SEEN, SEEN_AGAIN, GIVEN_UP, NEW_TRACK = 20, 40, 30, 43
+WHEN = ("step", "time_s", "episode")
+
+
+def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, road: Road | None = None) -> Path:
+    """Write the folder; vehicles can be given other names."""
+    folder.mkdir(parents=True)
+    road = road or highway()
+    config: RunConfig = resolve_config(options={"seed": 7, "duration": STEPS * STEP_S, "model": "cvm"})
+    truth, detections, tracks = truth_table(names or {}), detection_table(names or {}), track_table()
+    scored = score_run(truth, detections, tracks, config.seed)
+    times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
+    metrics = assemble_metrics(config, scored.metrics, times, STEP_S, 1.0, truth, road)
+    write_config(config, folder / runfolder.CONFIG)
+    write_road(road, folder / runfolder.ROAD)
+    for name, table in (
+        (runfolder.TRUTH, truth), (runfolder.DETECTIONS, detections), (runfolder.TRACKS, tracks),
+        (runfolder.ERRORS, scored.errors), (runfolder.EVENTS, scored.events),
+    ):  # fmt: skip
+        write_table(table, folder / name)
+    (folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
+    (folder / runfolder.FIGURES).mkdir()
+    write_manifest(
+        folder / runfolder.MANIFEST, status=runfolder.COMPLETE, command="harness run", seed=7, inputs={},
+        wall_times_s={"loop": 1.0}, steps=STEPS,
+    )  # fmt: skip
+    return folder
+
+
+def truth_table(names: dict[str, str]) -> pd.DataFrame:
+    return table_of(
+        [truth_row(step, name, names) for step in range(STEPS) for name in ("ego", "near", "far", "distant")]
+    )
+
+
+def truth_row(step: int, name: str, names: dict[str, str]) -> dict[str, object]:
+    hidden = name == "far" and LAST_SEEN < step < SEEN_AGAIN
+    state = {"distant": "out"}.get(name, "hidden" if hidden else "visible")
+    ahead = {"ego": 0.0, "near": 15.0, "far": 40.0, "distant": 250.0}[name]
+    return {
+        **when(step), "vehicle_id": names.get(name, name), "lon_m": 100.0 + ahead + SPEED_MPS * step * STEP_S,
+        "lat_m": 5.0, "heading_rad": 0.02 if name == "far" else 0.0, "speed_mps": SPEED_MPS, "lat_speed_mps": 0.0,
+        "accel_mps2": 0.0, "lane": 4, "length_m": 4.5, "width_m": 1.8, "is_ego": name == "ego",
+        "in_range": name != "distant", "visible_fraction": float(state == "visible"), "state": state, "occluder_id": "",
+    }  # fmt: skip
+
+
+def detection_table(names: dict[str, str]) -> pd.DataFrame:
+    rows = []
+    for step in range(STEPS):
+        for name in ("near", "far"):
+            truth = truth_row(step, name, names)
+            if truth["state"] == "visible":
+                rows.append(
+                    {
+                        **when(step), "detection": len(rows), "lon_m": truth["lon_m"], "lat_m": truth["lat_m"],
+                        "speed_mps": np.nan, "std_lon_m": 0.3, "std_lat_m": 0.2, "std_speed_mps": np.nan,
+                        "visible_fraction": 1.0, "truth_id": truth["vehicle_id"],
+                    }
+                )  # fmt: skip
+    return table_of(rows)
+
+
+def track_table() -> pd.DataFrame:
+    rows = []
+    for step in range(STEPS):
+        rows.append(track_row(step, 1, "near", 0.1, "confirmed"))
+        if step < GIVEN_UP:
+            unseen = step > LAST_SEEN
+            rows.append(track_row(step, 2, "far", 3.0 if unseen else 0.1, "hidden" if unseen else "confirmed"))
+        if step >= NEW_TRACK:
+            rows.append(track_row(step, 3, "far", 0.1, "confirmed"))
+    return table_of(rows)
+
+
+def track_row(step: int, number: int, follows: str, ahead_m: float, state: str) -> dict[str, object]:
+    truth = truth_row(step, follows, {})
+    return {
+        **when(step), "track_id": number, "lon_m": truth["lon_m"] + ahead_m, "lat_m": truth["lat_m"],
+        "speed_mps": SPEED_MPS, "lat_speed_mps": 0.0, "accel_mps2": 0.0, "std_lon_m": 0.5, "std_lat_m": 0.25,
+        "std_speed_mps": 1.0, "existence": 0.99, "state": state,
+    }  # fmt: skip
+
+
+def when(step: int) -> dict[str, object]:
+    return {"step": step, "time_s": round(step * STEP_S, 1), "episode": 0}
+
+
+def table_of(rows: list[dict[str, object]]) -> pd.DataFrame:
+    return pd.DataFrame(rows)
+
+
+def metrics_of(folder: Path) -> dict:
+    return json.loads((folder / runfolder.METRICS).read_text(encoding="utf-8"))

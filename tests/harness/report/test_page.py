@@ -1,0 +1,109 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+
+from harness.cli import EXIT_USER_ERROR, run_command_line
+from harness.errors import UserError
+from harness.report.folderpage import write_page
+from harness.report.page import write_run_page
+from tests.harness.recorded_scene import write_recorded_scene
+
+ONE_PIXEL = (
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\6\0\0\0\x1f\x15\xc4\x89\0\0\0\nIDATx\x9cc\0\1\0\0\5\0\1\r\n-\xb4"
+    b"\0\0\0\0IEND\xaeB`\x82"
+)
+
+
+class Reader(HTMLParser):
+    """Collects elements' addresses and, of script elements, the text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.scripts: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_data(self, data):
+        if self.tags and self.tags[-1] == "script":
+            self.scripts[-1] += data
+
+
+def read_page(path):
+    reader = Reader()
+    reader.feed(path.read_text(encoding="utf-8"))
+    return reader
+
+
+def test_a_runs_page_needs_nothing_but_itself(tmp_path):
+    page = write_run_page(write_recorded_scene(tmp_path / "run"))
+    addresses = read_page(page).addresses
+    assert len(addresses) > 3
+    assert [address for address in addresses if not address.startswith(("#", "data:"))] == []
+    assert not re.search(r"url\(|@import|fetch\(|XMLHttpRequest", page.read_text(encoding="utf-8"))
+    assert (tmp_path / "run" / "figures" / "gallery-1.png").is_file()
+
+
+def test_a_vehicles_name_cannot_break_the_page(tmp_path):
+    name = "</script><img src=x onerror=alert(1)>"
+    page = write_run_page(write_recorded_scene(tmp_path / "run", {"far": name}))
+    reader = read_page(page)
+    assert name in json.loads(reader.scripts[0])["vehicles"]["names"]
+    assert "x" not in reader.addresses
+    assert len(reader.scripts) == 2
+
+
+def test_a_run_that_did_not_end_has_no_page(tmp_path):
+    folder = write_recorded_scene(tmp_path / "run")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps(manifest | {"status": "failed"}))
+    with pytest.raises(UserError, match="did not end"):
+        write_page(folder)
+
+
+@pytest.mark.parametrize("name", ["metrics.json", "tracks.parquet", "events.parquet", "road.json", "config.toml"])
+def test_a_damaged_run_is_told_by_the_file(tmp_path, name):
+    folder = write_recorded_scene(tmp_path / "run")
+    (folder / name).write_bytes((folder / name).read_bytes()[:15])
+    with pytest.raises(UserError, match=name):
+        write_page(folder)
+
+
+def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
+    folder = tmp_path / "grid"
+    (folder / "figures").mkdir(parents=True)
+    (folder / "table.md").write_text(
+        "# Densities\n\n| density | hota |\n|---|---|\n| 20 | 91.5 |\n\n<script>x</script>\n"
+    )
+    (folder / "figures" / "hota.png").write_bytes(ONE_PIXEL)
+    pd.DataFrame({"seed": [0, 1], "mot.hota": [91.5, 90.25], "error": [None, None]}).to_parquet(folder / "runs.parquet")
+    page = write_page(folder)
+    text, reader = page.read_text(encoding="utf-8"), read_page(page)
+    assert "<td>91.5</td>" in text
+    assert "90.25" in text
+    assert "mot.hota" in text
+    assert "script" not in reader.tags
+    assert [address for address in reader.addresses if address.startswith("data:image/png")]
+    assert [address for address in reader.addresses if not address.startswith("data:")] == []
+
+
+def test_the_command_names_the_page_and_its_size(tmp_path, capsys):
+    folder = write_recorded_scene(tmp_path / "run")
+    assert run_command_line(["report", str(folder), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["page"] == str(folder / "report.html")
+    assert 0.0 < answer["size_mb"] < 2.0
+
+
+def test_a_folder_that_is_none_is_the_users_error(tmp_path, capsys):
+    assert run_command_line(["report", str(tmp_path / "nowhere")]) == EXIT_USER_ERROR
+    assert run_command_line(["report", str(tmp_path)]) == EXIT_USER_ERROR
+    assert capsys.readouterr().err.count("\n") == 2

@@ -1,0 +1,71 @@
+import base64
+
+import numpy as np
+import pytest
+
+from harness.recorded import read_recorded_run
+from harness.report import replay_data as module
+from harness.report.replay_data import NO_ERROR_CM, pack, replay_data
+from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, write_recorded_scene
+
+
+@pytest.fixture
+def run(tmp_path):
+    return read_recorded_run(write_recorded_scene(tmp_path / "run"))
+
+
+def unpacked(column):
+    return np.frombuffer(base64.b64decode(column["data"]), dtype=f"<{column['type']}")
+
+
+def course(data, name):
+    """Return the rows of a vehicle, one a step."""
+    rows = unpacked(data["truth"]["vehicle"]) == data["vehicles"]["names"].index(name)
+    return {key: unpacked(column)[rows] for key, column in data["truth"].items() if key != "first"}
+
+
+def test_every_shown_row_is_found_by_its_step(run):
+    data = replay_data(run)
+    assert data["time_s"] == pytest.approx(run.truth["time_s"].unique())
+    first = unpacked(data["truth"]["first"])
+    assert first.tolist() == list(range(0, 3 * STEPS + 1, 3))
+    assert unpacked(data["tracks"]["first"])[-1] == len(run.tracks)
+    lon = run.tracks["lon_m"].to_numpy()
+    assert unpacked(data["tracks"]["lon"]) == pytest.approx(lon, abs=1e-4)
+
+
+def test_vehicles_far_beyond_the_sensor_are_left_out(run):
+    assert set(replay_data(run)["vehicles"]["names"]) == {"ego", "near", "far"}
+
+
+def test_each_vehicle_bears_its_error_track_and_fate(run):
+    data = replay_data(run)
+    far = course(data, "far")
+    assert far["error"][LAST_SEEN] == 10
+    assert far["error"][LAST_SEEN + 1] == 300
+    assert far["track"][LAST_SEEN + 1] == 2
+    assert far["error"][GIVEN_UP] == NO_ERROR_CM
+    assert data["outcomes"][far["outcome"][GIVEN_UP]] == "lost"
+    assert far["visible"][LAST_SEEN] == 100
+    assert far["visible"][LAST_SEEN + 1] == 0
+    assert (course(data, "ego")["outcome"] == 0).all()
+
+
+def test_a_run_too_long_for_a_page_is_shown_in_fewer_steps(run, monkeypatch):
+    whole = replay_data(run)
+    monkeypatch.setattr(module, "MOST_BYTES", 4_000)
+    data = replay_data(run)
+    stride = round(len(whole["time_s"]) / len(data["time_s"]))
+    assert stride > 1
+    assert data["time_s"] == whole["time_s"][::stride]
+    assert course(data, "near")["lon"].tolist() == course(whole, "near")["lon"][::stride].tolist()
+    ((vehicle, begin, end, outcome),) = data["events"]
+    assert (data["vehicles"]["names"][vehicle], outcome) == ("far", "lost")
+    assert data["time_s"][begin] == pytest.approx(2.0, abs=0.1 * stride)
+    assert data["time_s"][end] == pytest.approx(4.0, abs=0.1 * stride)
+
+
+def test_packed_numbers_come_back_as_they_were():
+    values = np.array([-1.5, 0.0, 1e4], dtype=np.float32)
+    assert unpacked(pack(values, "f4")).tolist() == values.tolist()
+    assert unpacked(pack([0, 7, 65_535], "u2")).tolist() == [0, 7, 65_535]

@@ -1,0 +1,184 @@
+"""The page in a real browser, without a screen and without a network."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from harness.report.page import write_run_page
+from tests.harness.recorded_scene import GIVEN_UP, STEPS, write_recorded_scene
+
+selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
+from selenium import webdriver  # noqa: E402
+from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no chromium with chromedriver on this machine"),
+]
+PHONE, DESK = (390, 844), (1280, 900)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[webdriver.Chrome]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(CHROMIUM)
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(executable_path=str(DRIVER)))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory) -> str:
+    return write_run_page(write_recorded_scene(tmp_path_factory.mktemp("runs") / "run")).as_uri()
+
+
+@pytest.fixture
+def page(browser, address) -> webdriver.Chrome:
+    browser.set_window_size(*DESK)
+    browser.get(address)
+    return browser
+
+
+def asked(page, question: str):
+    return page.execute_script(f"return replay.{question}()")
+
+
+def click_vehicle(page, name: str) -> None:
+    road = page.find_element(By.ID, "road")
+    page.execute_script("arguments[0].scrollIntoView({block: 'center'})", road)
+    x, y = asked(page, "positions")[name]
+    ActionChains(page).move_to_element_with_offset(
+        road, round(x - road.size["width"] / 2), round(y - road.size["height"] / 2)
+    ).click().perform()
+
+
+def seek(page, step: int) -> None:
+    page.execute_script(
+        f"const s = document.getElementById('scrub'); s.value = {step}; s.dispatchEvent(new Event('input'))"
+    )
+
+
+def console(page) -> list[str]:
+    return [entry["message"] for entry in page.get_log("browser")]
+
+
+def test_the_page_loads_without_a_complaint_and_fetches_nothing(page):
+    assert console(page) == []
+    fetched = (
+        "performance.getEntriesByType('resource').map(entry => entry.name).filter(name => !name.startsWith('data:'))"
+    )
+    assert page.execute_script(f"return {fetched}") == []
+    painted = page.execute_script(
+        "const c = document.getElementById('road');"
+        "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
+        "const seen = new Set(); for (let k = 0; k < d.length; k += 4) seen.add(d[k] << 16 | d[k+1] << 8 | d[k+2]);"
+        "return [0x009E73, 0xd3d3d3, 0x882255].map(colour => seen.has(colour))"
+    )
+    assert painted == [True, True, True], "a visible vehicle, a shadow and a track are on the road"
+
+
+def test_play_advances_and_pause_stops(page):
+    play = page.find_element(By.ID, "play")
+    Select(page.find_element(By.ID, "speed")).select_by_value("4")
+    play.click()
+    WebDriverWait(page, 10).until(lambda page: asked(page, "step") > 2)
+    play.click()
+    assert asked(page, "playing") is False
+    stopped = asked(page, "step")
+    time.sleep(0.3)
+    assert asked(page, "step") == stopped
+
+
+def test_the_replay_stops_at_its_end_and_starts_over(page):
+    seek(page, STEPS - 2)
+    play = page.find_element(By.ID, "play")
+    play.click()
+    WebDriverWait(page, 10).until(lambda page: not asked(page, "playing"))
+    assert asked(page, "step") == STEPS - 1
+    play.click()
+    assert asked(page, "playing") is True
+    assert asked(page, "step") < STEPS - 1
+
+
+def test_clicking_a_vehicle_tells_its_name_its_fate_and_its_course(page):
+    seek(page, GIVEN_UP - 1)
+    click_vehicle(page, "far")
+    assert asked(page, "followed") == "far"
+    words = page.find_element(By.ID, "followed-line")
+    assert words.text == "far: 20.0 m/s, hidden, followed by track 2, 3.0 m off."
+    assert page.find_element(By.ID, "chart").is_displayed()
+    seek(page, GIVEN_UP)
+    assert words.text == "far: 20.0 m/s, hidden, its track was given up."
+
+
+def test_everything_works_from_the_keyboard(page):
+    road = page.find_element(By.ID, "road")
+    road.send_keys(Keys.ARROW_RIGHT)
+    assert asked(page, "step") == 1
+    road.send_keys(Keys.SHIFT + Keys.ARROW_RIGHT)
+    assert asked(page, "step") == 11
+    road.send_keys(Keys.ARROW_LEFT)
+    assert asked(page, "step") == 10
+    road.send_keys(Keys.SPACE)
+    assert asked(page, "playing") is True
+    road.send_keys(Keys.SPACE)
+    assert asked(page, "playing") is False
+    Select(page.find_element(By.ID, "follow")).select_by_visible_text("near")
+    assert asked(page, "followed") == "near"
+    road.send_keys(Keys.ESCAPE)
+    assert asked(page, "followed") is None
+    assert console(page) == []
+
+
+def test_a_failure_of_the_gallery_is_watched_in_the_replay(page):
+    page.find_element(By.CSS_SELECTOR, "button[data-vehicle]").click()
+    assert asked(page, "followed") == "far"
+    assert asked(page, "playing") is True
+    assert 20 <= asked(page, "step") < 40
+
+
+def test_a_layer_can_be_hidden(page):
+    def shot() -> str:
+        return page.execute_script("return document.getElementById('road').toDataURL()")
+
+    before = shot()
+    box = page.find_element(By.CSS_SELECTOR, "input[data-layer=shadows]")
+    box.click()
+    assert shot() != before
+    box.click()
+    assert shot() == before
+
+
+def test_every_control_has_a_name(page):
+    unnamed = page.execute_script(
+        "const named = e => (e.getAttribute('aria-label') || e.textContent.trim() || (e.labels && e.labels.length));"
+        "return [...document.querySelectorAll('button, select, input, canvas')].filter(e => !named(e))"
+        ".map(e => e.outerHTML)"
+    )
+    assert unnamed == []
+
+
+def test_the_page_fits_a_phone(browser, address):
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": PHONE[0], "height": PHONE[1], "deviceScaleFactor": 2, "mobile": True},
+    )
+    try:
+        browser.get(address)
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+        click_vehicle(browser, "near")
+        assert asked(browser, "followed") == "near"
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

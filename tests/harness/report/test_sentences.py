@@ -1,0 +1,54 @@
+import copy
+
+import pytest
+
+from harness.metrics import EMPTY_SCORES
+from harness.report.sentences import headlines, summary_sentences, wilson_interval
+from tests.harness.recorded_scene import metrics_of, write_recorded_scene
+
+
+@pytest.fixture
+def metrics(tmp_path):
+    return metrics_of(write_recorded_scene(tmp_path / "run"))
+
+
+def test_the_interval_of_a_share_is_wilsons():
+    # Solve (p - share)^2 = z^2 p (1 - p) / n for p: both ends must satisfy it.
+    for successes, trials in ((8, 10), (0, 5), (5, 5), (28, 35)):
+        for end in wilson_interval(successes, trials):
+            assert (end - successes / trials) ** 2 == pytest.approx(1.959964**2 * end * (1 - end) / trials, abs=1e-9)
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+
+
+def test_the_summary_counts_what_became_of_the_hidden_vehicles(metrics):
+    text = " ".join(summary_sentences(metrics))
+    assert (
+        "came back once: none on the same track, 1 had lost it, none found it on another vehicle and none on nothing"
+        in text
+    )
+
+
+def test_a_tracker_that_is_too_sure_is_told_from_an_honest_one_and_a_timid_one(metrics):
+    for share, words in ((80.0, "surer than it should be"), (95.0, "about right"), (99.9, "knows more than it says")):
+        metrics["calibration"]["coverage95"]["lon"] = share
+        assert words in " ".join(summary_sentences(metrics))
+
+
+def test_slower_than_real_time_is_told_as_such(metrics):
+    metrics["timing"]["realtime_factor"] = 0.5
+    assert "2.0 times slower than real time" in summary_sentences(metrics)[-1]
+
+
+def test_headlines_bear_the_metrics_numbers_and_intervals(metrics):
+    metrics["mae"]["hidden"] |= {"position_m": 3.219, "position_m_ci95": [2.402, 4.056]}
+    by_label = {headline.label: headline for headline in headlines(metrics)}
+    assert by_label["Error, hidden"].value == "3.22 m"
+    assert by_label["Error, hidden"].interval == "2.40 to 4.06 m"
+    assert by_label["Same track after hiding"].value == "0 of 1"
+
+
+def test_what_was_not_scored_is_left_out(metrics):
+    empty = copy.deepcopy(dict(EMPTY_SCORES)) | {key: metrics[key] for key in ("run", "timing", "traffic")}
+    empty["occlusion"]["events"] = 0
+    words = [*summary_sentences(empty), *(f"{headline.value} {headline.interval}" for headline in headlines(empty))]
+    assert not any("None" in text or "nan" in text for text in words)
