@@ -5,6 +5,8 @@ Sizes come from the file where it states them, else from the network's vehicle t
 
 from __future__ import annotations
 
+from array import array
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import ParseError, iterparse
 
@@ -14,7 +16,7 @@ import numpy.typing as npt
 from harness.errors import UserError
 from harness.truth.network import Network, load_network
 from harness.truth.reading import OFF_ROAD_WITHIN_M
-from harness.truth.recorded.rows import ReadTraffic, Rows, name_codes, unknown
+from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.road import FloatArray, IntArray, Road
 
 # SUMO's own sizes of its vehicle classes, metres.
@@ -22,7 +24,36 @@ DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.
 CHUNK_ROWS = 100_000
 ON_FOOT = "person"
 
-_Row = tuple[str, str, float, float, float, float, float, float, float]
+NUMBERS = ("x", "y", "angle", "speed")
+SIZES = ("length", "width")
+
+
+@dataclass
+class _Collected:
+    """Rows as they come, packed: a recording may have millions.
+
+    Attributes:
+        names: Number of each vehicle, by name, in the order of their appearance.
+        kinds: Number of each type, by name.
+        codes: Vehicle and type of each row, one after the other.
+        numbers: Time, x, y, angle, speed, length and width of each row.
+        people: Names of those on foot.
+    """
+
+    names: dict[str, int] = field(default_factory=dict)
+    kinds: dict[str, int] = field(default_factory=dict)
+    codes: array[int] = field(default_factory=lambda: array("q"))
+    numbers: array[float] = field(default_factory=lambda: array("d"))
+    people: set[str] = field(default_factory=set)
+
+    def add(self, time_s: float, given: dict[str, str]) -> None:
+        """Take in one vehicle at one time."""
+        name, kind = given["id"], given.get("type", "")
+        self.codes.append(self.names.setdefault(name, len(self.names)))
+        self.codes.append(self.kinds.setdefault(kind, len(self.kinds)))
+        self.numbers.append(time_s)
+        self.numbers.extend(float(given[column]) for column in NUMBERS)
+        self.numbers.extend(float(given.get(column, "nan")) for column in SIZES)
 
 
 def read_fcd(path: Path, net: str) -> ReadTraffic:
@@ -33,7 +64,7 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     """
     network = load_network(net)
     try:
-        rows, people = _collect(path)
+        collected = _collect(path)
     except ParseError as error:
         raise UserError(f"{path}: broken or truncated XML: {error}") from None
     except KeyError as error:
@@ -42,14 +73,13 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
         ) from None
     except ValueError as error:
         raise UserError(f"{path}: a value is no number: {error}") from None
-    if not rows:
+    if not collected.names:
         raise UserError(f"{path}: there is no vehicle in it; give a recording with vehicles")
-    return _traffic(rows, people, network)
+    return _traffic(collected, network)
 
 
-def _collect(path: Path) -> tuple[list[_Row], int]:
-    rows: list[_Row] = []
-    people: set[str] = set()
+def _collect(path: Path) -> _Collected:
+    collected = _Collected()
     time_s = -np.inf
     root = None
     for event, element in iterparse(path, events=("start", "end")):
@@ -60,39 +90,29 @@ def _collect(path: Path) -> tuple[list[_Row], int]:
             if time_s <= before:
                 raise UserError(f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order")
         elif event == "end" and element.tag == "vehicle":
-            given = element.attrib
-            rows.append(
-                (
-                    given["id"],
-                    given.get("type", ""),
-                    time_s,
-                    float(given["x"]),
-                    float(given["y"]),
-                    float(given["angle"]),
-                    float(given["speed"]),
-                    float(given.get("length", "nan")),
-                    float(given.get("width", "nan")),
-                )
-            )
+            collected.add(time_s, element.attrib)
         elif event == "end" and element.tag == ON_FOOT:
-            people.add(element.attrib.get("id", ""))
+            collected.people.add(element.attrib.get("id", ""))
         elif event == "end" and element.tag == "timestep":
             root.clear()
-    return rows, len(people)
+    return collected
 
 
-def _traffic(rows: list[_Row], people: int, network: Network) -> ReadTraffic:
-    names, kinds, *numbers = zip(*rows, strict=True)
-    time_s, x, y, angle_deg, speed, length_m, width_m = (np.array(column, dtype=np.float64) for column in numbers)
-    length_m, width_m = _sizes(np.array(kinds), length_m, width_m, _type_sizes(network))
-    vehicle_names, vehicle = name_codes(np.array(names))
-    heading_in_plane = np.radians(90.0 - angle_deg)
-    lon_m, lat_m, heading = _in_road_frame(network.road, x, y, heading_in_plane, length_m)
+def _traffic(collected: _Collected, network: Network) -> ReadTraffic:
+    vehicle, kind = np.frombuffer(collected.codes, dtype=np.int64).reshape(-1, 2).T
+    numbers = np.frombuffer(collected.numbers, dtype=np.float64).reshape(len(vehicle), -1)
+    time_s, x, y, angle_deg, speed, length_m, width_m = np.ascontiguousarray(numbers.T)
+    of_type = _type_sizes(network)
+    usual_m = np.array([_size_of(name, of_type) for name in collected.kinds])[kind]
+    length_m = np.where(np.isnan(length_m), usual_m[:, 0], length_m)
+    width_m = np.where(np.isnan(width_m), usual_m[:, 1], width_m)
+    vehicle_names, people = np.array(list(collected.names)), len(collected.people)
+    lon_m, lat_m, heading = _in_road_frame(network.road, x, y, np.radians(90.0 - angle_deg), length_m)
     near = _vehicles_beside_road(network.road, lat_m, vehicle, len(vehicle_names))
     kept = near[vehicle]
     left_out = {"never within 15 m of the main road": int(np.sum(~near)), "on foot": people}
     all_rows = Rows(
-        vehicle=vehicle,
+        vehicle=np.ascontiguousarray(vehicle),
         time_s=time_s,
         lon_m=lon_m,
         lat_m=lat_m,
@@ -123,17 +143,6 @@ def _vehicles_beside_road(road: Road, lat_m: FloatArray, vehicle: IntArray, vehi
     _, right, left, _, _ = road.lane_table.T
     beside = (lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M)
     return np.asarray(np.bincount(vehicle[beside], minlength=vehicles) > 0)
-
-
-def _sizes(
-    kinds: npt.NDArray[np.str_], length_m: FloatArray, width_m: FloatArray, of_type: dict[str, tuple[float, float]]
-) -> tuple[FloatArray, FloatArray]:
-    distinct, code = np.unique(kinds, return_inverse=True)
-    sizes = np.array([_size_of(str(kind), of_type) for kind in distinct])
-    return (
-        np.where(np.isnan(length_m), sizes[code, 0], length_m),
-        np.where(np.isnan(width_m), sizes[code, 1], width_m),
-    )
 
 
 def _size_of(kind: str, of_type: dict[str, tuple[float, float]]) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 
 FOOT_M = 0.3048
 US101_LEFT_M = 18.3
+TEXT_COLUMN_COUNT = 18
 NGSIM_HEADER = (
     "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,Global_X,Global_Y,v_Length,v_Width,v_Class,v_Vel,"
     "v_Acc,Lane_ID,Preceding,Following,Space_Headway,Time_Headway,Location"

@@ -1,0 +1,81 @@
+"""Runs on recorded traffic: from the command line's options to a folder that can be replayed."""
+
+from __future__ import annotations
+
+import pytest
+
+from harness import runfolder
+from harness.errors import UserError
+from harness.replay_config import resolve_run_config
+from harness.run import run
+from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, write_ngsim_csv
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+
+
+@pytest.fixture(autouse=True)
+def no_figures(monkeypatch):
+    """Draw nothing: it takes longer than the runs."""
+    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    return write_ngsim_csv(tmp_path / "scene.csv")
+
+
+def configured(path, **options):
+    return resolve_run_config(options={"replay": str(path), "tracker": ECHO, **options})
+
+
+def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(recording, tmp_path):
+    config = configured(recording, ego="each", duration=2.0)
+    first = run(config, out=tmp_path / "first").folder
+    again = run(resolve_run_config(first / runfolder.CONFIG), out=tmp_path / "again").folder
+    assert config.traffic.net == "us101"
+    for table in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS):
+        assert (first / table).read_bytes() == (again / table).read_bytes()
+
+
+@pytest.mark.parametrize("write", [write_commonroad, write_highd])
+def test_a_recording_with_its_own_road_runs_again_from_its_configuration(write, tmp_path):
+    first = run(configured(write(tmp_path / "scene"), duration=1.0), out=tmp_path / "first").folder
+    config = resolve_run_config(first / runfolder.CONFIG)
+    assert config.traffic.net == "recording"
+    again = run(config, out=tmp_path / "again").folder
+    assert (first / runfolder.TRUTH).read_bytes() == (again / runfolder.TRUTH).read_bytes()
+
+
+def test_a_run_on_recorded_traffic_can_itself_be_replayed_with_the_same_scores(recording, tmp_path):
+    first = run(configured(recording, ego="each"), out=tmp_path / "first")
+    recording.unlink()
+    again = run(configured(first.folder), out=tmp_path / "again")
+    assert (first.folder / runfolder.TRUTH).read_bytes() == (again.folder / runfolder.TRUTH).read_bytes()
+    for scores in ("mae", "mot", "mot_all", "gospa"):
+        assert first.metrics[scores] == again.metrics[scores]
+
+
+def test_the_metrics_say_what_became_of_every_vehicle(recording, tmp_path):
+    metrics = run(configured(recording, duration=0.5), out=tmp_path / "run").metrics
+    told = metrics["recording"]
+    assert told["vehicles_read"] == told["vehicles_kept"] + sum(told["vehicles_left_out"].values()) == 4
+    assert told["format"] == "ngsim"
+
+
+def test_the_counts_are_printed_unless_the_run_is_to_be_quiet(recording, tmp_path, capsys):
+    run(configured(recording), out=tmp_path / "loud", quiet=False)
+    assert "4 vehicles read, 4 kept; left out: none" in capsys.readouterr().err
+    run(configured(recording), out=tmp_path / "quiet", quiet=True)
+    assert not capsys.readouterr().err
+
+
+def test_a_replay_of_a_run_refuses_another_ego(recording, tmp_path):
+    first = run(configured(recording), out=tmp_path / "first").folder
+    with pytest.raises(UserError, match="--ego"):
+        configured(first, ego="each")
+
+
+def test_the_folders_name_tells_the_recording_and_the_ego(recording):
+    assert configured(recording, ego="7").default_folder_name() == (
+        "scene-tests.harness.stand_ins-echo_tracker-ego-7-s0"
+    )

@@ -1,0 +1,76 @@
+"""A whole morning of NGSIM, duplicates and all, is read in a minute and little memory."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pytest
+
+from tests.harness.truth.recorded.layouts import EPOCH_MS, NGSIM_HEADER, TEXT_COLUMN_COUNT
+
+ROWS, DUPLICATES, VEHICLES = 4_800_000, 704_000, 6_100
+LIMIT_S, LIMIT_GB = 60.0, 4.0
+
+READ = """
+import json, resource, sys, time
+from pathlib import Path
+from harness.truth.recorded.source import open_recorded_traffic
+begin = time.perf_counter()
+truth = open_recorded_traffic(Path(sys.argv[1]), sys.argv[2], "us101", "auto", 2700.0)
+first = next(iter(truth.frames()))
+print(json.dumps({
+    "s": time.perf_counter() - begin, "gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+    "rows": truth.traffic.counts.rows_kept, "duplicates": truth.traffic.counts.duplicates,
+    "vehicles": truth.traffic.counts.vehicles_kept, "first": len(first),
+}))
+"""
+
+
+def morning(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return the public CSV's columns: vehicles that pass the section one after another, then copies of some rows."""
+    frames = np.full(VEHICLES, (ROWS - DUPLICATES) // VEHICLES)
+    frames[: (ROWS - DUPLICATES) % VEHICLES] += 1
+    vehicle = np.repeat(np.arange(VEHICLES), frames)
+    age = np.arange(len(vehicle)) - np.repeat(np.cumsum(frames) - frames, frames)
+    frame = age + np.sort(rng.integers(0, 26_000, VEHICLES))[vehicle]
+    speed_ftps = rng.uniform(28.0, 34.0, VEHICLES)[vehicle]
+    columns = {name: np.zeros(len(vehicle)) for name in NGSIM_HEADER.split(",")[:TEXT_COLUMN_COUNT]}
+    columns |= {
+        "Vehicle_ID": vehicle + 1,
+        "Frame_ID": frame,
+        "Total_Frames": frames[vehicle],
+        "Global_Time": EPOCH_MS + 100 * frame,
+        "Local_X": np.round(12.0 * rng.integers(0, 5, VEHICLES)[vehicle] + 6.0, 3),
+        "Local_Y": np.round(30.0 + 0.1 * speed_ftps * age, 3),
+        "v_Length": np.full(len(vehicle), 14.5),
+        "v_Width": np.full(len(vehicle), 6.2),
+        "v_Vel": np.round(speed_ftps, 2),
+    }
+    copies = rng.choice(len(vehicle), DUPLICATES, replace=False)
+    return {name: np.concatenate([values, values[copies]]) for name, values in columns.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layout", ["ngsim", "ngsim-text"])
+def test_forty_five_minutes_of_ngsim_are_read_within_a_minute_and_four_gigabytes(layout, tmp_path):
+    columns = morning(np.random.default_rng(6))
+    table = pa.table(columns)
+    path = tmp_path / "morning"
+    if layout == "ngsim":
+        pa.csv.write_csv(table.append_column("Location", pa.array(["us-101"] * ROWS)), path)
+    else:
+        pa.csv.write_csv(table, path, pa.csv.WriteOptions(include_header=False, delimiter=" "))
+    told = subprocess.run(
+        [sys.executable, "-c", READ, str(path), layout], capture_output=True, check=True, cwd=Path(__file__).parents[4]
+    )
+    found = json.loads(told.stdout)
+    assert found["rows"] == ROWS - DUPLICATES
+    assert found["duplicates"] == DUPLICATES
+    assert found["vehicles"] == VEHICLES
+    assert found["first"] >= 1
+    assert found["s"] < LIMIT_S, found
+    assert found["gb"] < LIMIT_GB, found
