@@ -51,7 +51,9 @@ def plan_egos(traffic: RecordedTraffic, ego: str) -> tuple[EgoStay, ...]:
         shortest = round(SHORTEST_EGO_S / STEP_S)
         chosen = tuple(stay for stay in stays if stay.steps >= shortest)
         if not chosen:
-            raise UserError(f"--ego {EACH}: no vehicle is on record for {SHORTEST_EGO_S:g} s; take --ego {AUTO}")
+            raise UserError(
+                f"--ego {EACH}: no vehicle is driven for {SHORTEST_EGO_S:g} s; take --ego {AUTO} or a longer --duration"
+            )
         return chosen
     if ego == AUTO:
         return _relay(traffic, stays)

@@ -29,7 +29,7 @@ def configured(path, **options):
 
 
 def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(recording, tmp_path):
-    config = configured(recording, ego="each", duration=2.0)
+    config = configured(recording, ego="each", duration=4.0)
     first = run(config, out=tmp_path / "first").folder
     again = run(resolve_run_config(first / runfolder.CONFIG), out=tmp_path / "again").folder
     assert config.traffic.net == "us101"
