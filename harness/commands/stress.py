@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from harness.stress.stress import RunCells
 
 GRID, RESULT = "The grid", "How it is run"
 
@@ -63,6 +68,12 @@ def command(
     workers: Annotated[
         int | None, typer.Option(help="Worker processes. (default: one per core)", min=1, rich_help_panel=RESULT)
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Run on this Dask cluster instead: tcp://host:8786.", rich_help_panel=RESULT
+        ),
+    ] = None,
     timeout_per_run: Annotated[
         float | None, typer.Option(help="Seconds after which a run is given up.", min=0.1, rich_help_panel=RESULT)
     ] = None,
@@ -84,8 +95,9 @@ def command(
       python -m harness stress --trackers mmpf,mmpf+update=max_likelihood,stonesoup-jpda
       python -m harness stress --densities 30 --vary sensor.range_m=40:160:20
       python -m harness stress --densities 20,40 --duration 20 --resume
+      python -m harness stress --scheduler tcp://host:8786
     """
-    from harness.errors import RunError  # noqa: PLC0415
+    from harness.errors import RunError, UserError  # noqa: PLC0415
     from harness.stress.grid import GridRequest  # noqa: PLC0415
     from harness.stress.stress import run_stress  # noqa: PLC0415
 
@@ -103,16 +115,18 @@ def command(
         settings=tuple(setting or ()),
         vary=tuple(vary or ()),
     )
-    finished = run_stress(
-        request,
-        out,
-        workers=workers or os.cpu_count() or 1,
-        timeout_s=timeout_per_run,
-        resume=resume,
-        quiet=quiet,
-        warn=lambda line: typer.echo(f"warning: {line}", err=True),
-        command=shlex.join(["harness", *sys.argv[1:]]),
-    )
+    if scheduler is not None and workers is not None:
+        raise UserError("--workers: the cluster has its own workers; leave it out with --scheduler tcp://host:8786")
+    with _execution(scheduler, workers or os.cpu_count() or 1, timeout_per_run) as execute:
+        finished = run_stress(
+            request,
+            out,
+            execute,
+            resume=resume,
+            quiet=quiet,
+            warn=lambda line: typer.echo(f"warning: {line}", err=True),
+            command=shlex.join(["harness", *sys.argv[1:]]),
+        )
     if not quiet:
         from harness.stress.tables import print_result  # noqa: PLC0415
 
@@ -126,3 +140,16 @@ def command(
             f"{len(finished.failures)} of {finished.summary['runs']} runs failed, the first: {finished.failures[0]}; "
             f"all rows are in {finished.folder}"
         )
+
+
+@contextmanager
+def _execution(scheduler: str | None, workers: int, timeout_s: float | None) -> Iterator[RunCells]:
+    """Yield what runs the cells: processes of this machine, or a cluster."""
+    from harness.stress.cluster import connect, run_cells_on_cluster  # noqa: PLC0415
+    from harness.stress.pool import run_cells  # noqa: PLC0415
+
+    if scheduler is None:
+        yield lambda cells, on_row: run_cells(cells, workers, timeout_s, on_row)
+        return
+    with connect(scheduler) as client:
+        yield lambda cells, on_row: run_cells_on_cluster(client, cells, timeout_s, on_row)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from harness.errors import UserError
 from harness.stress.grid import GridRequest
+from harness.stress.pool import run_cells
 from harness.stress.stress import FinishedGrid, run_stress
 
 SUITES = {
@@ -31,4 +32,11 @@ def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) 
     """
     if name not in SUITES:
         raise UserError(f"--suite {name}: no such suite; choose one of {', '.join(SUITES)}")
-    return run_stress(SUITES[name], out, workers=workers, resume=resume, quiet=quiet)
+    return run_stress(
+        SUITES[name],
+        out,
+        lambda cells, on_row: run_cells(cells, workers, None, on_row),
+        resume=resume,
+        quiet=quiet,
+        command=f"harness compare --suite {name}",
+    )

@@ -14,7 +14,7 @@ from harness.manifest import write_manifest
 from harness.metrics import without_nan
 from harness.progress import progress_bar
 from harness.stress.grid import Cell, Grid, GridRequest, distinct_trackers, plan_grid, with_example
-from harness.stress.pool import OnRow, run_cells
+from harness.stress.pool import OnRow
 from harness.stress.rows import TEMPORARY, Row, assemble, read_rows, write_row
 from harness.stress.summary import Break, Point, breaks, curve_points
 
@@ -48,27 +48,23 @@ class FinishedGrid:
 def run_stress(
     request: GridRequest,
     out: Path,
+    execute: RunCells,
     *,
-    workers: int,
-    timeout_s: float | None = None,
     resume: bool = False,
     quiet: bool = True,
     warn: Callable[[str], object] = str,
     command: str = "",
-    execute: RunCells | None = None,
 ) -> FinishedGrid:
     """Run a grid and write its folder.
 
     Args:
         request: The grid.
         out: The folder.
-        workers: Number of worker processes.
-        timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
+        execute: Runs the cells: in processes of this machine (``harness.stress.pool``) or on a cluster.
         resume: Whether runs that the folder already holds are kept.
         quiet: Whether to leave out the progress bar.
         warn: Called with a line that the user should read.
         command: What the user typed, for the manifest.
-        execute: Runs the cells elsewhere than in processes of this machine.
 
     Raises:
         UserError: The grid or the folder is wrong; no run was made.
@@ -86,7 +82,6 @@ def run_stress(
     if open_cells:
         _forget_outcome(out)
     (out / GRID).write_text(json.dumps(asdict(request), indent=2) + "\n", encoding="utf-8")
-    run_all = execute or (lambda cells, on_row: run_cells(cells, workers, timeout_s, on_row))
     total = len(grid.runs) - len(done)
     title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
     try:
@@ -98,7 +93,7 @@ def run_stress(
                 advance()
 
             # The longest first, so that no worker is left alone with it in the end.
-            run_all(sorted(open_cells, key=lambda cell: -(cell.config.traffic.density or 0.0)), keep)
+            execute(sorted(open_cells, key=lambda cell: -(cell.config.traffic.density or 0.0)), keep)
     except KeyboardInterrupt:
         raise RunInterruptedError(
             f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and --resume"

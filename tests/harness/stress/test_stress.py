@@ -71,7 +71,7 @@ class _NoFigure:
 
 
 def grid(out: Path, request: GridRequest = SMALL, execute=None, **options) -> FinishedGrid:
-    return run_stress(request, out, workers=1, execute=execute or InProcess(), **options)
+    return run_stress(request, out, execute or InProcess(), **options)
 
 
 def table_of(folder: Path) -> pd.DataFrame:
