@@ -113,8 +113,8 @@ class JointOptions(Settings):
 
     gate_std: Positive = 4.5
     missed_detection_cap: Probability = 0.6
-    missed_from_fraction: Probability = 0.3
-    missed_full_fraction: Probability = 0.9
+    missed_from_fraction: Probability = 0.2
+    missed_full_fraction: Probability = 0.8
     hidden_detection_probability: Probability = 0.02
     survival_probability: Probability = 0.999
     birth_density: Positive = 0.3
@@ -127,7 +127,7 @@ class JointOptions(Settings):
     unconfirmed_unseen_s: Positive = 1.0
     largest_std_lon_m: Positive = 20.0
     range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
-    young_hits: Annotated[int, Field(ge=0)] = 15
+    young_hits: Annotated[int, Field(ge=0)] = 30
     hidden_after_s: Positive = 0.25
     exclusion_strength: Annotated[float, Field(ge=0.0)] = 0.9
     merge_lon_m: Positive = 2.5
