@@ -45,15 +45,15 @@ def recluster(
     scale = np.array([[touch_lon_m], [touch_lat_m]])
     position = mixture.cloud.state[[LON, LAT]] / scale
     component = mixture.cloud.component.copy()
-    weight = np.exp(mixture.cloud.log_weight + mixture.cloud.log_component_weight)
+    log_weight = mixture.cloud.log_weight + mixture.cloud.log_component_weight
     reclustered = 0
     for group in range(groups):
         members = np.flatnonzero(group_of == group)
         if len(members) < 2:
             continue
         particles = np.flatnonzero(np.isin(mixture.cloud.component, members))
-        share = weight[particles] / weight[particles].sum()
-        voters = particles[np.searchsorted(np.cumsum(share), rng.uniform(size=sample)).clip(0, len(particles) - 1)]
+        share = np.cumsum(np.exp(log_weight[particles] - log_weight[particles].max()))
+        voters = particles[np.searchsorted(share, share[-1] * rng.uniform(size=sample)).clip(0, len(particles) - 1)]
         medoids = k_medoids(position[:, voters].T, (mean[[LON, LAT]] / scale)[:, members].T)
         component[particles] = members[cdist(position[:, particles].T, medoids).argmin(axis=1)]
         reclustered += len(members)
