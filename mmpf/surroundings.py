@@ -187,36 +187,66 @@ def _look_around(
     neighbour_length: FloatArray,
 ) -> None:
     """Fill in each particle's lane and neighbours; ``others`` has rows of position, speed and acceleration."""
+    targets = np.empty((3, len(lon)), dtype=np.int64)
     for n in range(len(lon)):
         lane = _lane_at(lanes, lon[n], lat[n])
-        left_lane = _lane_if_there(lanes, left[lane], lon[n])
-        right_lane = _lane_if_there(lanes, right[lane], lon[n])
+        targets[0, n] = lane
+        targets[1, n] = _lane_if_there(lanes, left[lane], lon[n])
+        targets[2, n] = _lane_if_there(lanes, right[lane], lon[n])
         lane_line[0, n], lane_line[1, n] = lanes[lane, 1], lanes[lane, 2]
-        has_lane[0, n], has_lane[1, n] = left_lane >= 0, right_lane >= 0
-        own = component[n]
-        for direction in range(DIRECTIONS):
-            target = lane
-            if direction in (LEFT_LEADER, LEFT_FOLLOWER):
-                target = left_lane
-            elif direction in (RIGHT_LEADER, RIGHT_FOLLOWER):
-                target = right_lane
-            ahead = direction in (LEADER, LEFT_LEADER, RIGHT_LEADER)
-            found = NOBODY
-            if target >= 0:
-                found = leader[own, target] if ahead else follower[own, target]
-            exists[direction, n] = found >= 0
-            if found >= 0:
-                distance = others[0, found] - lon[n]
-                clear = distance if ahead else -distance
-                gap[direction, n] = clear - 0.5 * (own_length + other_length[found])
-                neighbour_speed[direction, n] = others[1, found]
-                neighbour_accel[direction, n] = others[2, found]
-                neighbour_length[direction, n] = other_length[found]
-            else:
-                gap[direction, n] = np.inf
-                neighbour_speed[direction, n] = speed[n]
-                neighbour_accel[direction, n] = 0.0
-                neighbour_length[direction, n] = own_length
+        has_lane[0, n], has_lane[1, n] = targets[1, n] >= 0, targets[2, n] >= 0
+    for direction in range(DIRECTIONS):
+        is_follower = direction in (LEFT_FOLLOWER, RIGHT_FOLLOWER)
+        _measure_neighbours(
+            lon,
+            speed,
+            component,
+            targets[(direction + 1) // 2],
+            follower if is_follower else leader,
+            -1.0 if is_follower else 1.0,
+            others,
+            other_length,
+            own_length,
+            exists[direction],
+            gap[direction],
+            neighbour_speed[direction],
+            neighbour_accel[direction],
+            neighbour_length[direction],
+        )
+
+
+@numba.njit(cache=True)
+def _measure_neighbours(
+    lon: FloatArray,
+    speed: FloatArray,
+    component: IntArray,
+    target: IntArray,
+    nearest: IntArray,
+    sign: float,
+    others: FloatArray,
+    other_length: FloatArray,
+    own_length: float,
+    exists: npt.NDArray[np.bool_],
+    gap: FloatArray,
+    neighbour_speed: FloatArray,
+    neighbour_accel: FloatArray,
+    neighbour_length: FloatArray,
+) -> None:
+    """Fill in the neighbours in one direction: ``nearest`` has one per component and lane, ``sign`` is -1 behind."""
+    for n in range(len(lon)):
+        found = nearest[component[n], target[n]] if target[n] >= 0 else NOBODY
+        if found >= 0:
+            exists[n] = True
+            gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (own_length + other_length[found])
+            neighbour_speed[n] = others[1, found]
+            neighbour_accel[n] = others[2, found]
+            neighbour_length[n] = other_length[found]
+        else:
+            exists[n] = False
+            gap[n] = np.inf
+            neighbour_speed[n] = speed[n]
+            neighbour_accel[n] = 0.0
+            neighbour_length[n] = own_length
 
 
 @numba.njit(cache=True)
@@ -236,6 +266,9 @@ def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
         if distance < smallest:
             smallest = distance
             nearest = k
+            if distance < 0.0:
+                # Inside it: lanes do not overlap.
+                break
     return nearest
 
 

@@ -17,8 +17,10 @@ from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTr
 from mmpf.scan import Scan
 from mmpf.state import TENTATIVE, Tracks
 
-SETTLING_STEPS = 8
+SETTLING_STEPS = 20
+SOONEST_STEPS = 5
 FEWEST_STEPS = 3
+WARM_UP_STEPS = 8
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,10 @@ class Stepping:
         contender: Who.
         tracker: Its tracker.
         steps: Scans taken in so far.
-        spent_s: Wall time so far.
-        ms: Wall time of each step after settling.
-        cpu_ms: Processor time of the same steps.
-        stages_ms: Wall time of the tracker's stages in the same steps.
+        spent_s: Processor time so far.
+        ms: Wall time of each step.
+        cpu_ms: Processor time of each step.
+        stages_ms: Wall time of the tracker's stages in each step after the first.
         peak_mb: Highest resident memory of the process while this tracker stepped, what the others hold included.
         tracks: Confirmed tracks after the last scan.
     """
@@ -72,12 +74,12 @@ def time_in_turns(
 ) -> list[Stepping]:
     """Let every contender take in the scans in turns.
 
-    The first scans, while tracks settle, are not counted. A contender whose time is used up drops out.
+    A contender whose time is used up drops out.
 
     Args:
         contenders: Who competes.
         scene: What they get.
-        budget_s: Wall time that each of them has.
+        budget_s: Processor time that each of them has.
         advance: Called after each scan.
     """
     field_of_all = [Stepping(contender, _build(contender, scene)) for contender in contenders]
@@ -93,26 +95,34 @@ def warm_up(contenders: Sequence[Contender], scene: BenchScene) -> None:
     """Let throw-away trackers take a few scans, so that compiling and importing count in no measured step."""
     for contender in contenders:
         tracker = _build(contender, scene)
-        for scan in scene.scans[:SETTLING_STEPS]:
+        for scan in scene.scans[:WARM_UP_STEPS]:
             tracker.step(scan)
 
 
 def as_row(stepping: Stepping, vehicles: int) -> dict[str, object]:
-    """Return a contender's line of the table; times are None where its time was up before it had settled."""
-    measured = len(stepping.ms) >= FEWEST_STEPS
+    """Return a contender's line of the table.
+
+    The first 20 steps, while tracks settle, do not count. Of one whose time was up before, the last three count if
+    its tracks stood by then; else the times are None.
+    """
+    settled = min(SETTLING_STEPS, stepping.steps - FEWEST_STEPS)
+    measured = slice(settled, None) if settled >= SOONEST_STEPS else slice(0, 0)
+    ms, cpu_ms = stepping.ms[measured], stepping.cpu_ms[measured]
     contender = stepping.contender
     return {
         "tracker": contender.label,
         "model": contender.model,
         "vehicles": vehicles,
         "particles": contender.particles,
-        "ms_p50": _percentile(stepping.ms, 50) if measured else None,
-        "ms_p95": _percentile(stepping.ms, 95) if measured else None,
-        "cpu_ms_p50": _percentile(stepping.cpu_ms, 50) if measured else None,
+        "ms_p50": _percentile(ms, 50),
+        "ms_p95": _percentile(ms, 95),
+        "cpu_ms_p50": _percentile(cpu_ms, 50),
         "peak_mb": stepping.peak_mb,
-        "steps": len(stepping.ms),
+        "steps": len(ms),
         "tracks": stepping.tracks,
-        "stages_ms_p50": {stage: _percentile(took_ms, 50) for stage, took_ms in stepping.stages_ms.items()},
+        "stages_ms_p50": {
+            stage: _percentile(took_ms[-len(ms) :] if ms else [], 50) for stage, took_ms in stepping.stages_ms.items()
+        },
     }
 
 
@@ -130,11 +140,9 @@ def _step(stepping: Stepping, scan: Scan) -> None:
     tracks = stepping.tracker.step(scan)
     wall_s, cpu_s = perf_counter() - wall_s, process_time() - cpu_s
     stepping.steps += 1
-    stepping.spent_s += wall_s
+    stepping.spent_s += cpu_s
     stepping.peak_mb = max(stepping.peak_mb, _peak_memory_mb())
     stepping.tracks = _confirmed(tracks)
-    if stepping.steps <= SETTLING_STEPS:
-        return
     stepping.ms.append(1e3 * wall_s)
     stepping.cpu_ms.append(1e3 * cpu_s)
     if isinstance(stepping.tracker, DiagnosedTracker):
@@ -162,5 +170,5 @@ def _peak_memory_mb() -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def _percentile(values: Sequence[float], percent: float) -> float:
-    return float(np.percentile(values, percent))
+def _percentile(values: Sequence[float], percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if values else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -12,11 +12,16 @@ from rich.table import Table
 
 COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#882255", "#CC79A7", "#999999")
 REAL_TIME_MS = 100.0
+BUSY = 1.3
 
 
 def print_tables(result: dict[str, Any], console: Console) -> None:
     """Print the trackers' times, their slopes and the mixtures' times."""
-    console.print(_times(result["rows"]))
+    console.print(_times(result["rows"], "Time of a step, ms: median (95th percentile), - where time was up", _wall))
+    busy = _busyness(result["rows"])
+    if busy > BUSY:
+        console.print(f"The machine was busy: steps took {busy:.1f} times their processor time. That one:")
+        console.print(_times(result["rows"], "Processor time of a step, ms: median", _processor))
     console.print(_stages(result["rows"]))
     console.print(_slopes(result["slopes"]))
     console.print(_mixtures(result["gmm"]))
@@ -41,10 +46,12 @@ def plot(result: dict[str, Any]) -> Figure:
                   color="0.4", fontsize=8)  # fmt: skip
     height = 0.0
     for last_ms, vehicles_there, name, colour in sorted(ends):
+        if vehicles_there < counts[-1]:
+            axes.annotate(name, (vehicles_there, last_ms), xytext=(0, 6), textcoords="offset points", color=colour,
+                          ha="right")  # fmt: skip
+            continue
         height = max(last_ms, 1.35 * height)
-        axes.annotate(
-            name, (vehicles_there, last_ms), xytext=(1.08 * vehicles_there, height), color=colour, va="center"
-        )
+        axes.text(1.08 * vehicles_there, height, name, color=colour, va="center")
     axes.xaxis.set_major_locator(FixedLocator(counts))
     axes.xaxis.set_major_formatter(FixedFormatter([str(count) for count in counts]))
     axes.xaxis.set_minor_formatter(NullFormatter())
@@ -67,8 +74,8 @@ def _name(row: dict[str, Any]) -> str:
     return f"{row['tracker']} {row['model']}" if row["model"] else str(row["tracker"])
 
 
-def _times(rows: Sequence[dict[str, Any]]) -> Table:
-    table = Table(title="Time of a step, ms: median (95th percentile), - where time was up")
+def _times(rows: Sequence[dict[str, Any]], title: str, cell: Callable[[dict[str, Any]], str]) -> Table:
+    table = Table(title=title)
     counts = sorted({row["vehicles"] for row in rows})
     table.add_column("tracker")
     table.add_column("particles", justify="right")
@@ -78,14 +85,25 @@ def _times(rows: Sequence[dict[str, Any]]) -> Table:
     for name in dict.fromkeys(_name(row) for row in rows):
         own = {row["vehicles"]: row for row in rows if _name(row) == name}
         particles = next(iter(own.values()))["particles"]
-        cells = [_cell(own[count]) for count in counts]
+        cells = [cell(own[count]) for count in counts]
         peak = max(row["peak_mb"] for row in own.values())
         table.add_row(name, "" if particles is None else str(particles), *cells, f"{peak:.0f}")
     return table
 
 
-def _cell(row: dict[str, Any]) -> str:
+def _wall(row: dict[str, Any]) -> str:
     return "-" if row["ms_p50"] is None else f"{row['ms_p50']:.1f} ({row['ms_p95']:.1f})"
+
+
+def _processor(row: dict[str, Any]) -> str:
+    return "-" if row["cpu_ms_p50"] is None else f"{row['cpu_ms_p50']:.1f}"
+
+
+def _busyness(rows: Sequence[dict[str, Any]]) -> float:
+    """Return how many times longer steps took than the processor was at work for them."""
+    timed = [row for row in rows if row["ms_p50"] is not None]
+    wall_ms, cpu_ms = (float(sum(row[key] for row in timed)) for key in ("ms_p50", "cpu_ms_p50"))
+    return wall_ms / max(cpu_ms, 1e-9)
 
 
 def _stages(rows: Sequence[dict[str, Any]]) -> Table:
@@ -99,17 +117,18 @@ def _stages(rows: Sequence[dict[str, Any]]) -> Table:
     for name in dict.fromkeys(_name(row) for row in told):
         own = {row["vehicles"]: row["stages_ms_p50"] for row in told if _name(row) == name}
         for stage in dict.fromkeys(stage for stages in own.values() for stage in stages):
-            cells = [f"{own[count].get(stage, 0.0):.2f}" if count in own else "-" for count in counts]
+            times = [own.get(count, {}).get(stage) for count in counts]
+            cells = ["-" if took_ms is None else f"{took_ms:.2f}" for took_ms in times]
             table.add_row(name, stage, *cells)
     return table
 
 
 def _slopes(slopes: Sequence[dict[str, Any]]) -> Table:
     table = Table(title="Slope of the log-log plot")
-    for column in ("tracker", "from", "to", "slope"):
+    for column in ("tracker", "from", "to", "slope", "by processor time"):
         table.add_column(column, justify="left" if column == "tracker" else "right")
     for row in slopes:
-        table.add_row(_name(row), str(row["from"]), str(row["to"]), f"{row['slope']:.2f}")
+        table.add_row(_name(row), str(row["from"]), str(row["to"]), f"{row['slope']:.2f}", f"{row['slope_cpu']:.2f}")
     return table
 
 

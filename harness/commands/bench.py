@@ -20,10 +20,10 @@ def command(
         ),
     ] = None,
     particles: Annotated[int, typer.Option(help="Particles per vehicle.", min=10)] = 1000,
-    steps: Annotated[int, typer.Option(help="Scans of each scene.", min=12)] = 40,
+    steps: Annotated[int, typer.Option(help="Scans of each scene.", min=8)] = 40,
     budget: Annotated[
-        float, typer.Option(help="Seconds that a tracker has for each number of vehicles.", min=0.1)
-    ] = 5.0,
+        float, typer.Option(help="Processor seconds that a tracker has for each number of vehicles.", min=0.1)
+    ] = 10.0,
     seed: Annotated[int, typer.Option(help="Root of all randomness.", min=0)] = 0,
     out: Annotated[Path, typer.Option(help="Folder of bench.json and bench.png.")] = Path("results/bench"),
     as_json: Annotated[bool, typer.Option("--json", help="Print bench.json on stdout, nothing else there.")] = False,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.bench.bench import BenchPlan, contender_of, run_bench, slopes
-from harness.bench.measure import SETTLING_STEPS, Contender, as_row, time_in_turns
+from harness.bench.measure import SETTLING_STEPS, Contender, Stepping, as_row, time_in_turns
 from harness.bench.scene import bench_scene
 from harness.bench.written import plot
 from harness.cli import run_command_line
@@ -65,6 +65,14 @@ def test_trackers_take_turns_on_every_scan():
     assert all(as_row(stepping, 3)["steps"] == 4 for stepping in steppings)
 
 
+def test_of_a_slow_tracker_the_last_three_steps_count_if_its_tracks_stood_by_then():
+    slow = Stepping(Contender("slow", "slow"), NamingTracker("slow"), steps=9, ms=[float(k) for k in range(9)])
+    row = as_row(slow, 3)
+    assert (row["steps"], row["ms_p50"], row["cpu_ms_p50"]) == (3, 7.0, None)
+    too_slow = Stepping(Contender("slow", "slow"), NamingTracker("slow"), steps=7, ms=[1.0] * 7)
+    assert as_row(too_slow, 3)["ms_p50"] is None
+
+
 def test_a_tracker_whose_time_is_up_drops_out_and_has_no_figures():
     CALLS.clear()
     scene = bench_scene(3, SETTLING_STEPS + 4, np.random.default_rng(0))
@@ -75,11 +83,12 @@ def test_a_tracker_whose_time_is_up_drops_out_and_has_no_figures():
 
 def test_the_slope_is_the_power_of_a_power_law_from_25_vehicles_on():
     rows = [
-        {"tracker": "a", "model": None, "vehicles": n, "ms_p50": 7.0 if n < 25 else 0.3 * n**1.5}
+        {"tracker": "a", "model": None, "vehicles": n, "ms_p50": 7.0 if n < 25 else 0.3 * n**1.5, "cpu_ms_p50": 2.0 * n}
         for n in (10, 25, 50, 200)
     ]
     (line,) = slopes(rows)
     assert line["slope"] == pytest.approx(1.5)
+    assert line["slope_cpu"] == pytest.approx(1.0)
     assert (line["from"], line["to"]) == (25, 200)
 
 
@@ -103,7 +112,7 @@ def test_impossible_numbers_of_vehicles_are_refused(capsys):
 
 @pytest.mark.slow
 def test_the_command_leaves_rows_with_the_agreed_keys(tmp_path, capsys):
-    words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "12", "--json"]
+    words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "24", "--json"]
     assert run_command_line([*words, "--out", str(tmp_path / "bench")]) == 0
     result = json.loads(capsys.readouterr().out)
     keys = {"tracker", "model", "vehicles", "particles", "ms_p50", "ms_p95", "peak_mb"}
