@@ -21,6 +21,7 @@ from mmpf.road import Road
 
 WHEN = ("step", "time_s", "episode")
 ERROR_COLUMNS = ("step", "vehicle_id", "track_id", "lon_error_m", "lat_error_m", "outcome")
+PARTICLE_COLUMNS = ("step", "lon_m", "lat_m")
 EVENT_COLUMNS = ("vehicle_id", "from_step", "to_step", "duration_s", "track_id", "outcome", "reacquire_s")
 
 
@@ -40,6 +41,7 @@ class RecordedRun:
         tracks: One row per track and step.
         errors: One row per vehicle that has been detected and step.
         events: One row per occlusion event.
+        particles: A few particles of each step; None of a tracker without particles.
     """
 
     folder: Path
@@ -53,6 +55,7 @@ class RecordedRun:
     tracks: pd.DataFrame
     errors: pd.DataFrame
     events: pd.DataFrame
+    particles: pd.DataFrame | None
 
 
 def read_recorded_run(folder: Path, option: str = "RUN") -> RecordedRun:
@@ -84,6 +87,7 @@ def read_recorded_run(folder: Path, option: str = "RUN") -> RecordedRun:
         tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state")),
         errors=table(runfolder.ERRORS, ERROR_COLUMNS),
         events=table(runfolder.EVENTS, EVENT_COLUMNS),
+        particles=table(runfolder.PARTICLES, PARTICLE_COLUMNS) if (folder / runfolder.PARTICLES).is_file() else None,
     )
 
 

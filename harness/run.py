@@ -25,6 +25,7 @@ from harness.inputs import RunInputs, open_inputs
 from harness.manifest import write_manifest
 from harness.metrics import as_json, assemble_metrics
 from harness.moment import MomentKeeper
+from harness.particles import ParticleKeeper
 from harness.progress import progress_bar
 from harness.recorder import ColumnRecorder, RunTables, write_table
 from harness.roadfile import write_road
@@ -136,6 +137,7 @@ class _Attempt:
     recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
     moment: MomentKeeper = field(default_factory=MomentKeeper)
     diagnostics: DiagnosticsKeeper = field(default_factory=DiagnosticsKeeper)
+    particles: ParticleKeeper = field(default_factory=ParticleKeeper)
     times: StageTimes = field(default_factory=StageTimes)
     wall_s: dict[str, float] = field(default_factory=dict)
     inputs: RunInputs | None = None
@@ -180,9 +182,10 @@ class _Attempt:
         write_table(tables.truth, self.folder / runfolder.TRUTH)
         write_table(tables.detections, self.folder / runfolder.DETECTIONS)
         write_table(tables.tracks, self.folder / runfolder.TRACKS)
-        diagnostics = self.diagnostics.table()
-        if diagnostics is not None:
-            write_table(diagnostics, self.folder / runfolder.DIAGNOSTICS)
+        for kept, name in ((self.diagnostics, runfolder.DIAGNOSTICS), (self.particles, runfolder.PARTICLES)):
+            table = kept.table()
+            if table is not None:
+                write_table(table, self.folder / name)
 
     def write_manifest(self, status: str, problem: str | None) -> None:
         """Write the manifest as things stand."""
@@ -208,6 +211,7 @@ class _Attempt:
             def watch(frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
                 self.moment.watch(frame, observation, tracks, tracker)
                 self.diagnostics.watch(frame, observation, tracks, tracker)
+                self.particles.watch(frame, observation, tracks, tracker)
                 advance()
 
             co_simulate(

@@ -26,6 +26,7 @@ TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
     "events.parquet",
     "diagnostics.parquet",
 )
+PARTICLES = "particles.parquet"
 FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")

@@ -210,11 +210,11 @@ def _draw_vehicles(axes: Axes, truth: pd.DataFrame, subject: int, ego: int, cent
     boxes = _boxes(truth, centre)
     states = truth["state"].to_numpy(dtype=object)
     near = np.abs(_floats(truth, "lon_m") - centre) < HALF_WINDOW_M + 15.0
-    for i in np.flatnonzero(near):
-        style = VEHICLE_STYLES[VISIBILITY_STATES.index(states[i])]
-        if i == ego:
-            style = {"facecolor": "black", "edgecolor": "none"}
-        axes.add_collection(PolyCollection([boxes[i]], zorder=5, **style), autolim=False)
+    others = near & (np.arange(len(truth)) != ego)
+    for code, state in enumerate(VISIBILITY_STATES):
+        chosen = others & (states == state)
+        axes.add_collection(PolyCollection(list(boxes[chosen]), zorder=5, **VEHICLE_STYLES[code]), autolim=False)
+    axes.add_collection(PolyCollection([boxes[ego]], facecolor="black", edgecolor="none", zorder=5), autolim=False)
     tint = UNSEEN_SUBJECT if states[subject] == "hidden" else "none"
     axes.add_collection(PolyCollection([boxes[subject]], facecolor=tint, edgecolor="black", lw=2.2, zorder=5.5))
     if near[ego]:

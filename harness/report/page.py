@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from harness import runfolder
 from harness.recorded import RecordedRun, read_recorded_run
+from harness.report.diagnostics_figure import FILE as DIAGNOSTICS
 from harness.report.figures import BY_VISIBILITY, OVER_TIME, SCENE
 from harness.report.gallery import OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import replay_data
@@ -26,6 +27,7 @@ FIGURES = {
     BY_VISIBILITY: "Mean absolute error for visible, partly hidden and hidden vehicles, with 95 % intervals",
     OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
     SCENE: "The road from above at the moment with the most hidden tracks, with the tracker's particles if it has any",
+    DIAGNOSTICS: "What the tracker did at each step: its particles' effective number, births, deaths and merges",
 }
 
 
@@ -87,6 +89,8 @@ def run_page(run: RecordedRun) -> str:
         sentences=summary_sentences(run.metrics),
         headlines=headlines(run.metrics),
         strips=_strips(run),
+        has_particles=run.particles is not None,
+        failures=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[
             PageFigure(embedded(path), description)
             for name, description in FIGURES.items()

@@ -18,7 +18,7 @@ from mmpf.state import TRACK_STATES
 
 # Vehicles beyond the sensor are shown this far, so that those that come into range do not spring up.
 BEYOND_RANGE_M = 40.0
-MOST_BYTES = 5_000_000
+MOST_BYTES = 6_000_000
 NO_ERROR_CM = 65_535
 FAR_M = 1e5
 
@@ -31,7 +31,7 @@ def replay_data(run: RecordedRun) -> dict[str, Any]:
     second, third, ... step.
     """
     kept_truth = run.truth[_near_ego(run.truth, run.sensor.range_m + BEYOND_RANGE_M)]
-    stride = 1 + int(_bytes(kept_truth, run.detections, run.tracks) // MOST_BYTES)
+    stride = 1 + _bytes(run, kept_truth) // MOST_BYTES
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
     steps = times["step"].to_numpy(dtype=np.int64)
     codes, names = pd.factorize(kept_truth["vehicle_id"])
@@ -46,6 +46,7 @@ def replay_data(run: RecordedRun) -> dict[str, Any]:
         "truth": _truth(run, kept_truth, codes, names, steps),
         "detections": _rows(run.detections, steps, lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0)),
         "tracks": _tracks(run.tracks, steps),
+        "particles": _particles(run, steps),
         "events": _events(run.events, steps, names),
         "outcomes": ["", *OUTCOMES],
     }
@@ -63,8 +64,9 @@ def _near_ego(truth: pd.DataFrame, reach_m: float) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(away) <= reach_m)
 
 
-def _bytes(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> int:
-    return 23 * len(truth) + 8 * len(detections) + 19 * len(tracks)
+def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
+    particles = 0 if run.particles is None else len(run.particles)
+    return 27 * len(truth) + 8 * len(run.detections) + 17 * len(run.tracks) + 4 * particles
 
 
 def _road(run: RecordedRun) -> dict[str, Any]:
@@ -146,6 +148,16 @@ def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
         id=("track_id", "i4", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
         std_lon=("std_lon_m", "u2", 100.0), std_lat=("std_lat_m", "u2", 100.0), state=("state", "u1", 1.0),
     )  # fmt: skip
+
+
+def _particles(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
+    """Pack the particles relative to the ego, along the road in decimetres and across it in centimetres."""
+    if run.particles is None:
+        return None
+    ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].set_index("step")["lon_m"]
+    away = run.particles["lon_m"] - ego.reindex(run.particles["step"]).to_numpy(dtype=np.float64)
+    columns = run.particles.assign(away_m=away)
+    return _rows(columns, steps, away=("away_m", "i2", 10.0), lat=("lat_m", "i2", 100.0))
 
 
 def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list[Any]]:

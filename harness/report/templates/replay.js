@@ -15,7 +15,8 @@
   const stepS = steps > 1 ? (data.time_s[steps - 1] - data.time_s[0]) / (steps - 1) : 0.1;
   const road = openRoad(data.road);
   const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, followed: -1, clock: 0, left: 0 };
-  const shown = { vehicles: true, shadows: true, detections: true, tracks: true, tentative: false, numbers: true };
+  const shown = { vehicles: true, shadows: true, detections: true, tracks: true, tentative: false, numbers: true,
+    particles: false };
 
   function unpack(value) {
     if (Array.isArray(value) || value === null || typeof value !== "object") return value;
@@ -121,6 +122,7 @@
     pen.restore();
     drawLaneLines(pen, camera);
     if (shown.vehicles) drawVehicles(pen, camera);
+    if (shown.particles && data.particles) drawParticles(pen, camera);
     if (shown.detections) drawDetections(pen, camera);
     if (shown.tracks) drawTracks(pen, camera);
     drawFollowed(pen, camera);
@@ -232,6 +234,15 @@
     }
     const ego = egoRow(view.step), [x, y] = camera.at(data.truth.lon[ego], data.truth.lat[ego]);
     if (camera.scale > 5.5) write(pen, "ego", x, y + 4, "#ffffff", "", "11px");
+  }
+
+  function drawParticles(pen, camera) {
+    const [begin, end] = range(data.particles, view.step), egoLon = data.truth.lon[egoRow(view.step)];
+    pen.fillStyle = "rgba(0, 114, 178, 0.75)";
+    for (let k = begin; k < end; k++) {
+      const [x, y] = camera.at(egoLon + data.particles.away[k] / 10, data.particles.lat[k] / 100);
+      pen.fillRect(x - 1, y - 1, 2, 2);
+    }
   }
 
   function drawDetections(pen, camera) {

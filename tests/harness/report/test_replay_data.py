@@ -1,6 +1,8 @@
 import base64
+from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from harness.recorded import read_recorded_run
@@ -69,3 +71,13 @@ def test_packed_numbers_come_back_as_they_were():
     values = np.array([-1.5, 0.0, 1e4], dtype=np.float32)
     assert unpacked(pack(values, "f4")).tolist() == values.tolist()
     assert unpacked(pack([0, 7, 65_535], "u2")).tolist() == [0, 7, 65_535]
+
+
+def test_particles_lie_where_they_were_recorded(run):
+    particles = pd.DataFrame({"step": [0, 0, 2], "lon_m": [90.0, 131.26, 104.0], "lat_m": [5.0, -1.25, 7.5]})
+    data = replay_data(replace(run, particles=particles))["particles"]
+    assert unpacked(data["first"]).tolist()[:4] == [0, 2, 2, 3]
+    # The ego is at 100 m at the start and at 104 m two steps later.
+    assert unpacked(data["away"]) / 10 == pytest.approx([-10.0, 31.3, 0.0], abs=0.051)
+    assert unpacked(data["lat"]) / 100 == pytest.approx([5.0, -1.25, 7.5])
+    assert replay_data(run)["particles"] is None
