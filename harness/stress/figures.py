@@ -13,6 +13,7 @@ from harness.stress.summary import BREAK_METRIC, BREAK_PERCENT, CURVES, Point, p
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart; after them the lines change their dashes.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MOST_TICKS = 8
 DASHES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 AXIS_LABELS = {"density": "density, vehicles per km and lane", "demand": "demand"}
@@ -40,9 +41,14 @@ def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
             axes.axhline(BREAK_PERCENT, color="0.5", linewidth=0.8)
             axes.annotate("a tracker below this is broken", (0.02, BREAK_PERCENT - 2.0), va="top", color="0.4",
                           xycoords=("axes fraction", "data"), fontsize=8)  # fmt: skip
+        if not any(point.metric == metric.name and point.mean is not None for point in here):
+            axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.4")
         axes.set_title(metric.label, loc="left", fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
+    values = sorted({point.value for point in here if not isinstance(point.value, str)})
     for axes in panels[-1]:
+        if 1 < len(values) <= MOST_TICKS:
+            axes.set_xticks(values)
         axes.set_xlabel(AXIS_LABELS.get(axis, axis))
     handles = [line for line in lines.values() if line is not None]
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4) or 1, frameon=False)

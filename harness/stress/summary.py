@@ -28,6 +28,7 @@ class CurveMetric:
     Attributes:
         name: Its key.
         label: Its name with its unit, for people.
+        heading: The same, short enough for a column of a screen.
         column: Column of the values.
         weight: Column of the samples behind each value; empty where every run counts the same.
         is_count: Whether the values are counts out of ``weight``, shown as a share in percent.
@@ -35,18 +36,23 @@ class CurveMetric:
 
     name: str
     label: str
+    heading: str
     column: str
     weight: str = ""
     is_count: bool = False
 
 
 CURVES = (
-    CurveMetric("mae.visible.lon_m", "MAE visible, m", "mae.visible.lon_m", "mae.visible.n"),
-    CurveMetric("mae.hidden.lon_m", "MAE hidden, m", "mae.hidden.lon_m", "mae.hidden.n"),
-    CurveMetric("occlusion.survived", "occlusions survived, %", "occlusion.survived", "occlusion.events", True),
-    CurveMetric(BREAK_METRIC, "same identity after occlusion, %", BREAK_METRIC, "occlusion.events", True),
-    CurveMetric("mot.hota", "HOTA in sight, %", "mot.hota"),
-    CurveMetric("timing.tracker_ms.p50", "time of a step, ms", "timing.tracker_ms.p50"),
+    CurveMetric("mae.visible.lon_m", "MAE visible, m", "MAE seen m", "mae.visible.lon_m", "mae.visible.n"),
+    CurveMetric(
+        "mae.hidden.lon_m", "MAE hidden (while followed), m", "MAE hidden m", "mae.hidden.lon_m", "mae.hidden.n"
+    ),
+    CurveMetric(
+        "occlusion.survived", "occlusions survived, %", "survived %", "occlusion.survived", "occlusion.events", True
+    ),
+    CurveMetric(BREAK_METRIC, "same identity after occlusion, %", "same id %", BREAK_METRIC, "occlusion.events", True),
+    CurveMetric("mot.hota", "HOTA in sight, %", "HOTA %", "mot.hota"),
+    CurveMetric("timing.tracker_ms.p50", "time of a step, ms", "ms a step", "timing.tracker_ms.p50"),
 )
 
 
@@ -85,7 +91,7 @@ class Break:
     Attributes:
         label: Tracker with its settings and model.
         density: That density; None if it holds over the whole grid or nothing was occluded.
-        ci95: Bootstrap interval over seeds; infinite ends, where resamples hold, are None.
+        ci95: Bootstrap interval over seeds; an end at which resamples hold is None.
         held_to: Highest density of the grid with enough occlusions to tell; None if there is none.
         at_lowest: Whether it is broken at the lowest such density already, so that it may break below.
     """
@@ -204,7 +210,7 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
         ends = np.quantile(
             _crossings(densities, drawn @ sums_array, drawn @ counts_array), (0.025, 0.975), method="lower"
         )
-        interval = (_finite(ends[0]), _finite(ends[1]))
+        interval = (_finite(ends[0]), _finite(ends[1])) if np.isfinite(ends).any() else None
     at_lowest = bool(crossing == densities[0])
     return Break(label, _finite(crossing), interval, kept[-1], at_lowest)
 

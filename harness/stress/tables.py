@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich import box
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
@@ -44,9 +43,9 @@ def print_result(
     """Print the same in short on stderr."""
     parts: list[Table | Text] = [Text(f"\n{title}", style="bold")]
     for axis in dict.fromkeys(point.axis for point in points):
-        table = Table(title=f"Means over seeds, by {axis}", box=box.SIMPLE, title_justify="left")
+        table = Table(title=f"Means over seeds, by {axis}", box=None, title_justify="left", padding=(0, 2, 0, 0))
         table.add_column("tracker", no_wrap=True)
-        for heading in (axis, *HEADINGS):
+        for heading in (axis.rpartition(".")[2], *(metric.heading for metric in CURVES)):
             table.add_column(heading, justify="right")
         for row in _rows(points, axis, False):
             table.add_row(*row[:-1])

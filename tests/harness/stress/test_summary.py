@@ -68,7 +68,7 @@ def test_a_tracker_breaks_where_its_line_crosses_one_half():
 def test_a_tracker_above_one_half_throughout_holds():
     table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
     (holds,) = breaks(table)
-    assert (holds.density, holds.held_to, holds.ci95) == (None, 20, (None, None))
+    assert (holds.density, holds.held_to, holds.ci95) == (None, 20, None)
     assert "holds up to 20" in break_sentence(holds)
 
 
