@@ -148,7 +148,9 @@ class RunConfig(_Strict):
         traffic, tracker = self.traffic, self.tracker
         demand = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
         if traffic.recording is not None and self.replay is not None:
-            demand = f"{Path(self.replay).stem}, ego {traffic.recording.ego}"
+            road = "" if traffic.net == "recording" else f" on {traffic.net}"
+            recorded = f"{Path(self.replay).stem}{road}, ego {traffic.recording.ego}"
+            return ", ".join(part for part in (recorded, tracker.name, tracker.model, tracker.update) if part)
         parts = [traffic.net, demand, tracker.name, tracker.model, tracker.update]
         return ", ".join(part for part in parts if part)
 

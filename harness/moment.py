@@ -43,7 +43,7 @@ class Moment:
 
 @dataclass
 class MomentKeeper:
-    """Keeps the moment with the most hidden tracks, the first of equals.
+    """Keeps the moment with the most hidden tracks on the road on record, the first of equals.
 
     Attributes:
         moment: The best moment so far; None before the first step.
@@ -54,7 +54,8 @@ class MomentKeeper:
 
     def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
         """Look at one step."""
-        hidden = int(np.count_nonzero(tracks.state == HIDDEN))
+        start_m, end_m = frame.window_m
+        hidden = int(np.count_nonzero((tracks.state == HIDDEN) & (tracks.lon_m >= start_m) & (tracks.lon_m <= end_m)))
         if hidden <= self._best:
             return
         self._best = hidden

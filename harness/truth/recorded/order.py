@@ -1,4 +1,4 @@
-"""Puts rows in order: duplicates out, time checked, and each vehicle's rows cut where its record has a gap."""
+"""Puts rows in order: duplicates out, time checked, and each vehicle's rows cut where its record pauses or jumps."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ NAME_USED_AGAIN_S = 60.0
 # A pause of up to this long is filled in, a longer one ends a stay.
 LONGEST_PAUSE_S = 1.0
 SAME_POSITION_M = 0.05
+# No vehicle moves faster; one that seems to is taken as another one from there on.
+JUMP_MPS, JUMP_M = 80.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class Stays:
         interval_s: Usual time between two rows of a vehicle.
         duplicates: Rows left out because the vehicle and time were there already.
         contradictions: How many of them gave another position.
+        jumps: Stays that begin where a vehicle jumps, shape (j,).
     """
 
     rows: Rows
@@ -42,6 +45,7 @@ class Stays:
     interval_s: float
     duplicates: int
     contradictions: int
+    jumps: IntArray
 
     @property
     def ends(self) -> IntArray:
@@ -71,8 +75,10 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     step_s = np.diff(rows.time_s)
     same = np.diff(rows.vehicle) == 0
     interval_s = float(np.median(step_s[same])) if same.any() else 0.1
-    begins = np.ones(len(rows), dtype=bool)
-    begins[1:] = ~same | (step_s > max(LONGEST_PAUSE_S, 1.5 * interval_s))
+    moved_m = np.hypot(np.diff(rows.lon_m), np.diff(rows.lat_m))
+    pauses = step_s > max(LONGEST_PAUSE_S, 1.5 * interval_s)
+    jumps = np.append(False, same & ~pauses & (moved_m > JUMP_MPS * step_s + JUMP_M))
+    begins = np.append(True, ~same | pauses) | jumps
     starts = np.flatnonzero(begins)
     return Stays(
         rows=replace(rows, vehicle=np.cumsum(begins) - 1),
@@ -82,6 +88,7 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         interval_s=interval_s,
         duplicates=int(repeated.sum()),
         contradictions=contradictions,
+        jumps=np.flatnonzero(jumps[starts]),
     )
 
 

@@ -126,7 +126,7 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float) -> RecordedTraffi
         columns={name: getattr(rows, name) for name in FRAME_COLUMNS} | {"accel_mps2": accel[order]},
         lane=read.road.lane_number_at(rows.lon_m, rows.lat_m),
         counts=_counts(read, stays, stay, clocked.stay, clocked.filled, duration_s),
-        notes=read.notes,
+        notes=(*read.notes, *_notes(stays)),
     )
 
 
@@ -158,6 +158,13 @@ def _outermost_cluster(ascending_m: FloatArray, otherwise_m: float) -> float:
         return otherwise_m
     crowded = np.flatnonzero(ascending_m[others:] - ascending_m[:-others] <= EDGE_WIDTH_M)
     return float(ascending_m[others:][crowded[-1]]) if len(crowded) else otherwise_m
+
+
+def _notes(stays: Stays) -> tuple[str, ...]:
+    if not len(stays.jumps):
+        return ()
+    names = ", ".join(str(stays.names[stay - 1]) for stay in stays.jumps[:5])
+    return (f"{len(stays.jumps)} jumps, after which a vehicle is taken as another one: {names}",)
 
 
 def _counts(

@@ -223,3 +223,22 @@ def test_a_recording_is_cut_to_the_seconds_asked_for_and_says_who_is_missing_the
 def test_a_road_that_does_not_go_with_the_format_is_refused(name, net, tmp_path):
     with pytest.raises(UserError, match="--net"):
         opened(WRITERS[name](tmp_path), net=net)
+
+
+def test_a_rare_jump_in_a_large_recording_cuts_the_stay_and_is_told(tmp_path):
+    fleet = [Car(k, 10.0 + 12.0 * k, 9.0, 10.0, to_s=0.5) for k in range(1, 150)]
+    rows = ngsim_rows(fleet)
+    rows[-2][5] += 100.0
+    rows[-1][5] += 100.0
+    truth = opened(write_ngsim_csv(tmp_path / "scene.csv", rows))
+    assert truth.traffic.counts.stays == len(fleet) + 1
+    assert "1 jumps" in truth.report()
+
+
+def test_a_few_vehicles_in_another_unit_are_refused_however_large_the_recording(tmp_path):
+    fleet = [Car(k, 10.0 + 12.0 * k, 9.0, 20.0, to_s=1.0) for k in range(1, 150)]
+    rows = ngsim_rows(fleet)
+    for row in rows[-11:]:
+        row[11] *= 0.3048
+    with pytest.raises(UserError, match=r"vehicle 149 .* units"):
+        opened(write_ngsim_csv(tmp_path / "scene.csv", rows))
