@@ -28,6 +28,7 @@ def command(
         float, typer.Option(help="Share of a's value by which b may be worse.", min=0.0, max=1.0)
     ] = 0.02,
     markdown: Annotated[Path | None, typer.Option(help="Write the tables to this Markdown file.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write them as a page to this file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no tables.")] = False,
 ) -> None:
@@ -72,6 +73,11 @@ def command(
         from harness.compare.written import as_markdown  # noqa: PLC0415
 
         markdown.write_text(as_markdown(comparison), encoding="utf-8")
+    if html is not None:
+        from harness.compare.written import as_markdown  # noqa: PLC0415
+        from harness.report.folderpage import text_page  # noqa: PLC0415
+
+        html.write_text(text_page(as_markdown(comparison)), encoding="utf-8")
     if as_json:
         import json  # noqa: PLC0415
 

@@ -127,6 +127,9 @@ def command(
             warn=lambda line: typer.echo(f"warning: {line}", err=True),
             command=shlex.join(["harness", *sys.argv[1:]]),
         )
+    from harness.report.folderpage import write_page  # noqa: PLC0415
+
+    write_page(finished.folder)
     if not quiet:
         from harness.stress.tables import print_result  # noqa: PLC0415
 

@@ -33,7 +33,8 @@ def command(
 ) -> None:
     """Predict through partial and complete occlusion with every motion model, as the paper's two cases do.
 
-    Writes results.json, results.md (tables with 95 % intervals, targets met and missed) and figures.
+    Writes results.json, results.md (tables with 95 % intervals, targets met
+    and missed), figures, and all of it as one page, report.html.
 
     Examples:
       python -m harness study lane-keeping
@@ -41,6 +42,7 @@ def command(
     """
     from harness.errors import UserError  # noqa: PLC0415
     from harness.progress import progress_bar  # noqa: PLC0415
+    from harness.report.folderpage import write_page  # noqa: PLC0415
     from harness.study.published import StudyPlan, make_study  # noqa: PLC0415
     from harness.study.seeds import seed_range  # noqa: PLC0415
     from harness.study.written import as_json as json_of  # noqa: PLC0415
@@ -65,6 +67,7 @@ def command(
         raise UserError(f"--model-file {model_file}: {error}") from error
     folder = out or Path("results") / f"study-{case}"
     write_study(result, targets, setting, folder)
+    write_page(folder)
     if as_json:
         import json  # noqa: PLC0415
 

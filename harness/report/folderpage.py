@@ -15,7 +15,7 @@ from harness.report.page import PAGE, PageFigure, embedded, render, write_run_pa
 from harness.report.tables import html_table
 
 PICTURES = (".png", ".svg")
-DOCUMENTS = ("summary.json", "config.toml", "grid.toml", "manifest.json")
+DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
@@ -66,11 +66,11 @@ def write_page(folder: Path, option: str = "RUN") -> Path:
 
 def folder_page(folder: Path) -> str:
     """Return a page with a folder's Markdown texts, pictures, table of runs and settings."""
-    texts = sorted(folder.glob("*.md"))
+    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
     return render(
         "folder.html.j2",
-        title=folder.resolve().name,
-        text=Markup("\n").join(_markdown(path) for path in texts),
+        title=_title(texts) or folder.resolve().name,
+        text=Markup("\n").join(_as_html(text) for text in texts),
         figures=_figures(folder),
         tables=_tables(folder),
         documents=[
@@ -82,6 +82,12 @@ def folder_page(folder: Path) -> str:
     )
 
 
+def text_page(text: str) -> str:
+    """Return a page that holds a Markdown text, for example that of a comparison."""
+    title = _title([text]) or "Results"
+    return render("folder.html.j2", title=title, text=_as_html(text), figures=[], tables=[], documents=[])
+
+
 def _can_be_shown(folder: Path) -> bool:
     return any(folder.glob("*.md")) or (folder / "runs.parquet").is_file() or any(_pictures(folder))
 
@@ -90,10 +96,22 @@ def _pictures(folder: Path) -> Iterable[Path]:
     return sorted(path for path in (*folder.glob("*"), *folder.glob("figures/*")) if path.suffix in PICTURES)
 
 
-def _markdown(path: Path) -> Markup:
-    """Return a Markdown text as HTML; its pictures stand with the other figures, HTML in it is shown as text."""
+def _title(texts: Iterable[str]) -> str | None:
+    """Return the first heading of Markdown texts."""
+    lines = (line for text in texts for line in text.splitlines())
+    return next((line.lstrip("#").strip() for line in lines if line.startswith("#")), None)
+
+
+def _as_html(text: str) -> Markup:
+    """Return a Markdown text as HTML without its first heading, which is the page's title.
+
+    Its pictures stand with the other figures; HTML in it is shown as text.
+    """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
-    lines = (line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("!["))
+    lines = [line for line in text.splitlines() if not line.startswith("![")]
+    first = next((place for place, line in enumerate(lines) if line.startswith("#")), None)
+    if first is not None:
+        del lines[first]
     return Markup(parser.render("\n".join(lines)))
 
 
