@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from mmpf.association import associate
 from mmpf.birth import give_birth
+from mmpf.evidence import association_evidence, normalised, particle_factors
 from mmpf.identity import hand_over_identity
-from mmpf.likelihood import GatedLikelihoods, gated_likelihoods
+from mmpf.interaction import room_beside_seen_vehicles
+from mmpf.likelihood import gated_likelihoods
 from mmpf.merging import merge_lasting_overlaps
 from mmpf.moments import component_moments
 from mmpf.options import FilterOptions
@@ -79,9 +80,9 @@ class JointUpdate:
         likelihoods = gated_likelihoods(prior, moments, detections, joint.gate_std)
         survival = joint.survival_probability ** (situation.dt_s / NOMINAL_SCAN_S)
         existence = prior.components.existence * survival
-        prior_weight = _normalised(prior.cloud.log_raw_weight, prior.starts)
+        prior_weight = normalised(prior.cloud.log_raw_weight, prior.starts)
 
-        evidence, not_seen = _evidence(
+        evidence, not_seen = association_evidence(
             prior_weight,
             prior.starts,
             occlusion.detection_probability,
@@ -93,21 +94,28 @@ class JointUpdate:
         missed = 1.0 - existence + existence * not_seen
         marginals = associate(evidence, missed, joint.birth_density, joint.exclusive)
 
-        factor = _particle_factors(
+        factor = particle_factors(
             occlusion.detection_probability,
             occlusion.missed_probability,
             prior.starts,
             likelihoods,
             marginals.detection_message / situation.sensor.clutter_density_per_m2,
         )
-        factor *= self._room_left_by_seen_tracks(prior, moments.mean, situation)
+        factor *= room_beside_seen_vehicles(
+            prior,
+            moments,
+            prior.components.unseen_s <= joint.hidden_after_s,
+            situation.scan.ego,
+            joint.exclusion_strength * situation.dt_s / NOMINAL_SCAN_S,
+            self.options.vehicle,
+        )
         claimed = (evidence * marginals.detection_message).sum(axis=1)
         existence = np.minimum((existence * not_seen + claimed) / (missed + claimed), 0.99)
 
         was_hit = marginals.probability.sum(axis=1) > HIT_PROBABILITY
         components = _count_hits(prior.components, was_hit, existence, situation.dt_s)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
-        log_weight = np.log(np.maximum(_normalised(raw, prior.starts), 1e-300))
+        log_weight = np.log(np.maximum(normalised(raw, prior.starts), 1e-300))
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
         posterior = replace(prior, cloud=cloud, components=components)
         posterior, effective_share = self._resample(posterior, was_hit, rng)
@@ -181,27 +189,6 @@ class JointUpdate:
         np.fill_diagonal(overlaps, val=False)
         return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 
-    def _room_left_by_seen_tracks(self, prior: Mixture, mean: FloatArray, situation: Situation) -> FloatArray:
-        """Return the interaction prior of each particle: two vehicles can't be in one place (Khan et al. 2004)."""
-        joint, components = self.options.joint, prior.components
-        is_seen = components.unseen_s <= joint.hidden_after_s
-        factor = np.ones(len(prior.cloud))
-        if joint.exclusion_strength > 0.0:
-            ego = situation.scan.ego
-            _exclude_footprints(
-                prior.cloud.state[LON],
-                prior.cloud.state[LAT],
-                prior.starts,
-                ~is_seen,
-                np.append(mean[LON][is_seen & components.confirmed], ego.lon_m),
-                np.append(mean[LAT][is_seen & components.confirmed], ego.lat_m),
-                joint.exclusion_strength * situation.dt_s / NOMINAL_SCAN_S,
-                0.5 * self.options.vehicle.length_m,
-                0.63 * self.options.vehicle.width_m,
-                factor,
-            )
-        return factor
-
     def _resample(
         self, posterior: Mixture, was_hit: npt.NDArray[np.bool_], rng: np.random.Generator
     ) -> tuple[Mixture, float]:
@@ -254,144 +241,3 @@ def _mean_entropy(probability: FloatArray) -> float:
         return 0.0
     full = np.column_stack([probability, np.maximum(1.0 - probability.sum(axis=1), 0.0)])
     return float(-(full * np.log(np.maximum(full, 1e-300))).sum(axis=1).mean())
-
-
-def _normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
-    """Return weights that sum to one within each component, shape (n,)."""
-    weight = np.empty(len(log_weight))
-    _normalise(log_weight, starts, weight)
-    return weight
-
-
-def _evidence(
-    weight: FloatArray,
-    starts: IntArray,
-    detection_probability: FloatArray,
-    missed_probability: FloatArray,
-    likelihoods: GatedLikelihoods,
-    detections: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_missed] per component, shape (m,)."""
-    components = len(starts) - 1
-    evidence = np.zeros((components, detections))
-    not_seen = np.ones(components)
-    _sum_evidence(
-        weight,
-        starts,
-        detection_probability,
-        missed_probability,
-        likelihoods.component,
-        likelihoods.detection,
-        likelihoods.values,
-        likelihoods.starts,
-        evidence,
-        not_seen,
-    )
-    return evidence, not_seen
-
-
-def _particle_factors(
-    detection_probability: FloatArray,
-    missed_probability: FloatArray,
-    starts: IntArray,
-    likelihoods: GatedLikelihoods,
-    message: FloatArray,
-) -> FloatArray:
-    """Return each particle's weight factor (1 - P_missed) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
-    factor = 1.0 - missed_probability
-    pair_message = message[likelihoods.component, likelihoods.detection]
-    _add_detection_terms(
-        detection_probability,
-        starts,
-        likelihoods.component,
-        likelihoods.values,
-        likelihoods.starts,
-        pair_message,
-        factor,
-    )
-    return factor
-
-
-@numba.njit(cache=True)
-def _normalise(log_weight: FloatArray, starts: IntArray, weight: FloatArray) -> None:
-    for m in range(len(starts) - 1):
-        begin, end = starts[m], starts[m + 1]
-        largest = -np.inf
-        for n in range(begin, end):
-            largest = max(largest, log_weight[n])
-        total = 0.0
-        for n in range(begin, end):
-            weight[n] = np.exp(log_weight[n] - largest)
-            total += weight[n]
-        for n in range(begin, end):
-            weight[n] /= total
-
-
-@numba.njit(cache=True)
-def _sum_evidence(
-    weight: FloatArray,
-    starts: IntArray,
-    detection_probability: FloatArray,
-    missed_probability: FloatArray,
-    pair_component: IntArray,
-    pair_detection: IntArray,
-    values: FloatArray,
-    value_starts: IntArray,
-    evidence: FloatArray,
-    not_seen: FloatArray,
-) -> None:
-    for m in range(len(starts) - 1):
-        seen = 0.0
-        for n in range(starts[m], starts[m + 1]):
-            seen += weight[n] * missed_probability[n]
-        not_seen[m] = 1.0 - seen
-    for p in range(len(pair_component)):
-        begin = starts[pair_component[p]]
-        total = 0.0
-        for k in range(value_starts[p + 1] - value_starts[p]):
-            total += weight[begin + k] * detection_probability[begin + k] * values[value_starts[p] + k]
-        evidence[pair_component[p], pair_detection[p]] = total
-
-
-@numba.njit(cache=True)
-def _add_detection_terms(
-    detection_probability: FloatArray,
-    starts: IntArray,
-    pair_component: IntArray,
-    values: FloatArray,
-    value_starts: IntArray,
-    message: FloatArray,
-    factor: FloatArray,
-) -> None:
-    for p in range(len(pair_component)):
-        begin = starts[pair_component[p]]
-        for k in range(value_starts[p + 1] - value_starts[p]):
-            factor[begin + k] += detection_probability[begin + k] * message[p] * values[value_starts[p] + k]
-
-
-@numba.njit(cache=True)
-def _exclude_footprints(
-    lon: FloatArray,
-    lat: FloatArray,
-    starts: IntArray,
-    is_excluded: npt.NDArray[np.bool_],
-    seen_lon: FloatArray,
-    seen_lat: FloatArray,
-    strength: float,
-    scale_lon: float,
-    scale_lat: float,
-    factor: FloatArray,
-) -> None:
-    for m in range(len(starts) - 1):
-        if not is_excluded[m]:
-            continue
-        for n in range(starts[m], starts[m + 1]):
-            for s in range(len(seen_lon)):
-                along = (lon[n] - seen_lon[s]) / scale_lon
-                if abs(along) > 2.0:
-                    continue
-                across = (lat[n] - seen_lat[s]) / scale_lat
-                if abs(across) > 2.0:
-                    continue
-                overlap = np.exp(-0.5 * along**4) * np.exp(-0.5 * across**4)
-                factor[n] *= np.exp(-strength * overlap)
