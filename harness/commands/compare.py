@@ -19,6 +19,9 @@ def command(
         str | None, typer.Option(help="Compare the one folder with this one. (with --suite: results/reference)")
     ] = None,
     suite: Annotated[str | None, typer.Option(help="Run this suite first and compare it: standard.")] = None,
+    record: Annotated[
+        bool, typer.Option("--record", help="Keep the suite's result as the baseline, compare nothing.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for the suite's runs.")] = Path("results/suite"),
     resume: Annotated[bool, typer.Option("--resume", help="Keep the suite's runs that --out holds.")] = False,
     workers: Annotated[
@@ -43,19 +46,25 @@ def command(
       python -m harness compare results/after --baseline results/reference
       python -m harness compare 'results/stress@mmpf cvm' 'results/stress@mmpf gmm'
       python -m harness compare --suite standard --markdown comment.md
+      python -m harness compare --suite standard --record
     """
     from harness.compare.compare import compare  # noqa: PLC0415
     from harness.compare.sources import open_source  # noqa: PLC0415
-    from harness.compare.suite import BASELINE, run_suite  # noqa: PLC0415
+    from harness.compare.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
     from harness.errors import RunError, UserError  # noqa: PLC0415
 
     given = list(folders or ())
+    if record and (suite is None or given):
+        raise UserError("--record: only a suite makes a baseline; for example --suite standard --record")
     if suite is not None and not given:
-        baseline = baseline or str(BASELINE)
-        before = open_source(baseline, "--baseline")
+        before = None if record else open_source(baseline or str(BASELINE), "--baseline")
         ran = run_suite(suite, out, workers=workers or os.cpu_count() or 1, resume=resume, quiet=quiet)
         if ran.failures:
             raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
+        if before is None:
+            kept = keep_as_baseline(ran, suite, Path(baseline or BASELINE))
+            typer.echo(f"baseline: {kept}", err=True)
+            return
         after = open_source(str(ran.folder), "--out")
     elif suite is None and len(given) == 1 and baseline is not None:
         before, after = open_source(baseline, "--baseline"), open_source(given[0], "compare")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 IDENTITY = ("tracker", "variant", "model", "update", "label")
+STANDARD = "standard"
 SETTING = ("net", "density", "demand")
 
 
@@ -49,12 +50,16 @@ class Source:
 def open_source(text: str, option: str) -> Source:
     """Open ``FOLDER`` or, for one tracker of a grid, ``FOLDER@LABEL``.
 
+    A folder of baselines stands for the standard suite's in it.
+
     Raises:
         UserError: There is no such folder or label.
     """
     whole = Path(text)
     path, at, label = (text, "", "") if whole.exists() else text.rpartition("@") if "@" in text else (text, "", "")
     folder = Path(path)
+    if (folder / STANDARD / RUNS).is_file():
+        folder = folder / STANDARD
     source = _open_grid(text, folder, option) if (folder / RUNS).is_file() else _open_run(text, folder, option)
     if not at:
         return source

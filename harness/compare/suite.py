@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+from harness import runfolder
+from harness.compare.sources import STANDARD
 from harness.errors import UserError
 from harness.stress.grid import GridRequest
 from harness.stress.pool import run_cells
-from harness.stress.stress import FinishedGrid, run_stress
+from harness.stress.stress import GRID, RUNS, TABLE, FinishedGrid, run_stress
 
 SUITES = {
-    "standard": GridRequest(
+    STANDARD: GridRequest(
         net="us101", densities="20,40", trackers="mmpf", models="cvm,gmm", seeds="10", duration_s=10.0, particles=200
     ),
 }
 BASELINE = Path("results/reference")
+
+
+KEPT = (RUNS, GRID, TABLE, runfolder.MANIFEST)
+
+
+def keep_as_baseline(finished: FinishedGrid, name: str, baseline: Path) -> Path:
+    """Copy what later comparisons need into the folder of baselines, over an earlier one, and return where it lies."""
+    folder = baseline / name
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in KEPT:
+        shutil.copyfile(finished.folder / file, folder / file)
+    return folder
 
 
 def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) -> FinishedGrid:

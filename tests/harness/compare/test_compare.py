@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from harness.cli import run_command_line
 from harness.compare.compare import Comparison, compare
@@ -22,6 +23,8 @@ from harness.replay_config import resolve_run_config
 from harness.run import run
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
+from harness.stress.grid import GridRequest
+from harness.stress.worker import Finished, work_on_cell
 from tests.harness.stand_ins import SteadyTraffic
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
@@ -174,3 +177,42 @@ def test_two_single_runs_are_paired_by_vehicle_and_called_one_seed(echo_runs):
 def test_single_runs_on_different_traffic_are_refused(echo_runs):
     with pytest.raises(UserError, match=r"different traffic.*--replay"):
         compared(echo_runs[0], echo_runs[2])
+
+
+@pytest.fixture
+def small_suite(monkeypatch) -> None:
+    """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
+    request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
+    sensor = build_sensor(sensor_settings("lidar", {}))
+    monkeypatch.setattr("harness.compare.suite.SUITES", {"standard": request})
+    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams: RunInputs(SteadyTraffic(steps=8), sensor))
+
+    def run_here(cells, workers, timeout_s, on_row) -> None:
+        for cell in cells:
+            work_on_cell(
+                cell, lambda message: on_row(message.key, message.row) if isinstance(message, Finished) else None
+            )
+
+    monkeypatch.setattr("harness.compare.suite.run_cells", run_here)
+    monkeypatch.setattr("harness.stress.figures.curves_figure", lambda *arguments: Figure())
+
+
+def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line(["compare", "--suite", "standard", "--quiet"]) == 2
+    assert "results/reference" in capsys.readouterr().err
+    assert run_command_line(["compare", "--suite", "standard", "--record", "--quiet"]) == 0
+    assert (tmp_path / "results/reference/standard/runs.parquet").is_file()
+    assert run_command_line(["compare", "--suite", "standard", "--out", "again", "--quiet"]) == 0
+    assert run_command_line(["compare", "again", "--baseline", "results/reference", "--json", "--quiet"]) == 0
+    assert {verdict["pairs"] for verdict in json.loads(capsys.readouterr().out)["verdicts"]} >= {12}
+
+
+def test_a_suite_that_got_worse_exits_with_one(small_suite, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line(["compare", "--suite", "standard", "--record", "--quiet"]) == 0
+    recorded = tmp_path / "results/reference/standard/runs.parquet"
+    table = pd.read_parquet(recorded)
+    table["mae.visible.lon_m"] *= 0.9
+    table.to_parquet(recorded)
+    assert run_command_line(["compare", "--suite", "standard", "--out", "again", "--quiet"]) == 1
