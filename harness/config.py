@@ -31,10 +31,12 @@ class RecordingConfig(_Strict):
     Attributes:
         format: Name of the file's format.
         ego: Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn.
+        start_s: Where in the recording the run begins, seconds after its first row.
     """
 
     format: Annotated[str, Field(min_length=1)]
     ego: Annotated[str, Field(min_length=1)] = "auto"
+    start_s: Annotated[float, Field(ge=0.0)] = 0.0
 
 
 class TrafficConfig(_Strict):
@@ -45,7 +47,7 @@ class TrafficConfig(_Strict):
         demand: Name of one of the network's demands; excludes ``density``.
         density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given, unless the network
             is a SUMO configuration with a demand of its own.
-        duration_s: Scored time in seconds; warm-up comes on top. Of a recording, its first seconds.
+        duration_s: Scored time in seconds; warm-up comes on top. Of a recording, the seconds used.
         recording: Set where the traffic was recorded on a real road; there is neither demand nor density then.
     """
 

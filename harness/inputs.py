@@ -72,7 +72,9 @@ def _open_recorded_traffic(path: Path, config: RunConfig) -> RunInputs:
     if recording is None:
         raise UserError(f"--replay: {path} is not a run's folder, and no format of recorded traffic is set")
     sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
-    truth = open_recorded_traffic(path, recording.format, traffic.net, recording.ego, traffic.duration_s)
+    truth = open_recorded_traffic(
+        path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s
+    )
     return RunInputs(
         truth=truth,
         sensor=sensor,

@@ -12,7 +12,9 @@ from harness.truth.recorded.resample import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic, assemble
 
 
-def open_recorded_traffic(path: Path, format_name: str, net: str, ego: str, duration_s: float) -> RecordedTrafficTruth:
+def open_recorded_traffic(
+    path: Path, format_name: str, net: str, ego: str, duration_s: float, start_s: float = 0.0
+) -> RecordedTrafficTruth:
     """Read recorded traffic.
 
     Args:
@@ -20,12 +22,13 @@ def open_recorded_traffic(path: Path, format_name: str, net: str, ego: str, dura
         format_name: Name of its format, see ``harness.truth.recorded.formats``.
         net: Network that the traffic drove on; ``recording`` takes the road from the file.
         ego: Which vehicles carry the sensor, see ``harness.truth.recorded.egos.plan_egos``.
-        duration_s: How much of the recording is used, from its start.
+        duration_s: How much of the recording is used.
+        start_s: From where on.
 
     Raises:
         UserError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
     """
-    traffic = assemble(read_traffic(path, format_name, net), path, duration_s)
+    traffic = assemble(read_traffic(path, format_name, net), path, duration_s, start_s)
     return RecordedTrafficTruth(path, format_name, traffic, plan_egos(traffic, ego), ego)
 
 

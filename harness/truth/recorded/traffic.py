@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.errors import UserError
 from harness.truth.frame import Frame, StringArray
 from harness.truth.recorded.motion import completed
 from harness.truth.recorded.order import Stays, order_rows
@@ -102,30 +103,35 @@ class RecordedTraffic:
         )
 
 
-def assemble(read: ReadTraffic, path: Path, duration_s: float) -> RecordedTraffic:
-    """Bring a file's content onto the clock and cut it to its first ``duration_s`` seconds.
+def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 0.0) -> RecordedTraffic:
+    """Bring a file's content onto the clock and cut it to the ``duration_s`` seconds from ``start_s`` on.
 
     Raises:
-        UserError: The content contradicts itself.
+        UserError: The content contradicts itself, or has ended by ``start_s``.
     """
     stays = order_rows(read, path)
     check_units(stays, path)
     clocked = on_clock(stays)
     rows, accel = completed(clocked)
     order = np.argsort(clocked.step, kind="stable")
-    steps = min(int(clocked.step.max()) + 1, max(1, round(duration_s / STEP_S)))
-    order = order[: np.searchsorted(clocked.step[order], steps)]
+    first_step = round(start_s / STEP_S)
+    steps = min(int(clocked.step.max()) + 1 - first_step, max(1, round(duration_s / STEP_S)))
+    if steps < 1:
+        raise UserError(
+            f"traffic.recording.start_s: {path} ends after {clocked.step.max() * STEP_S:.1f} s; start earlier"
+        )
+    order = order[slice(*np.searchsorted(clocked.step[order], (first_step, first_step + steps)))]
     stay = clocked.stay[order]
     rows = rows.take(order)
     window_m = recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m)
     return RecordedTraffic(
         road=replace(read.road, section_m=window_m),
-        step_starts=np.searchsorted(clocked.step[order], np.arange(steps + 1)),
+        step_starts=np.searchsorted(clocked.step[order], first_step + np.arange(steps + 1)),
         stay=stay,
         names=stays.names,
         columns={name: getattr(rows, name) for name in FRAME_COLUMNS} | {"accel_mps2": accel[order]},
         lane=read.road.lane_number_at(rows.lon_m, rows.lat_m),
-        counts=_counts(read, stays, stay, clocked.stay, clocked.filled, duration_s),
+        counts=_counts(read, stays, stay, clocked.stay, clocked.filled),
         notes=(*read.notes, *_notes(stays)),
     )
 
@@ -167,9 +173,7 @@ def _notes(stays: Stays) -> tuple[str, ...]:
     return (f"{len(stays.jumps)} jumps, after which a vehicle is taken as another one: {names}",)
 
 
-def _counts(
-    read: ReadTraffic, stays: Stays, used: IntArray, clocked: IntArray, filled: int, duration_s: float
-) -> ReadingCounts:
+def _counts(read: ReadTraffic, stays: Stays, used: IntArray, clocked: IntArray, filled: int) -> ReadingCounts:
     in_file = len(np.unique(stays.vehicle))
     on_clock_vehicles = len(np.unique(stays.vehicle[np.unique(clocked)]))
     kept = len(np.unique(stays.vehicle[np.unique(used)]))
@@ -177,7 +181,7 @@ def _counts(
     if in_file > on_clock_vehicles:
         left_out["on record between two steps only"] = in_file - on_clock_vehicles
     if on_clock_vehicles > kept:
-        left_out[f"on record only after the first {duration_s:g} s"] = on_clock_vehicles - kept
+        left_out["on record only outside of the seconds used"] = on_clock_vehicles - kept
     return ReadingCounts(
         vehicles_read=read.vehicles_read,
         vehicles_kept=kept,

@@ -215,8 +215,8 @@ def test_the_columns_of_the_csv_may_come_in_any_order_and_case(tmp_path):
 def test_a_recording_is_cut_to_the_seconds_asked_for_and_says_who_is_missing_then(tmp_path):
     truth = opened(write_ngsim_csv(tmp_path / "scene.csv"), duration_s=0.5)
     assert truth.expected_steps == 5
-    assert truth.traffic.counts.left_out == {"on record only after the first 0.5 s": 1}
-    assert "1 on record only after the first 0.5 s" in truth.report()
+    assert truth.traffic.counts.left_out == {"on record only outside of the seconds used": 1}
+    assert "1 on record only outside of the seconds used" in truth.report()
 
 
 @pytest.mark.parametrize(("name", "net"), [("commonroad", "us101"), ("highd", "us101"), ("ngsim", "recording")])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from harness import runfolder
@@ -79,3 +81,23 @@ def test_the_folders_name_tells_the_recording_and_the_ego(recording):
     assert configured(recording, ego="7").default_folder_name() == (
         "scene-tests.harness.stand_ins-echo_tracker-ego-7-s0"
     )
+
+
+def test_a_run_may_begin_in_the_middle_of_a_recording(recording, tmp_path):
+    whole = pd.read_parquet(run(configured(recording), out=tmp_path / "whole").folder / runfolder.TRUTH)
+    config = resolve_run_config(
+        options={"replay": str(recording), "tracker": ECHO, "duration": 1.5}, settings=["traffic.recording.start_s=2"]
+    )
+    part = pd.read_parquet(run(config, out=tmp_path / "part").folder / runfolder.TRUTH)
+    assert part["step"].max() == 14
+    wanted = whole[whole["step"].between(20, 34)]
+    for column in ("vehicle_id", "lon_m", "speed_mps", "accel_mps2"):
+        np.testing.assert_array_equal(part[column].to_numpy(), wanted[column].to_numpy())
+
+
+def test_a_run_that_would_begin_after_the_recording_is_refused(recording, tmp_path):
+    config = resolve_run_config(
+        options={"replay": str(recording), "tracker": ECHO}, settings=["traffic.recording.start_s=99"]
+    )
+    with pytest.raises(UserError, match="start_s"):
+        run(config, out=tmp_path / "run")
