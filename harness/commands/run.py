@@ -108,8 +108,8 @@ def command(
     """Drive, sense, track and score once.
 
     Leaves a run folder: config.toml, manifest.json, truth, detections, tracks
-    and errors as parquet, metrics.json and figures. Later settings win:
-    defaults, --config, options, --set.
+    and errors as parquet, metrics.json, figures, and report.html with all of
+    it to look at. Later settings win: defaults, --config, options, --set.
 
     Examples:
       python -m harness run --net us101

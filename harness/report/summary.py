@@ -41,6 +41,7 @@ def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
             _mot_table(metrics),
             _lines(metrics),
             Text(f"Results: {folder}", style="bold"),
+            Text(f"Open in a browser: {folder / 'report.html'}"),
         )
     )
 

@@ -42,7 +42,7 @@ def test_a_run_leaves_every_file(steady_traffic, tmp_path):
     names = {entry.name for entry in finished.folder.iterdir()}
     assert {
         "config.toml", "manifest.json", "truth.parquet", "detections.parquet", "tracks.parquet", "errors.parquet",
-        "metrics.json", "figures",
+        "metrics.json", "figures", "report.html",
     } <= names  # fmt: skip
     assert "diagnostics.parquet" not in names, "the stand-in tracker tells nothing of its inside"
     assert json.loads((finished.folder / "metrics.json").read_text()) == finished.metrics
