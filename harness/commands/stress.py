@@ -65,6 +65,9 @@ def command(
     resume: Annotated[
         bool, typer.Option("--resume", help="Keep the runs that --out holds, make the others.", rich_help_panel=RESULT)
     ] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Like --resume, and make failed runs again.", rich_help_panel=RESULT)
+    ] = False,
     workers: Annotated[
         int | None, typer.Option(help="Worker processes. (default: one per core)", min=1, rich_help_panel=RESULT)
     ] = None,
@@ -97,11 +100,12 @@ def command(
       python -m harness stress --densities 20,40 --duration 20 --resume
       python -m harness stress --scheduler tcp://host:8786
     """
+    from harness.config import TrafficConfig  # noqa: PLC0415
     from harness.errors import RunError, UserError  # noqa: PLC0415
     from harness.stress.grid import GridRequest  # noqa: PLC0415
     from harness.stress.stress import run_stress  # noqa: PLC0415
 
-    own_demand = net.endswith(".sumocfg")
+    own_demand = TrafficConfig(net=net or "us101").density is None
     request = GridRequest(
         net=net,
         densities=densities if densities is not None or demands is not None or own_demand else "5:65:10",
@@ -122,7 +126,8 @@ def command(
             request,
             out,
             execute,
-            resume=resume,
+            resume=resume or retry_failed,
+            retry_failed=retry_failed,
             quiet=quiet,
             warn=lambda line: typer.echo(f"warning: {line}", err=True),
             command=shlex.join(["harness", *sys.argv[1:]]),

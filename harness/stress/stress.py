@@ -51,6 +51,7 @@ def run_stress(
     execute: RunCells,
     *,
     resume: bool = False,
+    retry_failed: bool = False,
     quiet: bool = True,
     warn: Callable[[str], object] = str,
     command: str = "",
@@ -62,6 +63,7 @@ def run_stress(
         out: The folder.
         execute: Runs the cells: in processes of this machine (``harness.stress.pool``) or on a cluster.
         resume: Whether runs that the folder already holds are kept.
+        retry_failed: Whether those of them that failed are made again.
         quiet: Whether to leave out the progress bar.
         warn: Called with a line that the user should read.
         command: What the user typed, for the manifest.
@@ -74,6 +76,8 @@ def run_stress(
     check_grid(grid)
     rows_folder = _open_folder(out, resume)
     done = read_rows(rows_folder, (run.key for run in grid.runs))
+    if retry_failed:
+        done = {key: row for key, row in done.items() if row["succeeded"]}
     versions = _versions(out)
     _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
     if done and versions != _versions(out):

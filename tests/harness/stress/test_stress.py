@@ -14,6 +14,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from harness.cli import run_command_line
 from harness.configfile import resolve_config
 from harness.errors import RunInterruptedError, UserError
 from harness.inputs import RunInputs
@@ -98,7 +99,7 @@ def test_traffic_is_made_once_for_all_trackers_of_a_density_and_seed(opened, tmp
 
 def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(opened, tmp_path):
     whole = table_of(grid(tmp_path / "whole").folder)
-    for stop in range(8):
+    for stop in (0, 1, 4, 7):
         folder = tmp_path / f"stopped-{stop}"
         with pytest.raises(RunInterruptedError, match=f"{stop} of 8 runs.*--resume"):
             grid(folder, execute=InProcess(stop_after=stop))
@@ -150,6 +151,16 @@ def test_a_failing_tracker_is_a_row_and_the_others_run_on(opened, tmp_path):
     assert "ArithmeticError" in (finished.folder / "table.md").read_text()
 
 
+def test_failed_runs_are_kept_unless_asked_to_be_made_again(opened, tmp_path):
+    request = GridRequest(densities="20", seeds="2", trackers=f"{BROKEN}:raising,{ECHO}", duration_s=1.0)
+    grid(tmp_path / "grid", request)
+    kept, made_again = InProcess(), InProcess()
+    grid(tmp_path / "grid", request, kept, resume=True)
+    assert kept.rows == 0
+    grid(tmp_path / "grid", request, made_again, resume=True, retry_failed=True)
+    assert made_again.rows == 2
+
+
 def test_failing_traffic_fails_every_run_of_its_cell(monkeypatch, opened, tmp_path):
     def open_live(config, streams) -> RunInputs:
         fails = config.seed == 1
@@ -174,6 +185,27 @@ def test_a_row_holds_what_a_single_run_writes(opened, tmp_path, monkeypatch):
     assert len(compared) > 100
     for name in compared:
         assert row[name] == single[name] or (single[name] is None and pd.isna(row[name])), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--vary", "sensor.rnge_m=40:160:20"], "--vary: sensor.rnge_m: no such setting"),
+        (["--vary", "sensor.range_m=-5:5:5"], "--vary: sensor.range_m"),
+        (["--densities", "65:5:10"], "--densities 65:5:10"),
+        (["--trackers", "mmpf,nonsense"], "--tracker nonsense: unknown; choose one of"),
+        (["--models", "nonsense"], "unknown motion model 'nonsense'; known are"),
+        (["--net", "nonsense"], "--net nonsense: no such network"),
+        (["--demands", "nonsense"], "no such demand"),
+        (["--scheduler", "tcp://host:1", "--workers", "2"], "--workers"),
+    ],
+)
+def test_a_wrong_grid_ends_with_two_before_anything_is_written(arguments, complaint, tmp_path, capsys):
+    assert run_command_line(["stress", "--out", str(tmp_path / "grid"), *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert complaint in lines[0]
+    assert not (tmp_path / "grid").exists()
 
 
 def command(out: Path, *arguments: str) -> list[str]:
