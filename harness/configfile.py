@@ -34,6 +34,7 @@ OPTION_OF_KEY = {
     "tracker.model": "--model",
     "tracker.update": "--update",
     "tracker.particles": "--particles",
+    "tracker.model_file": "--model-file",
 }
 KEY_OF_OPTION = {option.removeprefix("--"): key for key, option in OPTION_OF_KEY.items()}
 

@@ -71,6 +71,13 @@ def command(
         typer.Option(help="Measurement update by name, e.g. joint, max_likelihood.", rich_help_panel=TRACKING),
     ] = None,
     particles: Annotated[int | None, typer.Option(help="Particles per vehicle.", rich_help_panel=TRACKING)] = None,
+    model_file: Annotated[
+        str | None,
+        typer.Option(
+            help="Model of your own from 'train' (npz), for --model gmm or gmm-short.",
+            rich_help_panel=TRACKING,
+        ),
+    ] = None,
     seed: Annotated[
         int | None,
         typer.Option(help="Root of all randomness: same seed, same results. (default: 0)", rich_help_panel=RESULT),
@@ -134,6 +141,7 @@ def command(
         "model": model,
         "update": update,
         "particles": particles,
+        "model-file": model_file,
         "seed": seed,
     }
     resolved = resolve_run_config(config, options, setting or ())

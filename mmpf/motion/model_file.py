@@ -51,8 +51,12 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+    except FileNotFoundError as error:
+        raise ModelFileError(f"model file {path} does not exist; 'train' writes one") from error
+    except OSError as error:
         raise ModelFileError(f"model file {path} can't be read: {_one_line(error)}") from error
+    except (ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+        raise ModelFileError(f"model file {path} is damaged or no npz file; 'train' writes one") from error
     if f"case.{case}" not in arrays:
         kinds = ", ".join(name.removeprefix("case.") for name in arrays if name.startswith("case.")) or "none"
         raise ModelFileError(f"model file {path} is not for {case} (it says: {kinds}); make one with the train command")
