@@ -14,7 +14,7 @@ from harness.stress.stress import GRID, RUNS, TABLE, FinishedGrid, run_stress
 
 SUITES = {
     STANDARD: GridRequest(
-        net="us101", densities="20,40", trackers="mmpf", models="cvm,gmm", seeds="10", duration_s=10.0, particles=200
+        net="us101", densities="20,40", trackers="mmpf", models="cvm,gmm", seeds="10", duration_s=30.0, particles=200
     ),
 }
 BASELINE = Path("results/reference")
