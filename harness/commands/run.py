@@ -105,6 +105,9 @@ def command(
     force: Annotated[
         bool, typer.Option("--force", help="Replace an earlier run in --out.", rich_help_panel=RESULT)
     ] = False,
+    video: Annotated[
+        Path | None, typer.Option(help="MP4 file to write: the road from above.", rich_help_panel=RESULT)
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print metrics.json on stdout, nothing else there.", rich_help_panel=RESULT)
     ] = False,
@@ -149,8 +152,14 @@ def command(
     from harness.report.summary import print_summary  # noqa: PLC0415
     from harness.run import run  # noqa: PLC0415
 
+    if video is not None:
+        from harness.export.video import check_film, write_video  # noqa: PLC0415
+
+        check_film(video, force)
     with _only_results_on_stdout():
         finished = run(resolved, out=out, force=force, command=shlex.join(["harness", *sys.argv[1:]]), quiet=quiet)
+    if video is not None:
+        write_video(finished.folder, video, force)
     if not quiet:
         print_summary(finished.metrics, finished.folder)
     if as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,14 +75,9 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
         UserError: The folder is no finished run's, the file exists or does not end in ``.mp4``, or the part of the
             package that writes films is not installed.
     """
-    if path.suffix != ".mp4":
-        raise UserError(f"--video: {path} must end in .mp4")
-    if path.exists() and not force:
-        raise UserError(f"--video: {path} exists; choose another file or add --force to replace it")
-    try:
-        import imageio_ffmpeg  # noqa: PLC0415
-    except ModuleNotFoundError:
-        raise UserError("--video: needs imageio-ffmpeg; install it with: pip install 'mmpf-harness[video]'") from None
+    check_film(path, force)
+    import imageio_ffmpeg  # noqa: PLC0415
+
     run = read_recorded_run(folder)
     times = np.unique(run.truth["time_s"].to_numpy(dtype=np.float64))
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
@@ -96,6 +92,21 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
         writer.close()
     pending.replace(path)
     return path
+
+
+def check_film(path: Path, force: bool) -> None:
+    """Find out beforehand whether a film can be written.
+
+    Raises:
+        UserError: The file exists or does not end in ``.mp4``, or the part of the package that writes films is not
+            installed.
+    """
+    if path.suffix != ".mp4":
+        raise UserError(f"--video: {path} must end in .mp4")
+    if path.exists() and not force:
+        raise UserError(f"--video: {path} exists; choose another file or add --force to replace it")
+    if importlib.util.find_spec("imageio_ffmpeg") is None:
+        raise UserError("--video: needs imageio-ffmpeg; install it with: pip install 'mmpf-harness[video]'")
 
 
 def frames(run: RecordedRun) -> Iterator[Image.Image]:

@@ -191,6 +191,13 @@ def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
         write_video(folder, film)
 
 
+def test_a_film_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsys):
+    begun = tmp_path / "run"
+    assert run_command_line(["run", "--out", str(begun), "--video", str(tmp_path / "run.avi")]) == EXIT_USER_ERROR
+    assert "must end in .mp4" in capsys.readouterr().err
+    assert not begun.exists()
+
+
 def test_an_export_is_replaced_as_a_whole_and_a_given_folder_only_by_force(folder, tmp_path):
     export_run(folder, "csv")
     (folder / "export" / "csv" / "stale.csv").touch()

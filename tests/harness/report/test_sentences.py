@@ -28,10 +28,23 @@ def test_the_summary_counts_what_became_of_the_hidden_vehicles(metrics):
     )
 
 
-def test_a_tracker_that_is_too_sure_is_told_from_an_honest_one_and_a_timid_one(metrics):
-    for share, words in ((80.0, "surer than it should be"), (95.0, "about right"), (99.9, "knows more than it says")):
-        metrics["calibration"]["coverage95"]["lon"] = share
-        assert words in " ".join(summary_sentences(metrics))
+@pytest.mark.parametrize(
+    ("in_view", "hidden", "words"),
+    [
+        (
+            95.0,
+            80.0,
+            "95 % of cases for vehicles in view (about right) and in 80 % of cases for hidden ones (too small",
+        ),
+        (99.0, 95.0, "99 % of cases for vehicles in view (too large"),
+        (92.0, 92.0, "92 % of cases for vehicles in view (too small, it is surer than it should be) and in 92 % of"),
+        (95.0, None, "95 % of cases for vehicles in view (about right)."),
+    ],
+)
+def test_intervals_are_judged_for_vehicles_in_view_and_hidden_ones_apart(metrics, in_view, hidden, words):
+    metrics["calibration"]["visible"]["coverage95"]["lon"] = in_view
+    metrics["calibration"]["hidden"]["coverage95"]["lon"] = hidden
+    assert words in " ".join(summary_sentences(metrics))
 
 
 def test_slower_than_real_time_is_told_as_such(metrics):
