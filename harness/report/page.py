@@ -23,6 +23,7 @@ from harness.report.sentences import headlines, summary_sentences
 from harness.report.tables import error_table, hidden_table, mot_table
 
 PAGE = "report.html"
+SCRIPTS = ("replay_frame.js", "replay_picture.js", "replay_course.js", "replay_control.js")
 FIGURES = {
     BY_VISIBILITY: "Mean absolute error for visible, partly hidden and hidden vehicles, with 95 % intervals",
     OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
@@ -102,7 +103,7 @@ def run_page(run: RecordedRun) -> str:
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
         replay_json=_script_json(replay_data(run)),
-        script=Markup(_template_text("replay.js")),
+        script=Markup("\n".join(_template_text(name) for name in SCRIPTS)),
     )
 
 

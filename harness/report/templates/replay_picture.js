@@ -1,0 +1,228 @@
+/* The road picture: what the sensor sees, vehicles, detections, tracks, particles. */
+
+function sharpen(target) {
+  const ratio = window.devicePixelRatio || 1, width = target.clientWidth, height = target.clientHeight;
+  if (target.width !== Math.round(width * ratio) || target.height !== Math.round(height * ratio)) {
+    target.width = Math.round(width * ratio);
+    target.height = Math.round(height * ratio);
+  }
+  const pen = target.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  return pen;
+}
+
+function outline(pen, points) {
+  pen.beginPath();
+  points.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+  pen.closePath();
+}
+
+function alongLane(camera, lane, lat) {
+  const from = Math.max(lane[2], camera.lon - camera.reach), to = Math.min(lane[3], camera.lon + camera.reach);
+  if (from >= to) return [];
+  const pieces = road.straight ? 1 : Math.ceil((to - from) / 4);
+  return Array.from({ length: pieces + 1 }, (_, k) => camera.at(from + ((to - from) * k) / pieces, lat));
+}
+
+function drawRoad() {
+  const pen = sharpen(canvas), camera = makeCamera();
+  pen.save();
+  clipToRoad(pen, camera);
+  pen.fillStyle = OUT_OF_SIGHT;
+  pen.fillRect(0, 0, camera.width, camera.height);
+  drawSensorView(pen, camera);
+  pen.restore();
+  drawLaneLines(pen, camera);
+  if (shown.vehicles) drawVehicles(pen, camera);
+  if (shown.particles && data.particles) drawParticles(pen, camera);
+  if (shown.detections) drawDetections(pen, camera);
+  if (shown.tracks) drawTracks(pen, camera);
+  drawFollowed(pen, camera);
+  drawScale(pen, camera);
+}
+
+function clipToRoad(pen, camera) {
+  pen.beginPath();
+  for (const lane of road.lanes) {
+    const edge = [...alongLane(camera, lane, lane[0] - 1.2), ...alongLane(camera, lane, lane[1] + 1.2).reverse()];
+    edge.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    if (edge.length) pen.closePath();
+  }
+  pen.clip();
+}
+
+function drawSensorView(pen, camera) {
+  const row = egoRow(view.step), lon = data.truth.lon[row];
+  const sensor = road.plane(lon, data.truth.lat[row]);
+  const forward = road.heading(lon) + data.truth.heading[row] / 1e4 - camera.turn;
+  const half = (Math.min(data.field_of_view_deg, 360) * Math.PI) / 360, [x, y] = camera.point(...sensor);
+  pen.fillStyle = SEEN;
+  pen.beginPath();
+  if (half < Math.PI) pen.moveTo(x, y);
+  pen.arc(x, y, data.range_m * camera.scale, -forward - half, -forward + half);
+  pen.fill();
+  if (!shown.shadows) return;
+  pen.fillStyle = SHADOW;
+  const [begin, end] = range(data.detections, view.step);
+  for (let k = begin; k < end; k++) drawShadow(pen, camera, sensor, data.detections.lon[k], data.detections.lat[k]);
+}
+
+function drawShadow(pen, camera, sensor, lon, lat) {
+  const [length, width] = data.nominal_m, [x, y] = road.plane(lon, lat), heading = road.heading(lon);
+  const corners = boxCorners(x - sensor[0], y - sensor[1], heading, length, width);
+  const towards = Math.atan2(y - sensor[1], x - sensor[0]);
+  const along = Math.abs(Math.cos(heading) * (x - sensor[0]) + Math.sin(heading) * (y - sensor[1]));
+  const across = Math.abs(Math.cos(heading) * (y - sensor[1]) - Math.sin(heading) * (x - sensor[0]));
+  if (along < length / 2 && across < width / 2) return;
+  if (Math.max(...corners.map(([cx, cy]) => Math.hypot(cx, cy))) >= data.range_m) return;
+  const wrap = (angle) => angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
+  const offsets = corners.map(([cx, cy]) => wrap(Math.atan2(cy, cx) - towards));
+  const right = offsets.indexOf(Math.min(...offsets)), left = offsets.indexOf(Math.max(...offsets));
+  const points = [];
+  for (let k = right; ; k = (k + 1) % 4) {
+    points.push(corners[k]);
+    if (k === left) break;
+  }
+  const pieces = Math.max(2, Math.ceil((offsets[left] - offsets[right]) / 0.02));
+  for (let k = 0; k <= pieces; k++) {
+    const angle = towards + offsets[left] + ((offsets[right] - offsets[left]) * k) / pieces;
+    points.push([data.range_m * Math.cos(angle), data.range_m * Math.sin(angle)]);
+  }
+  outline(pen, points.map(([px, py]) => camera.point(px + sensor[0], py + sensor[1])));
+  pen.fill();
+}
+
+function boxCorners(x, y, heading, length, width) {
+  const c = Math.cos(heading), s = Math.sin(heading);
+  return [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([a, b]) =>
+    [x + (a * length * c - b * width * s) / 2, y + (a * length * s + b * width * c) / 2]);
+}
+
+function drawLaneLines(pen, camera) {
+  const beside = (lon, lat) => road.lanes.some((l) => lat > l[0] && lat < l[1] && lon >= l[2] && lon < l[3]);
+  pen.strokeStyle = "#8c8c8c";
+  pen.lineWidth = 1;
+  const sides = new Map();
+  for (const lane of road.lanes) for (const lat of [lane[0], lane[1]]) sides.set(`${lat}/${lane[2]}`, [lane, lat]);
+  const cuts = [...new Set(road.lanes.flatMap((lane) => [lane[2], lane[3]]))].sort((a, b) => a - b);
+  for (const [lane, lat] of sides.values()) {
+    for (let k = 0; k + 1 < cuts.length; k++) {
+      const piece = [0, 0, Math.max(lane[2], cuts[k]), Math.min(lane[3], cuts[k + 1])];
+      if (piece[2] >= piece[3]) continue;
+      const inner = beside((piece[2] + piece[3]) / 2, lat - 0.5) && beside((piece[2] + piece[3]) / 2, lat + 0.5);
+      const points = alongLane(camera, piece, lat), dash = 3 * camera.scale;
+      pen.setLineDash(inner ? [dash, dash] : []);
+      const from = Math.max(piece[2], camera.lon - camera.reach);
+      pen.lineDashOffset = inner ? (from * camera.scale) % (2 * dash) : 0; // dashes stay put on the road
+      pen.beginPath();
+      points.forEach(([x, y], n) => (n ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.stroke();
+    }
+  }
+  pen.setLineDash([]);
+}
+
+function bodyOf(camera, row, grownM = 0) {
+  const t = data.truth, vehicle = t.vehicle[row], [x, y] = road.plane(t.lon[row], t.lat[row]);
+  const heading = road.heading(t.lon[row]) + t.heading[row] / 1e4;
+  const length = data.vehicles.length_m[vehicle] + grownM, width = data.vehicles.width_m[vehicle] + grownM;
+  return boxCorners(x, y, heading, length, width).map(([px, py]) => camera.point(px, py));
+}
+
+function drawVehicles(pen, camera) {
+  const [begin, end] = range(data.truth, view.step);
+  for (let row = begin; row < end; row++) {
+    if (Math.abs(data.truth.lon[row] - camera.lon) > camera.reach + 10) continue;
+    outline(pen, bodyOf(camera, row));
+    const state = data.truth.state[row];
+    if (data.truth.ego[row] || state < HIDDEN) {
+      pen.fillStyle = data.truth.ego[row] ? "#000000" : STATE_COLOURS[state];
+      pen.fill();
+    } else {
+      pen.strokeStyle = STATE_COLOURS[state];
+      pen.lineWidth = state === HIDDEN ? 2 : 1;
+      pen.stroke();
+    }
+  }
+  const ego = egoRow(view.step), [x, y] = camera.at(data.truth.lon[ego], data.truth.lat[ego]);
+  if (camera.scale > 5.5) write(pen, "ego", x, y + 4, "#ffffff", "", "11px");
+}
+
+function drawParticles(pen, camera) {
+  const [begin, end] = range(data.particles, view.step), egoLon = data.truth.lon[egoRow(view.step)];
+  pen.fillStyle = "rgba(0, 114, 178, 0.75)";
+  for (let k = begin; k < end; k++) {
+    const [x, y] = camera.at(egoLon + data.particles.away[k] / 10, data.particles.lat[k] / 100);
+    pen.fillRect(x - 1, y - 1, 2, 2);
+  }
+}
+
+function drawDetections(pen, camera) {
+  const [begin, end] = range(data.detections, view.step), arm = 4;
+  pen.strokeStyle = "#000000";
+  pen.lineWidth = 1.5;
+  pen.beginPath();
+  for (let k = begin; k < end; k++) {
+    const [x, y] = camera.at(data.detections.lon[k], data.detections.lat[k]);
+    pen.moveTo(x - arm, y - arm); pen.lineTo(x + arm, y + arm);
+    pen.moveTo(x - arm, y + arm); pen.lineTo(x + arm, y - arm);
+  }
+  pen.stroke();
+}
+
+function drawTracks(pen, camera) {
+  const t = data.tracks, [begin, end] = range(t, view.step);
+  const row = rowOf(view.followed, view.step), own = row >= 0 ? data.truth.track[row] : -1;
+  for (let k = begin; k < end; k++) {
+    if (t.state[k] === TENTATIVE && !shown.tentative) continue;
+    if (Math.abs(t.lon[k] - camera.lon) > camera.reach + 10) continue;
+    const [x, y] = camera.at(t.lon[k], t.lat[k]), turn = camera.turn - road.heading(t.lon[k]);
+    const long = Math.max(2, (ELLIPSE_SCALE * t.std_lon[k] * camera.scale) / 100);
+    const wide = Math.max(2, (ELLIPSE_SCALE * t.std_lat[k] * camera.scale) / 100);
+    pen.globalAlpha = t.state[k] === TENTATIVE ? 0.45 : 1;
+    pen.strokeStyle = PURPLE;
+    pen.lineWidth = t.id[k] === own ? 3 : 1.6;
+    pen.setLineDash(t.state[k] === TRACK_HIDDEN ? [5, 3] : []);
+    pen.beginPath();
+    pen.ellipse(x, y, long, wide, turn, 0, 2 * Math.PI);
+    pen.stroke();
+    pen.setLineDash([]);
+    if (shown.numbers && camera.scale > 4.5) {
+      write(pen, String(t.id[k]), x, y - Math.min(Math.max(wide, 1.0 * camera.scale), 2.2 * camera.scale) - 2, PURPLE);
+    }
+    pen.globalAlpha = 1;
+  }
+}
+
+function drawFollowed(pen, camera) {
+  const row = rowOf(view.followed, view.step);
+  if (row < 0) return;
+  outline(pen, bodyOf(camera, row, 7 / camera.scale)); // a ring round the body leaves its colour to be seen
+  pen.strokeStyle = "#000000";
+  pen.lineWidth = 2.5;
+  pen.stroke();
+  const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]);
+  write(pen, data.vehicles.names[view.followed], x, y + 1.1 * camera.scale + 18, "#000000", "bold ", "13px");
+}
+
+function drawScale(pen, camera) {
+  const y = camera.height - 10, long = [50, 20, 10, 5].find((m) => m * camera.scale < 0.3 * camera.width) || 5;
+  pen.fillStyle = "#444444";
+  pen.fillRect(12, y, long * camera.scale, 2);
+  pen.font = "12px system-ui, sans-serif";
+  pen.textAlign = "left";
+  pen.fillText(`${long} m, driving direction →`, 12, y - 5);
+}
+
+function write(pen, text, x, y, colour, weight = "", size = "11px") {
+  pen.font = `${weight}${size} system-ui, sans-serif`;
+  pen.textAlign = "center";
+  if (colour !== "#ffffff") {
+    pen.lineWidth = 3;
+    pen.strokeStyle = "rgba(255,255,255,0.9)";
+    pen.strokeText(text, x, y);
+  }
+  pen.fillStyle = colour;
+  pen.fillText(text, x, y);
+}
