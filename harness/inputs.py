@@ -1,10 +1,7 @@
-"""What a run is driven by: live or recorded traffic before a sensor, or an earlier run's recording of both."""
+"""Opens what a configuration asks for: live or recorded traffic before a sensor, or an earlier run's recording."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,34 +9,10 @@ from harness import runfolder
 from harness.config import RunConfig
 from harness.cosim import Streams
 from harness.errors import UserError
-from harness.sensor.observation import Sensor
-from harness.truth.frame import TruthSource
+from harness.runinputs import RunInputs
 
 if TYPE_CHECKING:
     from harness.truth.network import Network
-
-
-@dataclass(frozen=True)
-class RunInputs:
-    """Truth and sensor of a run.
-
-    Attributes:
-        truth: Yields the frames.
-        sensor: Looks at them.
-        files: The files that decided them, by a name for the manifest.
-        report: What the user should know about them; empty if nothing.
-        about: Tables about them for ``metrics.json``, by name.
-    """
-
-    truth: TruthSource
-    sensor: Sensor
-    files: Mapping[str, Path] = field(default_factory=dict)
-    report: str = ""
-    about: Mapping[str, object] = field(default_factory=dict)
-
-    def hashes(self) -> dict[str, str]:
-        """Return the SHA-256 of each input file."""
-        return {name: _sha256(path) for name, path in self.files.items()}
 
 
 def open_inputs(config: RunConfig, streams: Streams) -> RunInputs:
@@ -108,8 +81,3 @@ def _network_files(network: Network) -> dict[str, Path]:
     if network.vehicle_types_file is not None:
         files["vehicle_types_file"] = network.vehicle_types_file
     return files
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,9 +11,9 @@ import pandas as pd
 
 from harness import runfolder
 from harness.config import RunConfig
-from harness.inputs import RunInputs
 from harness.recorder import DETECTION_NUMBERS
 from harness.roadfile import read_road
+from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES, Observation
 from harness.sensor.profiles import SensorSettings, sensor_settings

@@ -21,7 +21,7 @@ from harness.configfile import write_config
 from harness.cosim import AnyTracker, StageTimes, Streams, co_simulate
 from harness.diagnostics import DiagnosticsKeeper
 from harness.errors import RunError, RunInterruptedError, UserError
-from harness.inputs import RunInputs, open_inputs
+from harness.inputs import open_inputs
 from harness.manifest import write_manifest
 from harness.metrics import as_json, assemble_metrics
 from harness.moment import MomentKeeper
@@ -29,6 +29,7 @@ from harness.particles import ParticleKeeper
 from harness.progress import progress_bar
 from harness.recorder import ColumnRecorder, RunTables, write_table
 from harness.roadfile import write_road
+from harness.runinputs import RunInputs
 from harness.scoring import ScoredRun, score_run
 from harness.sensor.observation import Observation
 from harness.trackers.catalogue import build_tracker

@@ -14,9 +14,6 @@ import numpy.typing as npt
 
 from mmpf.road import FloatArray
 
-Float32Array = npt.NDArray[np.float32]
-Int32Array = npt.NDArray[np.int32]
-
 
 class InvalidMixtureError(ValueError):
     """Weights, means and covariances that make no Gaussian mixture."""
@@ -133,7 +130,7 @@ class ConditionalGmm:
         return np.concatenate([constant[:, None], pull, quadratic], axis=1)
 
     @cached_property
-    def _logit_matrix32(self) -> Float32Array:
+    def _logit_matrix32(self) -> npt.NDArray[np.float32]:
         return np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
 
 

@@ -7,10 +7,13 @@ compiler turns every loop into vector instructions.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
-from mmpf.motion.conditional_gmm import Float32Array, Int32Array
 from mmpf.road import FloatArray
+
+Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
 
 NEGLIGIBLE_LOG_WEIGHT = -16.0
 # Small enough that no linear algebra library deals the product out to threads, which costs more than it saves.

@@ -11,10 +11,10 @@ import pytest
 
 from harness import runfolder
 from harness.configfile import resolve_config
-from harness.inputs import RunInputs
 from harness.recorder import write_table
 from harness.replay_config import resolve_run_config
 from harness.run import run
+from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.profiles import sensor_settings

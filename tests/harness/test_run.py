@@ -12,9 +12,9 @@ from harness import runfolder
 from harness.config import RunConfig
 from harness.configfile import resolve_config
 from harness.errors import RunError, RunInterruptedError, UserError
-from harness.inputs import RunInputs
 from harness.replay_config import resolve_run_config
 from harness.run import run
+from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic

@@ -17,10 +17,10 @@ from harness.compare.verdicts import BETTER, METRICS, SAME, UNTESTED, WORSE
 from harness.compare.written import as_markdown
 from harness.configfile import resolve_config
 from harness.errors import UserError
-from harness.inputs import RunInputs
 from harness.recorder import write_table
 from harness.replay_config import resolve_run_config
 from harness.run import run
+from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.stress.grid import GridRequest

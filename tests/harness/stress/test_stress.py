@@ -17,8 +17,8 @@ import pytest
 from harness.cli import run_command_line
 from harness.configfile import resolve_config
 from harness.errors import RunInterruptedError, UserError
-from harness.inputs import RunInputs
 from harness.run import run
+from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.stress.grid import GridRequest
