@@ -54,7 +54,7 @@ function zoom(factor) {
 
 function fit() {
   const whole = canvas.clientWidth / (2 * data.range_m + 10);
-  view.scale = Math.max(whole, 8.5);
+  view.scale = Math.max(whole, Math.min(8.5, canvas.clientWidth / 70));
   view.pan = 0;
   redraw();
 }
@@ -193,7 +193,7 @@ window.replay = {
     const camera = makeCamera(), [begin, end] = range(data.truth, view.step), found = {};
     for (let row = begin; row < end; row++) {
       const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]);
-      if (x > 0 && x < camera.width) found[data.vehicles.names[data.truth.vehicle[row]]] = [x, y];
+      if (x > 0 && x < camera.width && y > 0 && y < camera.height) found[data.vehicles.names[data.truth.vehicle[row]]] = [x, y];
     }
     return found;
   },

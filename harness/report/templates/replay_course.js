@@ -36,6 +36,7 @@ function drawChart() {
   }
   pen.strokeStyle = "#000000";
   pen.lineWidth = 1.8;
+  pen.lineJoin = "round";
   pen.beginPath();
   let pending = true;
   for (const point of course) {

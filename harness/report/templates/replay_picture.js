@@ -203,7 +203,8 @@ function drawFollowed(pen, camera) {
   pen.lineWidth = 2.5;
   pen.stroke();
   const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]);
-  write(pen, data.vehicles.names[view.followed], x, y + 1.1 * camera.scale + 18, "#000000", "bold ", "13px");
+  const away = 1.1 * camera.scale + 18, below = y + away < camera.height - 4;
+  write(pen, data.vehicles.names[view.followed], x, below ? y + away : y - away - 8, "#000000", "bold ", "13px");
 }
 
 function drawScale(pen, camera) {
@@ -212,6 +213,9 @@ function drawScale(pen, camera) {
   pen.fillRect(12, y, long * camera.scale, 2);
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
+  pen.lineWidth = 3;
+  pen.strokeStyle = "rgba(255,255,255,0.9)";
+  pen.strokeText(`${long} m, driving direction →`, 12, y - 5);
   pen.fillText(`${long} m, driving direction →`, 12, y - 5);
 }
 
