@@ -14,8 +14,8 @@ from harness.trackers.protocol import TrackerSetting, TruthAssociatedTracker
 from harness.trackers.scripted_scenes import ROAD, SENSOR
 
 # The published rule weighs components by products over time: some starve, and their vehicles go without a track.
-BEYOND_THE_PUBLISHED_RULE = {"identities_stay_with_their_cars", "order_of_detections_means_nothing"}
-STARVES = pytest.mark.xfail(reason="components may starve under the published rule", strict=False)
+BEYOND_THE_PUBLISHED_RULE = {"identities_stay_with_their_cars"}
+STARVES = pytest.mark.xfail(reason="components starve under the published rule", strict=True)
 
 
 def published_rule_checks() -> list[object]:
