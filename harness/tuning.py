@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -23,15 +23,11 @@ import numpy as np
 
 from harness.config import RunConfig
 from harness.cosim import Streams, co_simulate
-from harness.inputs import open_inputs
 from harness.recorder import ColumnRecorder
 from harness.scoring import score_run
-from harness.sensor.observation import Observation
+from harness.stress.observed import ObservedTraffic, observe_traffic
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.tuned import TUNED_FILE, tuned_options
-from harness.truth.frame import Frame
-from mmpf.road import Road
-from mmpf.scan import SensorModel
 
 Options = dict[str, object]
 
@@ -86,42 +82,19 @@ SAME_AS = {"stonesoup-jpda-stitched": "stonesoup-jpda"}
 """Trackers that take another's tuned settings, so that the two differ in one thing only."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Recording:
-    """Truth and observations of one run; plays both back to any number of trackers.
+    """Truth and observations of one run, played back to any number of trackers.
 
     Attributes:
         density: Vehicles per km and lane.
         seed: Root seed.
-        road: The road.
-        step_s: Time between frames.
-        sensor: The sensor's data sheet.
-        looks: The frames with what the sensor made of them.
-        expected_steps: How many frames there are.
+        traffic: The frames with what the sensor made of them.
     """
 
     density: float
     seed: int
-    road: Road
-    step_s: float
-    sensor: SensorModel
-    looks: tuple[tuple[Frame, Observation], ...]
-    expected_steps: int
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames."""
-        return (frame for frame, _ in self.looks)
-
-    def close(self) -> None:
-        """Do nothing: a recording holds nothing open."""
-
-    def model(self) -> SensorModel:
-        """Return the sensor's data sheet."""
-        return self.sensor
-
-    def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:  # noqa: ARG002
-        """Return what the sensor saw then."""
-        return self.looks[frame.step - self.looks[0][0].step][1]
+    traffic: ObservedTraffic
 
 
 @dataclass(frozen=True)
@@ -173,8 +146,8 @@ def try_options(tracker: str, options: Mapping[str, object], recordings: Sequenc
     for recording in recordings:
         recorder = ColumnRecorder()
         times = co_simulate(
-            recording,
-            recording,
+            recording.traffic,
+            recording.traffic,
             lambda setting: build_tracker(tracker, setting, {**ALWAYS.get(tracker, {}), **options}),
             recorder,
             Streams.from_seed(recording.seed),
@@ -194,15 +167,7 @@ def record(density: float, seed: int, duration_s: float) -> Recording:
     config = RunConfig.model_validate(
         {"seed": seed, "traffic": {"net": "us101", "density": density, "duration_s": duration_s}}
     )
-    streams = Streams.from_seed(seed)
-    inputs = open_inputs(config, streams)
-    rng = np.random.default_rng(streams.sensor)
-    try:
-        road = inputs.truth.road
-        looks = tuple((frame, inputs.sensor.observe(frame, road, rng)) for frame in inputs.truth.frames())
-    finally:
-        inputs.truth.close()
-    return Recording(density, seed, road, inputs.truth.step_s, inputs.sensor.model(), looks, len(looks))
+    return Recording(density, seed, observe_traffic(config))
 
 
 def write_outcome(tracker: str, trials: Sequence[Trial], recordings: Sequence[Recording], path: Path) -> None:
@@ -225,7 +190,7 @@ def write_outcome(tracker: str, trials: Sequence[Trial], recordings: Sequence[Re
 
 def _table(tracker: str, best: Trial, trials: Sequence[Trial], recordings: Sequence[Recording]) -> list[str]:
     made_on = [
-        {"density": recording.density, "seed": recording.seed, "steps": recording.expected_steps}
+        {"density": recording.density, "seed": recording.seed, "steps": recording.traffic.expected_steps}
         for recording in recordings
     ]
     return [
