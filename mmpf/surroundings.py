@@ -23,6 +23,8 @@ LEADER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(5)
 DIRECTIONS = 5
 FLOW_LENGTH_M = 25.0
 FLOW_OTHER_LANE_WEIGHT = 0.15
+# A vehicle this far outside of every lane still belongs to the nearest one.
+SHOULDER_M = 1.0
 
 
 def surroundings_of(
@@ -191,9 +193,13 @@ def _look_around(
     for n in range(len(lon)):
         lane = _lane_at(lanes, lon[n], lat[n])
         targets[0, n] = lane
-        targets[1, n] = _lane_if_there(lanes, left[lane], lon[n])
-        targets[2, n] = _lane_if_there(lanes, right[lane], lon[n])
-        lane_line[0, n], lane_line[1, n] = lanes[lane, 1], lanes[lane, 2]
+        if lane == OFF_ROAD:
+            targets[1, n], targets[2, n] = OFF_ROAD, OFF_ROAD
+            lane_line[0, n], lane_line[1, n] = np.nan, np.nan
+        else:
+            targets[1, n] = _lane_if_there(lanes, left[lane], lon[n])
+            targets[2, n] = _lane_if_there(lanes, right[lane], lon[n])
+            lane_line[0, n], lane_line[1, n] = lanes[lane, 1], lanes[lane, 2]
         has_lane[0, n], has_lane[1, n] = targets[1, n] >= 0, targets[2, n] >= 0
     for direction in range(DIRECTIONS):
         is_follower = direction in (LEFT_FOLLOWER, RIGHT_FOLLOWER)
@@ -256,9 +262,9 @@ def _lane_if_there(lanes: FloatArray, lane: int, lon: float) -> int:
 
 @numba.njit(cache=True)
 def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
-    """Return the lane that a position is in or nearest to."""
-    smallest = np.inf
-    nearest = 0
+    """Return the lane that a position is in or next to, ``OFF_ROAD`` if there is none, as on a ramp."""
+    smallest = SHOULDER_M
+    nearest = OFF_ROAD
     for k in range(len(lanes)):
         if lon < lanes[k, 3] or lon >= lanes[k, 4]:
             continue

@@ -90,9 +90,11 @@ class LaneKeeper:
             dt_s: Length of the step.
             rng: Source of randomness.
         """
-        away = _offset(before, _centre(surroundings)) - latents[OFFSET]
-        away = np.where(np.isfinite(_centre(surroundings)), away, 0.0)
+        centre = _centre(surroundings)
+        away = _offset(before, centre) - latents[OFFSET]
         keeping = -self.attraction_per_s2 * away - self.damping_per_s * before[LAT_SPEED]
+        # A ramp takes its own course.
+        keeping = np.where(np.isfinite(centre), keeping, 0.0)
         pull = np.where(latents[INTENTION] == 0.0, keeping, self._crossing(before, latents))
         kick = self.speed_noise * np.sqrt(dt_s) * rng.standard_normal(before.shape[1])
         lat_speed = before[LAT_SPEED] + pull * dt_s + kick
