@@ -13,6 +13,8 @@ import pyarrow.parquet as pq
 
 from harness.sensor.observation import VISIBILITY_STATES, Observation
 from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
+from mmpf.road import FloatArray
+from mmpf.scan import BodySizes, Detections
 from mmpf.state import TRACK_STATES, Tracks
 
 Columns = dict[str, npt.NDArray[np.generic]]
@@ -31,6 +33,7 @@ TRUTH_NUMBERS = (
     "width_m",
 )
 DETECTION_NUMBERS = ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps")
+DETECTION_SIZES = ("length_m", "width_m", "std_length_m", "std_width_m")
 TRACK_NUMBERS = (
     "lon_m",
     "lat_m",
@@ -130,9 +133,28 @@ def _detection_columns(frame: Frame, observation: Observation) -> Columns:
         **_when(frame, len(detections)),
         "detection": np.arange(len(detections)),
         **{name: getattr(detections, name) for name in DETECTION_NUMBERS},
+        **_size_columns(detections),
         "visible_fraction": np.round(observation.detection_visible_fraction, TRACK_DECIMALS),
         "truth_id": observation.truth_id.astype(object),
     }
+
+
+def _size_columns(detections: Detections) -> Columns:
+    """Return the measured sizes, if the sensor measures any."""
+    if detections.sizes is None:
+        return {}
+    return {name: getattr(detections.sizes, name) for name in DETECTION_SIZES}
+
+
+def detections_of(rows: pd.DataFrame) -> Detections:
+    """Return the detections that rows of the table record, sizes included where they were measured."""
+
+    def columns(names: tuple[str, ...]) -> list[FloatArray]:
+        return [rows[name].to_numpy(dtype=np.float64) for name in names]
+
+    lon, lat, speed, std_lon, std_lat, std_speed = columns(DETECTION_NUMBERS)
+    sizes = BodySizes(*columns(DETECTION_SIZES)) if set(DETECTION_SIZES) <= set(rows.columns) else None
+    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
 
 
 def _track_columns(frame: Frame, tracks: Tracks) -> Columns:

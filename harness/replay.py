@@ -11,7 +11,7 @@ import pandas as pd
 
 from harness import runfolder
 from harness.config import RunConfig
-from harness.recorder import DETECTION_NUMBERS
+from harness.recorder import DETECTION_NUMBERS, detections_of
 from harness.roadfile import read_road
 from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
@@ -21,7 +21,7 @@ from harness.sensor.shadows import free_space
 from harness.truth.frame import Frame
 from harness.truth.recording import COLUMNS, RecordedTruth
 from mmpf.road import FloatArray, Road
-from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+from mmpf.scan import EgoPose, Scan, SensorModel
 
 OPTION = "--replay"
 TRUTH_OBSERVATION = ("visible_fraction", "occluder_id", "in_range", "state")
@@ -75,7 +75,7 @@ class RecordedSensor:
         """Return the recorded observation of the frame; the sensor's shadows follow from its detections again."""
         truth = self.truth[frame.step]
         rows = self.detections.get(frame.step, self.no_detections)
-        detections = Detections(*(_floats(rows, name) for name in DETECTION_NUMBERS))
+        detections = detections_of(rows)
         ego = ego_pose(frame)
         view_rad = float(np.deg2rad(self.settings.field_of_view_deg))
         space = free_space(detections, ego, road, self.settings.range_m, view_rad)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import BirthOptions
+from mmpf.options import BirthOptions, Footprint
 from mmpf.road import FloatArray, IntArray
 from mmpf.scan import Detections
+from mmpf.sizes import with_measured_sizes
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE, Components, Mixture, ParticleCloud
 
 
@@ -35,6 +36,7 @@ def give_birth(
     motion: MotionModel,
     particles: int,
     options: BirthOptions,
+    vehicle: Footprint,
     rng: np.random.Generator,
 ) -> Mixture:
     """Add one component for each chosen detection.
@@ -51,6 +53,7 @@ def give_birth(
         motion: Draws the latents of the new particles.
         particles: Particles per component.
         options: Spreads.
+        vehicle: Size of a vehicle before it is measured.
         rng: Source of randomness.
     """
     if len(chosen) == 0:
@@ -66,7 +69,10 @@ def give_birth(
         log_component_weight=np.full(state.shape[1], -np.log(len(mixture) + len(chosen))),
         latents=motion.draw_latents(state, rng),
     )
-    return mixture.join(cloud, Components.newborn(track_id, existence))
+    components = Components.newborn(track_id, existence, vehicle)
+    if detections.sizes is not None:
+        components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
+    return mixture.join(cloud, components)
 
 
 def _draw_states(

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from mmpf.moments import component_moments
 from mmpf.options import JointOptions
 from mmpf.road import FloatArray, IntArray
+from mmpf.sizes import sizes_of, with_measured_sizes
 from mmpf.state import LAT, LON, SPEED, Mixture
 
 
@@ -60,6 +61,7 @@ def hand_over_identity(
     track_id[new[rows[linked]]] = components.track_id[hidden[columns[linked]]]
     keep = np.ones(len(mixture), dtype=np.bool_)
     keep[hidden[columns[linked]]] = False
+    components = with_measured_sizes(components, new[rows[linked]], sizes_of(components, hidden[columns[linked]]))
     renamed = replace(mixture, components=replace(components, track_id=track_id))
     return renamed.keep(keep), int(linked.sum())
 

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mmpf.moments import Moments
-from mmpf.options import Footprint
 from mmpf.road import FloatArray, IntArray
 from mmpf.scan import EgoPose
 from mmpf.state import LAT, LON, Mixture
@@ -22,7 +21,6 @@ def room_beside_seen_vehicles(
     is_seen: npt.NDArray[np.bool_],
     ego: EgoPose,
     strength: float,
-    vehicle: Footprint,
 ) -> FloatArray:
     """Return each particle's weight factor, below one where a hidden particle overlaps a seen vehicle, shape (n,).
 
@@ -34,11 +32,11 @@ def room_beside_seen_vehicles(
         is_seen: Components that were seen lately; the others are hidden, shape (m,).
         ego: The sensor's own vehicle, which is always seen.
         strength: Exponent of full overlap; zero for no interaction.
-        vehicle: Nominal size of a vehicle.
     """
     factor = np.ones(len(mixture.cloud))
     holds_place = is_seen & mixture.components.confirmed
     if strength > 0.0:
+        length, width = mixture.components.length_m[holds_place], mixture.components.width_m[holds_place]
         _discount_overlaps(
             mixture.cloud.state[LON],
             mixture.cloud.state[LAT],
@@ -47,8 +45,8 @@ def room_beside_seen_vehicles(
             np.append(moments.mean[LON][holds_place], ego.lon_m),
             np.append(moments.mean[LAT][holds_place], ego.lat_m),
             strength,
-            SCALE_ALONG * vehicle.length_m,
-            SCALE_ACROSS * vehicle.width_m,
+            SCALE_ALONG * np.append(length, ego.length_m),
+            SCALE_ACROSS * np.append(width, ego.width_m),
             factor,
         )
     return factor
@@ -63,8 +61,8 @@ def _discount_overlaps(
     seen_lon: FloatArray,
     seen_lat: FloatArray,
     strength: float,
-    scale_lon: float,
-    scale_lat: float,
+    scale_lon: FloatArray,
+    scale_lat: FloatArray,
     factor: FloatArray,
 ) -> None:
     for m in range(len(starts) - 1):
@@ -72,10 +70,10 @@ def _discount_overlaps(
             continue
         for n in range(starts[m], starts[m + 1]):
             for s in range(len(seen_lon)):
-                along = (lon[n] - seen_lon[s]) / scale_lon
+                along = (lon[n] - seen_lon[s]) / scale_lon[s]
                 if abs(along) > 2.0:
                     continue
-                across = (lat[n] - seen_lat[s]) / scale_lat
+                across = (lat[n] - seen_lat[s]) / scale_lat[s]
                 if abs(across) > 2.0:
                     continue
                 overlap = np.exp(-0.5 * along**4) * np.exp(-0.5 * across**4)

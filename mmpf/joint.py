@@ -23,7 +23,8 @@ from mmpf.moments import component_moments
 from mmpf.options import FilterOptions
 from mmpf.resampling import resample, resample_from_gaussian
 from mmpf.road import FloatArray, IntArray
-from mmpf.shadows import depth_table, detection_probabilities, visible_fractions
+from mmpf.shadows import Bodies, depth_table, detection_probabilities, visible_fractions
+from mmpf.sizes import with_measured_sizes
 from mmpf.state import LAT, LON, Components, Mixture
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 
@@ -31,6 +32,8 @@ NOMINAL_SCAN_S = 0.1
 HIDDEN_PROBABILITY_LIMIT = 0.3
 GAUSSIAN_RESAMPLE_BELOW = 0.9
 HIT_PROBABILITY = 0.5
+SAME_PLACE = 0.75
+WELL_PLACED_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -50,10 +53,9 @@ class JointUpdate:
         moments = component_moments(prior)
         if joint.shadow:
             casts = prior.components.existence > joint.occluder_existence
-            table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, self.options.vehicle)
-            visible = visible_fractions(
-                ego, cloud.state[LON], cloud.state[LAT], cloud.component, table, self.options.vehicle
-            )
+            bodies = Bodies(prior.components.length_m, prior.components.width_m)
+            table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, bodies)
+            visible = visible_fractions(ego, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
             distance = np.hypot(cloud.state[LON] - ego.lon_m, cloud.state[LAT] - ego.lat_m)
             probability = detection_probabilities(
                 visible, distance, situation.sensor, joint.hidden_detection_probability
@@ -107,13 +109,16 @@ class JointUpdate:
             prior.components.unseen_s <= joint.hidden_after_s,
             situation.scan.ego,
             joint.exclusion_strength * situation.dt_s / NOMINAL_SCAN_S,
-            self.options.vehicle,
         )
         claimed = (evidence * marginals.detection_message).sum(axis=1)
         existence = np.minimum((existence * not_seen + claimed) / (missed + claimed), 0.99)
 
         was_hit = marginals.probability.sum(axis=1) > HIT_PROBABILITY
         components = _count_hits(prior.components, was_hit, existence, situation.dt_s)
+        if detections.sizes is not None:
+            hit = np.flatnonzero(was_hit)
+            measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
+            components = with_measured_sizes(components, hit, measured)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = np.log(np.maximum(normalised(raw, prior.starts), 1e-300))
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
@@ -148,6 +153,7 @@ class JointUpdate:
             situation.motion,
             self.options.particles,
             self.options.birth,
+            self.options.vehicle,
             rng,
         )
         return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
@@ -179,13 +185,13 @@ class JointUpdate:
         return replace(mixture, cloud=replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component]))
 
     def _stands_on_another(self, mixture: Mixture) -> npt.NDArray[np.bool_]:
-        """Return which components share a footprint with a confirmed, seen component: they may not be confirmed."""
-        mean, components = component_moments(mixture).mean, mixture.components
-        blocks = components.confirmed & (components.unseen_s <= self.options.joint.hidden_after_s)
-        vehicle = self.options.vehicle
-        overlaps = (np.abs(mean[LON][:, None] - mean[LON]) < 0.75 * vehicle.length_m) & (
-            np.abs(mean[LAT][:, None] - mean[LAT]) < 0.75 * vehicle.width_m
-        )
+        """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
+        moments, components = component_moments(mixture), mixture.components
+        mean = moments.mean
+        blocks = components.confirmed & (moments.std[LON] < WELL_PLACED_M)
+        length, width = components.length_m, components.width_m
+        overlaps = np.abs(mean[LON][:, None] - mean[LON]) < SAME_PLACE * 0.5 * (length[:, None] + length)
+        overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < SAME_PLACE * 0.5 * (width[:, None] + width)
         np.fill_diagonal(overlaps, val=False)
         return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 

@@ -19,7 +19,7 @@ from mmpf.options import FilterOptions, MaxLikelihoodOptions
 from mmpf.resampling import resample
 from mmpf.road import FloatArray, IntArray
 from mmpf.scan import Detections
-from mmpf.shadows import depth_table, shadowed_share, visible_fractions
+from mmpf.shadows import Bodies, depth_table, shadowed_share, visible_fractions
 from mmpf.state import LAT, LON, SPEED, Components, Mixture
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 
@@ -40,12 +40,12 @@ class MaxLikelihoodUpdate:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
         ego, free_space = situation.scan.ego, situation.scan.free_space
         mean = component_moments(prior).mean
-        vehicle = self.options.vehicle
+        bodies = Bodies(prior.components.length_m, prior.components.width_m)
         if free_space is not None:
-            shadowed = shadowed_share(ego, mean[LON], mean[LAT], free_space, vehicle)
+            shadowed = shadowed_share(ego, mean[LON], mean[LAT], bodies, free_space)
         else:
-            table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), vehicle)
-            shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), table, vehicle)
+            table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
+            shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
         is_hidden = shadowed >= self.options.max_likelihood.shadowed_share
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
         return Occlusion(probability, probability, is_hidden)
@@ -106,6 +106,7 @@ class MaxLikelihoodUpdate:
             situation.motion,
             self.options.particles,
             self.options.birth,
+            self.options.vehicle,
             rng,
         )
         mixture, merged = _merge_overlaps(mixture, rule)

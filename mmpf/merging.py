@@ -39,7 +39,8 @@ def merge_lasting_overlaps(
     apart = (np.abs(mean[LON][:, None] - mean[LON][None, :]) >= lon_m) | (
         np.abs(mean[LAT][:, None] - mean[LAT][None, :]) >= lat_m
     )
-    distance[apart | (is_hidden[:, None] != is_hidden[None, :])] = np.inf
+    both = components.confirmed[:, None] & components.confirmed[None, :]
+    distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
     np.fill_diagonal(distance, np.inf)
     nearest = distance.argmin(axis=1)
     overlaps = np.isfinite(distance[np.arange(len(mixture)), nearest])

@@ -18,15 +18,22 @@ class Settings(BaseModel):
 
 
 class Footprint(Settings):
-    """The rectangle that stands for a vehicle whose size the tracker does not know: the mean car on US-101.
+    """The rectangle that stands for a vehicle whose size is not measured: the mean and spread on US-101.
 
     Attributes:
         length_m: Length.
         width_m: Width.
+        std_length_m: Spread of lengths, wide enough for trucks; measured lengths narrow it down.
+        std_width_m: Spread of widths.
     """
 
     length_m: Positive = 4.7
     width_m: Positive = 1.9
+    std_length_m: Positive = 2.0
+    std_width_m: Positive = 0.3
+
+
+MEAN_CAR = Footprint()
 
 
 class ModelErrorOptions(Settings):

@@ -9,11 +9,47 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mmpf.road import FloatArray
+from mmpf.road import FloatArray, IntArray
 
 
 class InvalidScanError(ValueError):
     """A scan that no sensor can have made: non-finite or mismatched values, or time that runs backwards."""
+
+
+@dataclass(frozen=True)
+class BodySizes:
+    """Sizes of the boxes fitted to detected vehicles, struct of arrays, each of shape (d,).
+
+    Attributes:
+        length_m: Measured length.
+        width_m: Measured width.
+        std_length_m: Standard deviation of the length, as the sensor reports it.
+        std_width_m: Standard deviation of the width.
+    """
+
+    length_m: FloatArray
+    width_m: FloatArray
+    std_length_m: FloatArray
+    std_width_m: FloatArray
+
+    def take(self, index: IntArray) -> BodySizes:
+        """Return the chosen detections' sizes."""
+        return BodySizes(*(getattr(self, column.name)[index] for column in fields(self)))
+
+    def validate(self, count: int) -> None:
+        """Check the arrays for their shape and for values that no measurement has.
+
+        Raises:
+            InvalidScanError: A shape is not (count,), or a value is not finite, or a deviation is not positive.
+        """
+        for column in fields(self):
+            values = getattr(self, column.name)
+            if values.shape != (count,):
+                raise InvalidScanError(f"detections.sizes.{column.name} has shape {values.shape}, not {(count,)}")
+            if not np.isfinite(values).all():
+                raise InvalidScanError(f"detections.sizes.{column.name} holds a value that is not finite")
+        if (self.std_length_m <= 0.0).any() or (self.std_width_m <= 0.0).any():
+            raise InvalidScanError("detections.sizes: standard deviations must be positive")
 
 
 @dataclass(frozen=True)
@@ -27,6 +63,7 @@ class Detections:
         std_lon_m: Standard deviation of the longitudinal noise, as the sensor reports it.
         std_lat_m: Standard deviation of the lateral noise.
         std_speed_mps: Standard deviation of the speed noise; nan where speed is not measured.
+        sizes: Measured sizes; None of a sensor that measures none.
     """
 
     lon_m: FloatArray
@@ -35,6 +72,7 @@ class Detections:
     std_lon_m: FloatArray
     std_lat_m: FloatArray
     std_speed_mps: FloatArray
+    sizes: BodySizes | None = None
 
     def __len__(self) -> int:
         return len(self.lon_m)
@@ -45,10 +83,10 @@ class Detections:
         Raises:
             InvalidScanError: Shapes differ, a position or deviation is not finite, or a deviation is not positive.
         """
-        for column in fields(self):
-            values = getattr(self, column.name)
+        for name in ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps"):
+            values = getattr(self, name)
             if values.shape != self.lon_m.shape or values.ndim != 1:
-                raise InvalidScanError(f"detections.{column.name} has shape {values.shape}, not {self.lon_m.shape}")
+                raise InvalidScanError(f"detections.{name} has shape {values.shape}, not {self.lon_m.shape}")
         for name in ("lon_m", "lat_m", "std_lon_m", "std_lat_m"):
             if not np.isfinite(getattr(self, name)).all():
                 raise InvalidScanError(f"detections.{name} holds a value that is not finite")
@@ -59,6 +97,8 @@ class Detections:
         for name in ("std_lon_m", "std_lat_m", "std_speed_mps"):
             if (getattr(self, name) <= 0.0).any():
                 raise InvalidScanError(f"detections.{name} must be positive")
+        if self.sizes is not None:
+            self.sizes.validate(len(self))
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,24 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.options import Footprint
 from mmpf.road import FloatArray, IntArray
 from mmpf.scan import EgoPose, FreeSpace, SensorModel
 
 BEARINGS = 1440
 LARGEST_RAY_COUNT = 16
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Sizes of the components' vehicles, struct of arrays of shape (m,).
+
+    Attributes:
+        length_m: Lengths.
+        width_m: Widths.
+    """
+
+    length_m: FloatArray
+    width_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -38,7 +50,7 @@ def depth_table(
     lon_m: FloatArray,
     lat_m: FloatArray,
     casts_shadow: npt.NDArray[np.bool_],
-    vehicle: Footprint,
+    bodies: Bodies,
 ) -> DepthTable:
     """Return the surfaces that the components' rectangles present to the sensor.
 
@@ -47,7 +59,7 @@ def depth_table(
         lon_m: Components' mean longitudinal positions, shape (m,).
         lat_m: Components' mean lateral positions, shape (m,).
         casts_shadow: Which of them count, shape (m,).
-        vehicle: Their nominal size; they are taken to point along the road.
+        bodies: Their sizes; they are taken to point along the road.
     """
     depth = np.full((2, BEARINGS), np.inf)
     caster = np.full((2, BEARINGS), -1, dtype=np.int64)
@@ -55,8 +67,8 @@ def depth_table(
         lon_m - ego.lon_m,
         lat_m - ego.lat_m,
         casts_shadow,
-        0.5 * vehicle.length_m,
-        0.5 * vehicle.width_m,
+        0.5 * bodies.length_m,
+        0.5 * bodies.width_m,
         depth,
         caster,
     )
@@ -64,7 +76,7 @@ def depth_table(
 
 
 def visible_fractions(
-    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, table: DepthTable, vehicle: Footprint
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, bodies: Bodies, table: DepthTable
 ) -> FloatArray:
     """Return the share of each particle's angular extent that no other component's shadow covers, shape (n,).
 
@@ -73,8 +85,8 @@ def visible_fractions(
         lon_m: Particles' longitudinal positions, shape (n,).
         lat_m: Particles' lateral positions, shape (n,).
         component: Each particle's component, whose own shadow does not count, shape (n,).
+        bodies: Sizes of the components' vehicles.
         table: The surfaces around.
-        vehicle: Nominal size of the particles' vehicles.
     """
     fraction = np.empty(len(lon_m))
     _look_up_rays(
@@ -83,8 +95,8 @@ def visible_fractions(
         component,
         table.depth_m,
         table.caster,
-        0.5 * vehicle.length_m,
-        0.5 * vehicle.width_m,
+        0.5 * bodies.length_m,
+        0.5 * bodies.width_m,
         fraction,
     )
     return fraction
@@ -107,7 +119,7 @@ def detection_probabilities(
 
 
 def shadowed_share(
-    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, free_space: FreeSpace, vehicle: Footprint
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace
 ) -> FloatArray:
     """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
 
@@ -115,16 +127,16 @@ def shadowed_share(
         ego: Pose of the sensor.
         lon_m: Longitudinal positions, shape (m,).
         lat_m: Lateral positions, shape (m,).
+        bodies: The vehicles' sizes, shape (m,).
         free_space: The sensor's own free distances.
-        vehicle: Nominal size.
     """
     depth = np.full((2, len(free_space.range_m)), np.inf)
-    depth[0] = free_space.range_m + 0.5 * vehicle.length_m
+    depth[0] = free_space.range_m
     caster = np.full(depth.shape, -2, dtype=np.int64)
     fraction = np.empty(len(lon_m))
-    nobody = np.full(len(lon_m), -1, dtype=np.int64)
-    half_length, half_width = 0.5 * vehicle.length_m, 0.5 * vehicle.width_m
-    _look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, nobody, depth, caster, half_length, half_width, fraction)
+    half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
+    each = np.arange(len(lon_m))
+    _look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, each, depth, caster, half_length, half_width, fraction)
     return 1.0 - fraction
 
 
@@ -150,8 +162,8 @@ def _cast_shadows(
     x: FloatArray,
     y: FloatArray,
     casts_shadow: npt.NDArray[np.bool_],
-    half_length: float,
-    half_width: float,
+    half_length: FloatArray,
+    half_width: FloatArray,
     depth: FloatArray,
     caster: IntArray,
 ) -> None:
@@ -160,14 +172,14 @@ def _cast_shadows(
     for m in range(len(x)):
         if not casts_shadow[m]:
             continue
-        if abs(x[m]) <= half_length and abs(y[m]) <= half_width:
+        if abs(x[m]) <= half_length[m] and abs(y[m]) <= half_width[m]:
             continue
-        centre, half = _angular_extent(x[m], y[m], half_length, half_width)
+        centre, half = _angular_extent(x[m], y[m], half_length[m], half_width[m])
         first = int(np.floor((centre - half + np.pi) / width))
         last = int(np.floor((centre + half + np.pi) / width))
         for k in range(first, last + 1):
             bearing = -np.pi + (k + 0.5) * width
-            entry = _ray_entry(np.cos(bearing), np.sin(bearing), x[m], y[m], half_length, half_width)
+            entry = _ray_entry(np.cos(bearing), np.sin(bearing), x[m], y[m], half_length[m], half_width[m])
             if entry < 0.0:
                 continue
             sector = k % sectors
@@ -201,8 +213,8 @@ def _look_up_rays(
     component: IntArray,
     depth: FloatArray,
     caster: IntArray,
-    half_length: float,
-    half_width: float,
+    half_length: FloatArray,
+    half_width: FloatArray,
     fraction: FloatArray,
 ) -> None:
     begin = 0
@@ -212,11 +224,12 @@ def _look_up_rays(
             end += 1
         own = component[begin]
         own_x, own_y = x[begin:end], y[begin:end]
-        alike = _fraction_of_all(own_x, own_y, own, depth, caster, half_length, half_width)
+        length, width = half_length[own], half_width[own]
+        alike = _fraction_of_all(own_x, own_y, own, depth, caster, length, width)
         if alike >= 0.0:
             fraction[begin:end] = alike
         else:
-            _fraction_of_each(own_x, own_y, own, depth, caster, half_length, half_width, fraction[begin:end])
+            _fraction_of_each(own_x, own_y, own, depth, caster, length, width, fraction[begin:end])
         begin = end
 
 

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.options import MEAN_CAR, Footprint
 from mmpf.road import FloatArray, IntArray
 
 LON, LAT, SPEED, LAT_SPEED, ACCEL, LAT_ACCEL = range(6)
@@ -84,6 +85,10 @@ class Components:
         unseen_s: Time since its last hit.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_scans: For how many scans in a row.
+        length_m: Estimated length of the vehicle.
+        width_m: Estimated width.
+        std_length_m: Standard deviation of the length.
+        std_width_m: Standard deviation of the width.
     """
 
     track_id: IntArray
@@ -94,6 +99,10 @@ class Components:
     unseen_s: FloatArray
     overlap_with: IntArray
     overlap_scans: IntArray
+    length_m: FloatArray
+    width_m: FloatArray
+    std_length_m: FloatArray
+    std_width_m: FloatArray
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -103,12 +112,13 @@ class Components:
         return Components(*(getattr(self, f.name)[index] for f in fields(self)))
 
     @classmethod
-    def newborn(cls, track_id: IntArray, existence: FloatArray) -> Components:
+    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Components:
         """Return components of their first scan, one detection each.
 
         Args:
             track_id: Their identities, shape (m,).
             existence: Their existence probabilities, shape (m,).
+            vehicle: Their sizes as far as is known before any is measured.
         """
         zeros = np.zeros(len(track_id), dtype=np.int64)
         return cls(
@@ -120,6 +130,10 @@ class Components:
             unseen_s=np.zeros(len(track_id)),
             overlap_with=zeros + NEVER,
             overlap_scans=zeros,
+            length_m=np.full(len(track_id), vehicle.length_m),
+            width_m=np.full(len(track_id), vehicle.width_m),
+            std_length_m=np.full(len(track_id), vehicle.std_length_m),
+            std_width_m=np.full(len(track_id), vehicle.std_width_m),
         )
 
     @classmethod

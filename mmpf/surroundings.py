@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mmpf.motion.protocol import Neighbour, Surroundings
-from mmpf.options import Footprint
 from mmpf.road import FloatArray, IntArray, Road
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
@@ -31,12 +30,12 @@ def surroundings_of(
     state: FloatArray,
     component: IntArray,
     mean: FloatArray,
+    length_m: FloatArray,
     is_neighbour: npt.NDArray[np.bool_],
     is_seen: npt.NDArray[np.bool_],
     ego: EgoPose,
     ego_accel_mps2: float,
     road: Road,
-    vehicle: Footprint,
 ) -> Surroundings:
     """Return what each particle knows of road and traffic.
 
@@ -44,16 +43,16 @@ def surroundings_of(
         state: Particles' states, shape (6, n).
         component: Each particle's component, shape (n,).
         mean: Components' mean states, shape (6, m).
+        length_m: Their vehicles' lengths, shape (m,).
         is_neighbour: Components that count as vehicles for the others, shape (m,).
         is_seen: Components that were seen lately, shape (m,).
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
         ego_accel_mps2: Its longitudinal acceleration.
         road: The lanes.
-        vehicle: Nominal size of a vehicle.
     """
     others = np.column_stack([mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
     counts = np.append(is_neighbour, True)
-    length = np.append(np.full(mean.shape[1], vehicle.length_m), ego.length_m)
+    length = np.append(length_m, ego.length_m)
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
     leader, follower = _neighbours_by_lane(others[LON], lane_of_other, counts, len(road.lanes))
 
@@ -71,7 +70,6 @@ def surroundings_of(
         follower,
         others[[LON, SPEED, ACCEL]],
         length,
-        vehicle.length_m,
         around.lane_line_m,
         around.has_lane,
         around.exists,
@@ -82,7 +80,7 @@ def surroundings_of(
     )
     flow = flow_speeds(others[:, :-1], lane_of_other[:-1], is_neighbour & is_seen)
     return Surroundings(
-        length_m=np.full(len(component), vehicle.length_m),
+        length_m=length_m[component],
         lane_right_m=around.lane_line_m[0],
         lane_left_m=around.lane_line_m[1],
         has_left_lane=around.has_lane[0],
@@ -178,8 +176,7 @@ def _look_around(
     leader: IntArray,
     follower: IntArray,
     others: FloatArray,
-    other_length: FloatArray,
-    own_length: float,
+    length: FloatArray,
     lane_line: FloatArray,
     has_lane: npt.NDArray[np.bool_],
     exists: npt.NDArray[np.bool_],
@@ -211,8 +208,7 @@ def _look_around(
             follower if is_follower else leader,
             -1.0 if is_follower else 1.0,
             others,
-            other_length,
-            own_length,
+            length,
             exists[direction],
             gap[direction],
             neighbour_speed[direction],
@@ -230,8 +226,7 @@ def _measure_neighbours(
     nearest: IntArray,
     sign: float,
     others: FloatArray,
-    other_length: FloatArray,
-    own_length: float,
+    length: FloatArray,
     exists: npt.NDArray[np.bool_],
     gap: FloatArray,
     neighbour_speed: FloatArray,
@@ -243,16 +238,16 @@ def _measure_neighbours(
         found = nearest[component[n], target[n]] if target[n] >= 0 else NOBODY
         if found >= 0:
             exists[n] = True
-            gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (own_length + other_length[found])
+            gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (length[component[n]] + length[found])
             neighbour_speed[n] = others[1, found]
             neighbour_accel[n] = others[2, found]
-            neighbour_length[n] = other_length[found]
+            neighbour_length[n] = length[found]
         else:
             exists[n] = False
             gap[n] = np.inf
             neighbour_speed[n] = speed[n]
             neighbour_accel[n] = 0.0
-            neighbour_length[n] = own_length
+            neighbour_length[n] = length[component[n]]
 
 
 @numba.njit(cache=True)

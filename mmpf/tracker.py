@@ -146,6 +146,7 @@ class MixtureTracker:
             self._motion,
             self._options.particles,
             self._options.birth,
+            self._options.vehicle,
             self._rng,
         )
         return self._rule.weight_update(mixture)
@@ -169,12 +170,12 @@ class MixtureTracker:
             self._mixture.cloud.state,
             self._mixture.cloud.component,
             component_moments(self._mixture).mean,
+            components.length_m,
             components.confirmed,
             is_seen,
             previous.ego,
             (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s,
             self._road,
-            self._options.vehicle,
         )
         return prior_update(
             self._mixture,

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from harness.errors import UserError
 from harness.recorded import RecordedRun, read_recorded_run
-from harness.recorder import DETECTION_NUMBERS
+from harness.recorder import detections_of
 from harness.report.scene import (
     ELLIPSE_SCALE,
     GREEN,
@@ -27,7 +27,7 @@ from harness.report.scene import (
 )
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from mmpf.road import FloatArray
-from mmpf.scan import Detections, EgoPose
+from mmpf.scan import EgoPose
 
 WIDTH, HEIGHT = 1280, 720
 # Drawn this many times larger and reduced, so that edges are smooth.
@@ -143,8 +143,7 @@ def _draw_ground(strip: _Strip, run: RecordedRun, pose: EgoPose, detections: pd.
     sensor = sensor_position(pose, run.road)
     rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * run.sensor.range_m + sensor
     strip.draw.polygon(strip.place(in_road_frame(rim, run.road, 0.0)), fill=SEEN_GROUND)
-    scan = Detections(*(_floats(detections, name) for name in DETECTION_NUMBERS))
-    for outline in shadow_polygons(scan, pose, run.road, run.sensor.range_m):
+    for outline in shadow_polygons(detections_of(detections), pose, run.road, run.sensor.range_m):
         strip.draw.polygon(strip.place(in_road_frame(outline, run.road, 0.0)), fill=SHADOW)
 
 

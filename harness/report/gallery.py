@@ -13,7 +13,7 @@ from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.figure import Figure
 
 from harness.recorded import RecordedRun
-from harness.recorder import DETECTION_NUMBERS
+from harness.recorder import detections_of
 from harness.report.scene import (
     ELLIPSE_SCALE,
     OUT_OF_SIGHT,
@@ -27,7 +27,7 @@ from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from mmpf.road import FloatArray
-from mmpf.scan import Detections, EgoPose
+from mmpf.scan import EgoPose
 
 WORST = 5
 HALF_WINDOW_M = 27.0
@@ -195,8 +195,7 @@ def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.Dat
     range_m = run.sensor.range_m
     bearings = np.linspace(-np.pi, np.pi, 181)
     rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * range_m + sensor_position(pose, run.road)
-    scan = Detections(*(_floats(detections, name) for name in DETECTION_NUMBERS))
-    shadows = shadow_polygons(scan, pose, run.road, range_m)
+    shadows = shadow_polygons(detections_of(detections), pose, run.road, range_m)
     for outlines, colour, height in (([rim], SEEN_GROUND, 0), (shadows, SHADOW, 1)):
         turned = [_turned(in_road_frame(outline, run.road, centre)) for outline in outlines]
         axes.add_collection(PolyCollection(turned, facecolor=colour, edgecolor="none", zorder=height), autolim=False)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from harness.sensor.noise import measured_speed, position_error, position_std
+from harness.sensor.noise import measured_sizes, measured_speed, position_error, position_std
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation, Sensor
 from harness.sensor.profiles import SensorSettings
-from harness.sensor.shadows import free_space, sensor_position, wrap_angle
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, free_space, sensor_position, wrap_angle
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
 from mmpf.road import FloatArray, IntArray, Road
-from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -69,7 +69,7 @@ class RayedSensor:
         origin = np.concatenate([returns.origin, false_returns.origin])
         order = rng.permutation(len(origin))
         origin = origin[order]
-        detections = _detections(np.concatenate([returns.values, false_returns.values])[order])
+        detections = _detections(self.settings, np.concatenate([returns.values, false_returns.values])[order])
         view_rad = np.deg2rad(self.settings.field_of_view_deg)
         return Observation(
             scan=Scan(
@@ -98,7 +98,7 @@ class _Sight:
 
 @dataclass(frozen=True)
 class _Returns:
-    """Rows of (lon, lat, speed, std lon, std lat, std speed), and the vehicle behind each (-1 clutter)."""
+    """Rows of position, speed, their deviations and four numbers of size, and the vehicle behind each (-1 clutter)."""
 
     values: FloatArray
     origin: IntArray
@@ -173,7 +173,7 @@ def _vehicle_returns(
 ) -> _Returns:
     """Return the detections of real vehicles."""
     chance = rng.random(len(frame))
-    noise = rng.standard_normal((len(frame), 5))
+    noise = rng.standard_normal((len(frame), 7))
     probability = settings.detection_probability * np.minimum(1.0, fraction / settings.full_view_fraction)
     probability[~in_range | (fraction < settings.hidden_fraction)] = 0.0
     probability[frame.ego] = 0.0
@@ -185,7 +185,9 @@ def _vehicle_returns(
         settings, angle, frame.speed_mps[origin], frame.lat_speed_mps[origin], noise[origin, 4]
     )
     lon, lat = frame.lon_m[origin] + off_lon, frame.lat_m[origin] + off_lat
-    return _Returns(np.stack([lon, lat, speed, std.lon_m, std.lat_m, std_speed], axis=-1), origin)
+    size = measured_sizes(settings, frame.length_m[origin], frame.width_m[origin], fraction[origin], noise[origin, 5:])
+    place = np.stack([lon, lat, speed, std.lon_m, std.lat_m, std_speed], axis=-1)
+    return _Returns(np.concatenate([place, size], axis=-1), origin)
 
 
 def _clutter_returns(settings: SensorSettings, road: Road, ego: EgoPose, rng: np.random.Generator) -> _Returns:
@@ -196,8 +198,10 @@ def _clutter_returns(settings: SensorSettings, road: Road, ego: EgoPose, rng: np
     std = position_std(settings, sight.distance, sight.against_road, plain_view)
     ghost_speed = rng.uniform(*CLUTTER_SPEED_MPS, size=len(lon))
     speed, std_speed = measured_speed(settings, sight.against_road, ghost_speed, zeros, zeros)
-    values = np.stack([lon, lat, speed, std.lon_m, std.lat_m, std_speed], axis=-1)
-    return _Returns(values, np.full(len(lon), -1, dtype=np.int64))
+    car = zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M
+    size = measured_sizes(settings, *car, plain_view, rng.standard_normal((len(lon), 2)))
+    place = np.stack([lon, lat, speed, std.lon_m, std.lat_m, std_speed], axis=-1)
+    return _Returns(np.concatenate([place, size], axis=-1), np.full(len(lon), -1, dtype=np.int64))
 
 
 def _positions_on_road(
@@ -222,8 +226,9 @@ def _positions_on_road(
     return kept[:count, 0], kept[:count, 1]
 
 
-def _detections(values: FloatArray) -> Detections:
+def _detections(settings: SensorSettings, values: FloatArray) -> Detections:
     rounded = np.round(values, DECIMALS)
     rounded[:, 3:] = np.maximum(rounded[:, 3:], 10.0**-DECIMALS)
-    lon, lat, speed, std_lon, std_lat, std_speed = np.ascontiguousarray(rounded.T)
-    return Detections(lon, lat, speed, std_lon, std_lat, std_speed)
+    lon, lat, speed, std_lon, std_lat, std_speed, *size = np.ascontiguousarray(rounded.T)
+    sizes = None if settings.std_size_share is None else BodySizes(*size)
+    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)

@@ -11,6 +11,7 @@ from mmpf.road import FloatArray
 
 # A range rate says nothing of the motion across the line of sight; this is how fast vehicles drift across their lane.
 TYPICAL_LAT_SPEED_MPS = 0.35
+SMALLEST_BOX_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,7 @@ def position_std(
         angle_rad: Direction of the line of sight against the road at the vehicle, shape (n,).
         visible_fraction: How much of each is seen, shape (n,).
     """
-    span = settings.full_view_fraction - settings.hidden_fraction
-    hidden_share = np.clip((settings.full_view_fraction - visible_fraction) / span, 0.0, 1.0)
-    factor = 1.0 + (settings.hidden_noise_factor - 1.0) * hidden_share
+    factor = box_factor(settings, visible_fraction)
     fit_lon, fit_lat = factor * settings.std_lon_m, factor * settings.std_lat_m
     along = factor * np.hypot(settings.std_range_m, settings.std_range_share * distance_m)
     across = factor * np.deg2rad(settings.std_bearing_deg) * distance_m
@@ -55,6 +54,36 @@ def position_std(
     lon = np.sqrt(fit_lon**2 + (along * cosine) ** 2 + (across * sine) ** 2)
     lat = np.sqrt(fit_lat**2 + (along * sine) ** 2 + (across * cosine) ** 2)
     return PositionStd(fit_lon, fit_lat, along, across, lon, lat)
+
+
+def box_factor(settings: SensorSettings, visible_fraction: FloatArray) -> FloatArray:
+    """Return by how much the errors of a box grow for what is hidden of its vehicle, shape (n,)."""
+    span = settings.full_view_fraction - settings.hidden_fraction
+    hidden_share = np.clip((settings.full_view_fraction - visible_fraction) / span, 0.0, 1.0)
+    return np.asarray(1.0 + (settings.hidden_noise_factor - 1.0) * hidden_share)
+
+
+def measured_sizes(
+    settings: SensorSettings,
+    length_m: FloatArray,
+    width_m: FloatArray,
+    visible_fraction: FloatArray,
+    normals: FloatArray,
+) -> FloatArray:
+    """Return rows of measured length and width and their deviations, shape (n, 4); nan where sizes are not measured.
+
+    Args:
+        settings: The sensor's figures.
+        length_m: True lengths, shape (n,).
+        width_m: True widths, shape (n,).
+        visible_fraction: How much of each vehicle is seen, shape (n,).
+        normals: Standard normal numbers, shape (n, 2).
+    """
+    if settings.std_size_share is None:
+        return np.full((len(length_m), 4), np.nan)
+    size = np.stack([length_m, width_m], axis=-1)
+    std = settings.std_size_share * box_factor(settings, visible_fraction)[:, None] * size
+    return np.concatenate([np.maximum(size + std * normals, SMALLEST_BOX_M), std], axis=-1)
 
 
 def position_error(std: PositionStd, angle_rad: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,8 +1,8 @@
 """What the sensor knows of its own blind areas, worked out from its detections alone.
 
-Each detection stands for a car of nominal size that points along the road. The space behind it, seen from the sensor,
-is its shadow. The body itself is not: a detected vehicle does not lie in its own shadow, so that the free distance of
-a sector ends at the far side of the first body in it.
+Each detection stands for a vehicle of its measured size, or else a mean car, that points along the road. The space
+behind it, seen from the sensor, is its shadow. The body itself is not: a detected vehicle does not lie in its own
+shadow, so that the free distance of a sector ends at the far side of the first body in it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def free_space(
 def shadow_polygons(detections: Detections, ego: EgoPose, road: Road, range_m: float) -> list[FloatArray]:
     """Return the outline of each detection's shadow, for drawing.
 
-    A shadow is bounded by the far side of the nominal body, the two rays past its edges, and the arc of the sensor's
+    A shadow is bounded by the far side of the body, the two rays past its edges, and the arc of the sensor's
     range. Shadows of different detections may overlap.
 
     Returns:
@@ -71,11 +71,14 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
 
 
 def _shadowing_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatArray:
-    """Return the nominal bodies relative to the sensor, shape (n, 6), less those that would stand on it."""
+    """Return the bodies relative to the sensor, shape (n, 6), less those that would stand on it."""
     x, y = road.to_cartesian(detections.lon_m, detections.lat_m)
-    size = np.ones(len(detections))
+    if detections.sizes is None:
+        length, width = np.full(len(detections), NOMINAL_LENGTH_M), np.full(len(detections), NOMINAL_WIDTH_M)
+    else:
+        length, width = detections.sizes.length_m, detections.sizes.width_m
     heading = road.heading_at(detections.lon_m)
-    boxes = pack_boxes(sensor_position(ego, road), x, y, heading, NOMINAL_LENGTH_M * size, NOMINAL_WIDTH_M * size)
+    boxes = pack_boxes(sensor_position(ego, road), x, y, heading, length, width)
     return boxes[~contains_sensor(boxes)]
 
 
