@@ -24,6 +24,8 @@ FLOW_LENGTH_M = 25.0
 FLOW_OTHER_LANE_WEIGHT = 0.15
 # A vehicle this far outside of every lane still belongs to the nearest one.
 SHOULDER_M = 1.0
+# Bodies that overlap across the road by less than the rest of this share pass each other.
+IN_THE_WAY = 0.85
 
 
 def surroundings_of(
@@ -31,6 +33,7 @@ def surroundings_of(
     component: IntArray,
     mean: FloatArray,
     length_m: FloatArray,
+    width_m: FloatArray,
     is_neighbour: npt.NDArray[np.bool_],
     is_seen: npt.NDArray[np.bool_],
     ego: EgoPose,
@@ -44,6 +47,7 @@ def surroundings_of(
         component: Each particle's component, shape (n,).
         mean: Components' mean states, shape (6, m).
         length_m: Their vehicles' lengths, shape (m,).
+        width_m: Their widths, shape (m,).
         is_neighbour: Components that count as vehicles for the others, shape (m,).
         is_seen: Components that were seen lately, shape (m,).
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
@@ -54,7 +58,9 @@ def surroundings_of(
     counts = np.append(is_neighbour, True)
     length = np.append(length_m, ego.length_m)
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
-    leader, follower = _neighbours_by_lane(others[LON], lane_of_other, counts, len(road.lanes))
+    leader, follower = _neighbours_by_lane(
+        others[LON], others[LAT], np.append(width_m, ego.width_m), lane_of_other, counts, len(road.lanes)
+    )
 
     around = _Around.empty(state.shape[1])
     left, right = adjacent_lanes(road)
@@ -275,9 +281,18 @@ def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
 
 @numba.njit(cache=True)
 def _neighbours_by_lane(
-    lon: FloatArray, lane: IntArray, counts: npt.NDArray[np.bool_], lanes: int
+    lon: FloatArray,
+    lat: FloatArray,
+    width: FloatArray,
+    lane: IntArray,
+    counts: npt.NDArray[np.bool_],
+    lanes: int,
 ) -> tuple[IntArray, IntArray]:
-    """Return the nearest counted vehicle ahead of and behind each one in every lane, each of shape (m, lanes)."""
+    """Return the nearest counted vehicle ahead of and behind each one in every lane, each of shape (m, lanes).
+
+    In its own lane a vehicle minds whoever is in its way, wherever the line runs: two can pass each other on either
+    side of a line, and one that straddles it can block both lanes.
+    """
     leader = np.full((len(lon), lanes), NOBODY, dtype=np.int64)
     follower = np.full((len(lon), lanes), NOBODY, dtype=np.int64)
     for m in range(len(lon)):
@@ -285,6 +300,12 @@ def _neighbours_by_lane(
             if other == m or not counts[other] or lane[other] < 0:
                 continue
             strip = lane[other]
+            if lane[m] >= 0:
+                is_in_the_way = abs(lat[other] - lat[m]) < IN_THE_WAY * 0.5 * (width[m] + width[other])
+                if is_in_the_way:
+                    strip = lane[m]
+                elif strip == lane[m]:
+                    continue
             if lon[other] > lon[m]:
                 nearest = leader[m, strip]
                 if nearest < 0 or lon[other] < lon[nearest]:

@@ -171,6 +171,7 @@ class MixtureTracker:
             self._mixture.cloud.component,
             component_moments(self._mixture).mean,
             components.length_m,
+            components.width_m,
             components.confirmed,
             is_seen,
             previous.ego,
