@@ -8,8 +8,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.moments import component_moments
+from mmpf.normals import Float32Array, standard_normals
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED, Mixture
+
+REDRAWN = (LON, LAT, SPEED, LAT_SPEED)
 
 
 def resample(
@@ -56,22 +60,16 @@ def resample_from_gaussian(
     chosen = np.flatnonzero(which)
     if len(chosen) == 0:
         return mixture
-    rows = np.array([LON, LAT, SPEED, LAT_SPEED])
     size = len(mixture.cloud) // len(mixture)
-    particles = (chosen[:, None] * size + np.arange(size)).ravel()
-    weight = np.exp(mixture.cloud.log_weight[particles]).reshape(len(chosen), 1, size)
-    position = mixture.cloud.state[rows][:, particles].reshape(len(rows), len(chosen), size).transpose(1, 0, 2)
-    mean = (position * weight).sum(axis=2, keepdims=True)
-    centred = position - mean
-    covariance = (centred * weight) @ centred.transpose(0, 2, 1)
+    covariance = np.zeros((len(chosen), len(REDRAWN), len(REDRAWN)))
+    mean = component_moments(mixture).mean[np.ix_(REDRAWN, chosen)]
+    _accumulate_covariances(mixture.cloud.state, mixture.cloud.log_weight, chosen * size, size, mean, covariance)
     widening = 1.0 + effective_size[chosen, None, None] ** (-2.0 / 9.0)
-    factor = np.linalg.cholesky(covariance * widening + 1e-9 * np.eye(len(rows)))
-    drawn = mean + factor @ rng.standard_normal((len(chosen), len(rows), size))
+    factor = np.linalg.cholesky(covariance * widening + 1e-9 * np.eye(len(REDRAWN)))
+    normal = standard_normals(rng, (len(chosen), len(REDRAWN), size))
     state = mixture.cloud.state.copy()
-    state[np.ix_(rows, particles)] = drawn.transpose(1, 0, 2).reshape(len(rows), -1)
-    state[SPEED] = np.maximum(state[SPEED], 0.0)
     log_weight = mixture.cloud.log_weight.copy()
-    log_weight[particles] = -np.log(size)
+    _redraw(state, log_weight, chosen * size, mean, factor, normal)
     return replace(mixture, cloud=replace(mixture.cloud, state=state, log_weight=log_weight))
 
 
@@ -104,3 +102,51 @@ def _systematic_ancestors(
                 cumulative += weight[n]
             ancestors[out] = n
             out += 1
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _accumulate_covariances(
+    state: FloatArray, log_weight: FloatArray, begins: IntArray, size: int, mean: FloatArray, covariance: FloatArray
+) -> None:
+    """Write the weighted covariance of the redrawn state variables of components that begin at ``begins``."""
+    weight = np.empty(size)
+    weighted = np.empty(size)
+    for c in range(len(begins)):
+        own = slice(begins[c], begins[c] + size)
+        weight[:] = np.exp(log_weight[own])
+        for i in range(len(REDRAWN)):
+            first = state[REDRAWN[i], own]
+            for n in range(size):
+                weighted[n] = weight[n] * (first[n] - mean[i, c])
+            for j in range(i + 1):
+                second = state[REDRAWN[j], own]
+                total = 0.0
+                for n in range(size):
+                    total += weighted[n] * (second[n] - mean[j, c])
+                covariance[c, i, j] = covariance[c, j, i] = total
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _redraw(
+    state: FloatArray,
+    log_weight: FloatArray,
+    begins: IntArray,
+    mean: FloatArray,
+    factor: FloatArray,
+    normal: Float32Array,
+) -> None:
+    """Write mean plus Cholesky factor times normal numbers (c, 4, size), and even weights."""
+    size = normal.shape[2]
+    for c in range(len(begins)):
+        own = slice(begins[c], begins[c] + size)
+        log_weight[own] = -np.log(size)
+        for i in range(len(REDRAWN)):
+            drawn = state[REDRAWN[i], own]
+            drawn[:] = mean[i, c]
+            for j in range(i + 1):
+                share, source = factor[c, i, j], normal[c, j]
+                for n in range(size):
+                    drawn[n] += share * source[n]
+            if REDRAWN[i] == SPEED:
+                for n in range(size):
+                    drawn[n] = max(drawn[n], 0.0)

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.normals import standard_normals
 from mmpf.road import FloatArray
 
 
@@ -86,7 +87,7 @@ class ConditionalGmm:
         from mmpf.motion.gmm_kernel import draw_outputs  # noqa: PLC0415  compiled only where it is used
 
         uniform = rng.random(len(x), dtype=np.float32)
-        normal = rng.standard_normal((len(x), self.outputs))
+        normal = standard_normals(rng, (len(x), self.outputs))
         x = np.ascontiguousarray(x)
         return np.asarray(
             draw_outputs(x, self._logit_matrix32, uniform, normal, self.bias, self.slope, self.noise_factor)

@@ -25,7 +25,7 @@ def draw_outputs(
     x: FloatArray,
     logit_matrix: Float32Array,
     uniform: Float32Array,
-    normal: FloatArray,
+    normal: Float32Array,
     bias: FloatArray,
     slope: FloatArray,
     noise_factor: FloatArray,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.motion.protocol import Surroundings
+from mmpf.normals import standard_normals
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import LAT, LAT_ACCEL, LAT_SPEED, SPEED
 
@@ -94,7 +95,7 @@ class LaneKeeper:
         away = np.where(np.isfinite(_centre(surroundings)), away, 0.0)
         keeping = -self.attraction_per_s2 * away - self.damping_per_s * before[LAT_SPEED]
         pull = np.where(latents[INTENTION] == 0.0, keeping, self._crossing(before, latents))
-        kick = self.speed_noise * np.sqrt(dt_s) * rng.standard_normal(before.shape[1])
+        kick = self.speed_noise * np.sqrt(dt_s) * standard_normals(rng, before.shape[1:])
         lat_speed = before[LAT_SPEED] + pull * dt_s + kick
         after[LAT] = before[LAT] + 0.5 * dt_s * (before[LAT_SPEED] + lat_speed)
         after[LAT_SPEED] = lat_speed

@@ -23,6 +23,7 @@ from mmpf.motion.lane_keeping import LaneKeeper
 from mmpf.motion.model_file import ModelFileError, load_arrays, mixture_from_arrays
 from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
 from mmpf.motion.scaled_gmm import ScaledGmm
+from mmpf.normals import standard_normals
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import ACCEL, SPEED
 
@@ -185,7 +186,7 @@ class LearnedDriver:
         free = self.model.free
         wanted = free.gain_per_s * (latents[DESIRED_SPEED] - state[SPEED])
         accel = state[ACCEL] + np.minimum(free.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
-        accel += free.accel_noise_mps2 * rng.standard_normal(len(accel))
+        accel += free.accel_noise_mps2 * standard_normals(rng, accel.shape)
         index = np.flatnonzero(follows & (latents[INTENTION] == 0.0))
         if len(index):
             x = np.column_stack([seen[index], latents[HABIT, index]])
