@@ -6,6 +6,7 @@ Who leads and who follows whom is settled between component means, lane by lane;
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -19,8 +20,7 @@ from mmpf.state import ACCEL, LAT, LON, SPEED
 
 OFF_ROAD = -1
 NOBODY = -1
-LEADER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(5)
-DIRECTIONS = 5
+OWN, LEFT, RIGHT = range(3)
 FLOW_LENGTH_M = 25.0
 FLOW_OTHER_LANE_WEIGHT = 0.15
 
@@ -55,41 +55,23 @@ def surroundings_of(
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
     leader, follower = _neighbours_by_lane(others[LON], lane_of_other, counts, len(road.lanes))
 
-    around = _Around.empty(state.shape[1])
+    n = state.shape[1]
+    lane, has_lane, lane_line_m = np.empty((3, n), dtype=np.int64), np.empty((2, n), dtype=np.bool_), np.empty((2, n))
     left, right = adjacent_lanes(road)
-    _look_around(
-        state[LON],
-        state[LAT],
-        state[SPEED],
-        component,
-        road.lane_table,
-        left,
-        right,
-        leader,
-        follower,
-        others[[LON, SPEED, ACCEL]],
-        length,
-        vehicle.length_m,
-        around.lane_line_m,
-        around.has_lane,
-        around.exists,
-        around.gap_m,
-        around.speed_mps,
-        around.accel_mps2,
-        around.length_m,
-    )
+    _find_lanes(state[LON], state[LAT], road.lane_table, left, right, lane, has_lane, lane_line_m)
+    known = _Known(state, component, others[[LON, SPEED, ACCEL]], length, vehicle.length_m)
     flow = flow_speeds(others[:, :-1], lane_of_other[:-1], is_neighbour & is_seen)
     return Surroundings(
         length_m=np.full(len(component), vehicle.length_m),
-        lane_right_m=around.lane_line_m[0],
-        lane_left_m=around.lane_line_m[1],
-        has_left_lane=around.has_lane[0],
-        has_right_lane=around.has_lane[1],
-        leader=around.neighbour(LEADER),
-        left_leader=around.neighbour(LEFT_LEADER),
-        left_follower=around.neighbour(LEFT_FOLLOWER),
-        right_leader=around.neighbour(RIGHT_LEADER),
-        right_follower=around.neighbour(RIGHT_FOLLOWER),
+        lane_right_m=lane_line_m[0],
+        lane_left_m=lane_line_m[1],
+        has_left_lane=has_lane[0],
+        has_right_lane=has_lane[1],
+        leader=known.measured(lane[OWN], leader, 1.0),
+        left_leader=_Unmeasured(known, lane[LEFT], leader, 1.0),
+        left_follower=_Unmeasured(known, lane[LEFT], follower, -1.0),
+        right_leader=_Unmeasured(known, lane[RIGHT], leader, 1.0),
+        right_follower=_Unmeasured(known, lane[RIGHT], follower, -1.0),
         flow_speed_mps=flow[component],
         is_hidden=~is_seen[component],
     )
@@ -122,100 +104,128 @@ def flow_speeds(mean: FloatArray, lane: IntArray, counts: npt.NDArray[np.bool_])
 
 
 @dataclass(frozen=True)
-class _Around:
-    """What the kernel finds out about n particles: rows are directions, as the constants above number them.
+class _Known:
+    """What distances to neighbours are measured from.
 
     Attributes:
-        lane_line_m: Right and left line of the own lane, shape (2, n).
-        has_lane: Whether there is a lane to the left and to the right, shape (2, n).
-        exists: Whether there is a neighbour, shape (5, n).
-        gap_m: Clear distance to it, shape (5, n).
-        speed_mps: Its speed, shape (5, n).
-        accel_mps2: Its acceleration, shape (5, n).
-        length_m: Its length, shape (5, n).
+        state: Particles' states, shape (6, n).
+        component: Their components, shape (n,).
+        others: Rows of position, speed and acceleration of all vehicles, shape (3, m + 1).
+        other_length_m: Their lengths, shape (m + 1,).
+        own_length_m: Length of the particles' vehicles.
     """
 
-    lane_line_m: FloatArray
-    has_lane: npt.NDArray[np.bool_]
-    exists: npt.NDArray[np.bool_]
-    gap_m: FloatArray
-    speed_mps: FloatArray
-    accel_mps2: FloatArray
-    length_m: FloatArray
+    state: FloatArray
+    component: IntArray
+    others: FloatArray
+    other_length_m: FloatArray
+    own_length_m: float
 
-    @classmethod
-    def empty(cls, n: int) -> _Around:
-        """Return arrays to be filled in."""
-        return cls(
-            np.empty((2, n)),
-            np.empty((2, n), dtype=np.bool_),
-            np.empty((DIRECTIONS, n), dtype=np.bool_),
-            *(np.empty((DIRECTIONS, n)) for _ in range(4)),
-        )
+    def measured(self, lane: IntArray, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
+        """Return the neighbours in one direction.
 
-    def neighbour(self, direction: int) -> Neighbour:
-        """Return the neighbour in one direction."""
-        return Neighbour(
-            exists=self.exists[direction],
-            gap_m=self.gap_m[direction],
-            speed_mps=self.speed_mps[direction],
-            accel_mps2=self.accel_mps2[direction],
-            length_m=self.length_m[direction],
-        )
-
-
-@numba.njit(cache=True)
-def _look_around(
-    lon: FloatArray,
-    lat: FloatArray,
-    speed: FloatArray,
-    component: IntArray,
-    lanes: FloatArray,
-    left: IntArray,
-    right: IntArray,
-    leader: IntArray,
-    follower: IntArray,
-    others: FloatArray,
-    other_length: FloatArray,
-    own_length: float,
-    lane_line: FloatArray,
-    has_lane: npt.NDArray[np.bool_],
-    exists: npt.NDArray[np.bool_],
-    gap: FloatArray,
-    neighbour_speed: FloatArray,
-    neighbour_accel: FloatArray,
-    neighbour_length: FloatArray,
-) -> None:
-    """Fill in each particle's lane and neighbours; ``others`` has rows of position, speed and acceleration."""
-    targets = np.empty((3, len(lon)), dtype=np.int64)
-    for n in range(len(lon)):
-        lane = _lane_at(lanes, lon[n], lat[n])
-        targets[0, n] = lane
-        targets[1, n] = _lane_if_there(lanes, left[lane], lon[n])
-        targets[2, n] = _lane_if_there(lanes, right[lane], lon[n])
-        lane_line[0, n], lane_line[1, n] = lanes[lane, 1], lanes[lane, 2]
-        has_lane[0, n], has_lane[1, n] = targets[1, n] >= 0, targets[2, n] >= 0
-    for direction in range(DIRECTIONS):
-        is_follower = direction in (LEFT_FOLLOWER, RIGHT_FOLLOWER)
+        Args:
+            lane: Lane in which each particle looks, ``OFF_ROAD`` for none, shape (n,).
+            nearest: Nearest vehicle for each component and lane, shape (m + 1, lanes).
+            sign: 1 if it is ahead, -1 if it is behind.
+            index: Particles that are asked for; None for all.
+        """
+        lon, speed, component = self.state[LON], self.state[SPEED], self.component
+        if index is not None:
+            lon, speed, component, lane = lon[index], speed[index], component[index], lane[index]
+        n = len(lon)
+        found = Neighbour(np.empty(n, dtype=np.bool_), *(np.empty(n) for _ in range(4)))
         _measure_neighbours(
             lon,
             speed,
             component,
-            targets[(direction + 1) // 2],
-            follower if is_follower else leader,
-            -1.0 if is_follower else 1.0,
-            others,
-            other_length,
-            own_length,
-            exists[direction],
-            gap[direction],
-            neighbour_speed[direction],
-            neighbour_accel[direction],
-            neighbour_length[direction],
+            lane,
+            nearest,
+            sign,
+            self.others,
+            self.other_length_m,
+            self.own_length_m,
+            found.exists,
+            found.gap_m,
+            found.speed_mps,
+            found.accel_mps2,
+            found.length_m,
         )
+        return found
 
 
-@numba.njit(cache=True)
+@dataclass(frozen=True)
+class _Unmeasured:
+    """Neighbours in a lane beside: few particles ask for them, so they are measured for those, or when asked for.
+
+    Attributes:
+        known: What they are measured from.
+        lane: See ``_Known.measured``.
+        nearest: See ``_Known.measured``.
+        sign: See ``_Known.measured``.
+    """
+
+    known: _Known
+    lane: IntArray
+    nearest: IntArray
+    sign: float
+
+    def take(self, index: IntArray) -> Neighbour:
+        """Measure the neighbours of some of the particles."""
+        return self.known.measured(self.lane, self.nearest, self.sign, index)
+
+    @cached_property
+    def _all(self) -> Neighbour:
+        return self.known.measured(self.lane, self.nearest, self.sign)
+
+    @property
+    def exists(self) -> npt.NDArray[np.bool_]:
+        """See ``Neighbour``."""
+        return self._all.exists
+
+    @property
+    def gap_m(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.gap_m
+
+    @property
+    def speed_mps(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.speed_mps
+
+    @property
+    def accel_mps2(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.accel_mps2
+
+    @property
+    def length_m(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.length_m
+
+
+@numba.njit(cache=True, nogil=True)
+def _find_lanes(
+    lon: FloatArray,
+    lat: FloatArray,
+    lanes: FloatArray,
+    left: IntArray,
+    right: IntArray,
+    lane: IntArray,
+    has_lane: npt.NDArray[np.bool_],
+    lane_line: FloatArray,
+) -> None:
+    """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
+    for n in range(len(lon)):
+        own = _lane_at(lanes, lon[n], lat[n])
+        lane[OWN, n] = own
+        lane[LEFT, n] = _lane_if_there(lanes, left[own], lon[n])
+        lane[RIGHT, n] = _lane_if_there(lanes, right[own], lon[n])
+        has_lane[0, n], has_lane[1, n] = lane[LEFT, n] >= 0, lane[RIGHT, n] >= 0
+        lane_line[0, n], lane_line[1, n] = lanes[own, 1], lanes[own, 2]
+
+
+@numba.njit(cache=True, nogil=True)
 def _measure_neighbours(
     lon: FloatArray,
     speed: FloatArray,
