@@ -54,7 +54,7 @@ def room_beside_seen_vehicles(
     return factor
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _discount_overlaps(
     lon: FloatArray,
     lat: FloatArray,
@@ -68,15 +68,17 @@ def _discount_overlaps(
     factor: FloatArray,
 ) -> None:
     for m in range(len(starts) - 1):
-        if not is_excluded[m]:
+        own_lon, own_lat = lon[starts[m] : starts[m + 1]], lat[starts[m] : starts[m + 1]]
+        if not is_excluded[m] or len(own_lon) == 0:
             continue
-        for n in range(starts[m], starts[m + 1]):
-            for s in range(len(seen_lon)):
-                along = (lon[n] - seen_lon[s]) / scale_lon
-                if abs(along) > 2.0:
-                    continue
-                across = (lat[n] - seen_lat[s]) / scale_lat
-                if abs(across) > 2.0:
-                    continue
-                overlap = np.exp(-0.5 * along**4) * np.exp(-0.5 * across**4)
-                factor[n] *= np.exp(-strength * overlap)
+        rear, front = own_lon.min() - 2.0 * scale_lon, own_lon.max() + 2.0 * scale_lon
+        right, left = own_lat.min() - 2.0 * scale_lat, own_lat.max() + 2.0 * scale_lat
+        for s in range(len(seen_lon)):
+            if not (rear <= seen_lon[s] <= front and right <= seen_lat[s] <= left):
+                continue
+            for n in range(len(own_lon)):
+                along = (own_lon[n] - seen_lon[s]) / scale_lon
+                across = (own_lat[n] - seen_lat[s]) / scale_lat
+                if abs(along) <= 2.0 and abs(across) <= 2.0:
+                    overlap = np.exp(-0.5 * (along**4 + across**4))
+                    factor[starts[m] + n] *= np.exp(-strength * overlap)

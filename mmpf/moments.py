@@ -34,12 +34,18 @@ class Moments:
 def component_moments(mixture: Mixture) -> Moments:
     """Return the moments of each component under its particles' weights.
 
-    A belief never changes, and several stages ask for its moments: they are worked out once and kept with it.
+    A cloud never changes, and several stages ask for its moments: they are worked out once and kept with it.
     """
-    kept: dict[str, Moments] = vars(mixture)
+    kept: dict[str, Moments] = vars(mixture.cloud)
     if "moments" not in kept:
         kept["moments"] = _moments(mixture)
     return kept["moments"]
+
+
+def with_moments_of(mixture: Mixture, same: Mixture) -> Mixture:
+    """Return the belief, told that its moments are those of another one with the same states and weights."""
+    vars(mixture.cloud)["moments"] = component_moments(same)
+    return mixture
 
 
 def _moments(mixture: Mixture) -> Moments:
