@@ -15,6 +15,7 @@ import numpy.typing as npt
 from mmpf.options import Footprint
 from mmpf.road import FloatArray, IntArray
 from mmpf.scan import EgoPose, FreeSpace, SensorModel
+from mmpf.threads import in_shares
 
 BEARINGS = 1440
 LARGEST_RAY_COUNT = 16
@@ -77,16 +78,23 @@ def visible_fractions(
         vehicle: Nominal size of the particles' vehicles.
     """
     fraction = np.empty(len(lon_m))
-    _look_up_rays(
-        lon_m - ego.lon_m,
-        lat_m - ego.lat_m,
-        component,
-        table.depth_m,
-        table.caster,
-        0.5 * vehicle.length_m,
-        0.5 * vehicle.width_m,
-        fraction,
-    )
+    x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
+    half_length, half_width = 0.5 * vehicle.length_m, 0.5 * vehicle.width_m
+
+    def look_up(begin: int, end: int) -> None:
+        some = slice(begin, end)
+        _look_up_rays(
+            x[some],
+            y[some],
+            component[some],
+            table.depth_m,
+            table.caster,
+            half_length,
+            half_width,
+            fraction[some],
+        )
+
+    in_shares(look_up, len(fraction), cost=2.0)
     return fraction
 
 
@@ -247,7 +255,7 @@ def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: floa
     return enter if enter <= leave else -1.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _look_up_rays(
     x: FloatArray,
     y: FloatArray,

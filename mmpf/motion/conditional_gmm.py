@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from mmpf.normals import standard_normals
 from mmpf.road import FloatArray
+from mmpf.threads import in_shares
 
 # Finite, since compiled code may take it for granted that numbers are.
 UNBOUNDED = 1e30
@@ -142,7 +143,12 @@ class ConditionalGmm:
         uniform = rng.random(x.shape[1], dtype=np.float32)
         normal = standard_normals(rng, (self.outputs, x.shape[1]))
         drawn = np.empty((self.outputs, x.shape[1]))
-        draw_outputs(np.ascontiguousarray(x), scaling, self._conditional, uniform, normal, drawn)
+        inputs = np.ascontiguousarray(x)
+
+        def draw(begin: int, end: int) -> None:
+            draw_outputs(begin, end, inputs, scaling, self._conditional, uniform, normal, drawn)
+
+        in_shares(draw, x.shape[1], cost=len(self.weights) / 4.0)
         return drawn
 
     @cached_property

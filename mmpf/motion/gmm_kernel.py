@@ -23,6 +23,8 @@ BLOCK = 128
 
 @njit(cache=True, fastmath=True, nogil=True)
 def draw_outputs(
+    begin: int,
+    end: int,
     x: FloatArray,
     scaling: Scaling,
     conditional: Conditional,
@@ -33,6 +35,8 @@ def draw_outputs(
     """Pick each column's component by its log-weights and draw from that component's conditional Gaussian.
 
     Args:
+        begin: First column, and
+        end: the one after the last that is drawn; multiples of ``BLOCK``, or n.
         x: Inputs, shape (p, n).
         scaling: Bounds and scales.
         conditional: The mixture.
@@ -40,18 +44,17 @@ def draw_outputs(
         normal: Standard normal draws, shape (q, n).
         drawn: Outputs, shape (q, n), which are written.
     """
-    p, n = x.shape
-    q = len(drawn)
+    p, q = len(x), len(drawn)
     logit_matrix, bias, slope, noise_factor = conditional
     expanded = np.zeros((logit_matrix.shape[1], BLOCK), dtype=np.float32)
     logits = np.empty((logit_matrix.shape[0], BLOCK), dtype=np.float32)
     top = np.empty(BLOCK, dtype=np.float32)
     component = np.zeros(BLOCK, dtype=np.int32)
-    for begin in range(0, n, BLOCK):
-        rows = min(BLOCK, n - begin)
-        _expand(x[:, begin : begin + rows], scaling, expanded)
+    for first in range(begin, end, BLOCK):
+        rows = min(BLOCK, end - first)
+        _expand(x[:, first : first + rows], scaling, expanded)
         np.dot(logit_matrix, expanded, logits)
-        _pick(logits, uniform[begin : begin + rows], top, component)
+        _pick(logits, uniform[first : first + rows], top, component)
         for row in range(rows):
             picked = component[row]
             for output in range(q):
@@ -59,8 +62,8 @@ def draw_outputs(
                 for i in range(p):
                     value += slope[picked, output, i] * expanded[1 + i, row]
                 for j in range(output + 1):
-                    value += noise_factor[picked, output, j] * normal[j, begin + row]
-                drawn[output, begin + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
+                    value += noise_factor[picked, output, j] * normal[j, first + row]
+                drawn[output, first + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
 
 
 @njit(cache=True, fastmath=True, nogil=True)
