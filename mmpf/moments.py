@@ -9,6 +9,7 @@ import numpy as np
 
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import STATE_SIZE, Mixture
+from mmpf.threads import in_shares
 
 
 @dataclass(frozen=True)
@@ -53,12 +54,19 @@ def _moments(mixture: Mixture) -> Moments:
     variance = np.zeros((STATE_SIZE, len(mixture)))
     effective_size = np.zeros(len(mixture))
     weight = np.exp(mixture.cloud.log_weight)
-    _accumulate_moments(mixture.cloud.state, weight, mixture.starts, mean, variance, effective_size)
+    state, starts = mixture.cloud.state, mixture.starts
+
+    def accumulate(begin: int, end: int) -> None:
+        _accumulate_moments(begin, end, state, weight, starts, mean, variance, effective_size)
+
+    in_shares(accumulate, len(mixture), cost=500.0)
     return Moments(mean, variance, effective_size)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _accumulate_moments(
+    begin: int,
+    end: int,
     state: FloatArray,
     weight: FloatArray,
     starts: IntArray,
@@ -67,7 +75,7 @@ def _accumulate_moments(
     effective_size: FloatArray,
 ) -> None:
     # Loops run over slices from zero on: the compiler turns only those into vector instructions.
-    for m in range(len(starts) - 1):
+    for m in range(begin, end):
         own_weight = weight[starts[m] : starts[m + 1]]
         squares = 0.0
         for n in range(len(own_weight)):

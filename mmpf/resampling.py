@@ -11,7 +11,8 @@ import numpy.typing as npt
 from mmpf.moments import component_moments
 from mmpf.normals import Float32Array, standard_normals
 from mmpf.road import FloatArray, IntArray
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED, Mixture
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED, Mixture, ParticleCloud
+from mmpf.threads import in_shares
 
 REDRAWN = (LON, LAT, SPEED, LAT_SPEED)
 
@@ -38,9 +39,26 @@ def resample(
     component = np.repeat(np.arange(len(mixture)), sizes)
     ancestors = np.empty(sizes.sum(), dtype=np.int64)
     _systematic_ancestors(np.exp(mixture.cloud.log_weight), starts, which, offsets, particles, ancestors)
-    cloud = mixture.cloud.take(ancestors, component)
-    even = np.where(which[component], -np.log(particles), cloud.log_weight)
-    return replace(mixture, cloud=replace(cloud, log_weight=even)), ancestors
+    new_starts = np.concatenate([[0], np.cumsum(sizes)])
+
+    def descended(values: FloatArray) -> FloatArray:
+        rows = np.empty((len(values), len(ancestors)))
+        in_shares(lambda begin, end: _descend(begin, end, values, ancestors, which, new_starts, rows), len(which), 1e3)
+        return rows
+
+    cloud = mixture.cloud
+    weights = np.stack([cloud.log_weight, cloud.log_raw_weight, cloud.log_component_weight])
+    log_weight, log_raw_weight, log_component_weight = descended(weights)
+    log_weight[which[component]] = -np.log(particles)
+    cloud = ParticleCloud(
+        state=descended(cloud.state),
+        log_weight=log_weight,
+        log_raw_weight=log_raw_weight,
+        component=component,
+        log_component_weight=log_component_weight,
+        latents=descended(cloud.latents),
+    )
+    return replace(mixture, cloud=cloud), ancestors
 
 
 def resample_from_gaussian(
@@ -150,3 +168,26 @@ def _redraw(
             if REDRAWN[i] == SPEED:
                 for n in range(size):
                     drawn[n] = max(drawn[n], 0.0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _descend(
+    begin: int,
+    end: int,
+    values: FloatArray,
+    ancestors: IntArray,
+    is_resampled: npt.NDArray[np.bool_],
+    starts: IntArray,
+    descended: FloatArray,
+) -> None:
+    """Write the values of each particle's ancestor for the components from ``begin`` to ``end``."""
+    for row in range(len(values)):
+        for m in range(begin, end):
+            own = descended[row, starts[m] : starts[m + 1]]
+            if is_resampled[m]:
+                forebears = ancestors[starts[m] : starts[m + 1]]
+                for n in range(len(own)):
+                    own[n] = values[row, forebears[n]]
+            elif len(own):
+                first = ancestors[starts[m]]
+                own[:] = values[row, first : first + len(own)]

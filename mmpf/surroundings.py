@@ -216,8 +216,11 @@ def _find_lanes(
     lane_line: FloatArray,
 ) -> None:
     """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
+    own = 0
     for n in range(len(lon)):
-        own = _lane_at(lanes, lon[n], lat[n])
+        # A particle is mostly in the lane of the one before it.
+        if not _is_inside(lanes, own, lon[n], lat[n]):
+            own = _lane_at(lanes, lon[n], lat[n])
         lane[OWN, n] = own
         lane[LEFT, n] = _lane_if_there(lanes, left[own], lon[n])
         lane[RIGHT, n] = _lane_if_there(lanes, right[own], lon[n])
@@ -262,6 +265,11 @@ def _measure_neighbours(
 @numba.njit(cache=True)
 def _lane_if_there(lanes: FloatArray, lane: int, lon: float) -> int:
     return lane if lane >= 0 and lanes[lane, 3] <= lon < lanes[lane, 4] else OFF_ROAD
+
+
+@numba.njit(cache=True)
+def _is_inside(lanes: FloatArray, lane: int, lon: float, lat: float) -> bool:
+    return lanes[lane, 1] < lat < lanes[lane, 2] and lanes[lane, 3] <= lon < lanes[lane, 4]
 
 
 @numba.njit(cache=True)

@@ -138,7 +138,7 @@ class ConditionalGmm:
         Returns:
             Outputs, shape (q, n).
         """
-        from mmpf.motion.gmm_kernel import draw_outputs  # noqa: PLC0415  compiled only where it is used
+        from mmpf.motion.gmm_kernel import BLOCK, draw_outputs  # noqa: PLC0415  compiled only where it is used
 
         uniform = rng.random(x.shape[1], dtype=np.float32)
         normal = standard_normals(rng, (self.outputs, x.shape[1]))
@@ -148,7 +148,7 @@ class ConditionalGmm:
         def draw(begin: int, end: int) -> None:
             draw_outputs(begin, end, inputs, scaling, self._conditional, uniform, normal, drawn)
 
-        in_shares(draw, x.shape[1], cost=len(self.weights) / 4.0)
+        in_shares(draw, x.shape[1], cost=len(self.weights) / 4.0, block=BLOCK)
         return drawn
 
     @cached_property
