@@ -17,6 +17,9 @@ from mmpf.options import Footprint
 from mmpf.road import FloatArray, IntArray, Road
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
+from mmpf.threads import in_shares
+
+LaneArray = npt.NDArray[np.int32]
 
 OFF_ROAD = -1
 NOBODY = -1
@@ -56,9 +59,14 @@ def surroundings_of(
     leader, follower = _neighbours_by_lane(others[LON], lane_of_other, counts, len(road.lanes))
 
     n = state.shape[1]
-    lane, has_lane, lane_line_m = np.empty((3, n), dtype=np.int64), np.empty((2, n), dtype=np.bool_), np.empty((2, n))
+    lane, has_lane, lane_line_m = np.empty((3, n), dtype=np.int32), np.empty((2, n), dtype=np.bool_), np.empty((2, n))
     left, right = adjacent_lanes(road)
-    _find_lanes(state[LON], state[LAT], road.lane_table, left, right, lane, has_lane, lane_line_m)
+    lanes = road.lane_table
+
+    def find_lanes(begin: int, end: int) -> None:
+        _find_lanes(begin, end, state[LON], state[LAT], lanes, left, right, lane, has_lane, lane_line_m)
+
+    in_shares(find_lanes, n)
     known = _Known(state, component, others[[LON, SPEED, ACCEL]], length, vehicle.length_m)
     flow = flow_speeds(others[:, :-1], lane_of_other[:-1], is_neighbour & is_seen)
     return Surroundings(
@@ -121,7 +129,7 @@ class _Known:
     other_length_m: FloatArray
     own_length_m: float
 
-    def measured(self, lane: IntArray, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
+    def measured(self, lane: LaneArray, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
         """Return the neighbours in one direction.
 
         Args:
@@ -135,22 +143,28 @@ class _Known:
             lon, speed, component, lane = lon[index], speed[index], component[index], lane[index]
         n = len(lon)
         found = Neighbour(np.empty(n, dtype=np.bool_), *(np.empty(n) for _ in range(4)))
-        _measure_neighbours(
-            lon,
-            speed,
-            component,
-            lane,
-            nearest,
-            sign,
-            self.others,
-            self.other_length_m,
-            self.own_length_m,
-            found.exists,
-            found.gap_m,
-            found.speed_mps,
-            found.accel_mps2,
-            found.length_m,
-        )
+
+        def measure(begin: int, end: int) -> None:
+            _measure_neighbours(
+                begin,
+                end,
+                lon,
+                speed,
+                component,
+                lane,
+                nearest,
+                sign,
+                self.others,
+                self.other_length_m,
+                self.own_length_m,
+                found.exists,
+                found.gap_m,
+                found.speed_mps,
+                found.accel_mps2,
+                found.length_m,
+            )
+
+        in_shares(measure, n, cost=0.5)
         return found
 
 
@@ -166,7 +180,7 @@ class _Unmeasured:
     """
 
     known: _Known
-    lane: IntArray
+    lane: LaneArray
     nearest: IntArray
     sign: float
 
@@ -206,18 +220,20 @@ class _Unmeasured:
 
 @numba.njit(cache=True, nogil=True)
 def _find_lanes(
+    begin: int,
+    end: int,
     lon: FloatArray,
     lat: FloatArray,
     lanes: FloatArray,
     left: IntArray,
     right: IntArray,
-    lane: IntArray,
+    lane: LaneArray,
     has_lane: npt.NDArray[np.bool_],
     lane_line: FloatArray,
 ) -> None:
     """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
     own = 0
-    for n in range(len(lon)):
+    for n in range(begin, end):
         # A particle is mostly in the lane of the one before it.
         if not _is_inside(lanes, own, lon[n], lat[n]):
             own = _lane_at(lanes, lon[n], lat[n])
@@ -230,10 +246,12 @@ def _find_lanes(
 
 @numba.njit(cache=True, nogil=True)
 def _measure_neighbours(
+    begin: int,
+    end: int,
     lon: FloatArray,
     speed: FloatArray,
     component: IntArray,
-    target: IntArray,
+    lane: LaneArray,
     nearest: IntArray,
     sign: float,
     others: FloatArray,
@@ -246,8 +264,8 @@ def _measure_neighbours(
     neighbour_length: FloatArray,
 ) -> None:
     """Fill in the neighbours in one direction: ``nearest`` has one per component and lane, ``sign`` is -1 behind."""
-    for n in range(len(lon)):
-        found = nearest[component[n], target[n]] if target[n] >= 0 else NOBODY
+    for n in range(begin, end):
+        found = nearest[component[n], lane[n]] if lane[n] >= 0 else NOBODY
         if found >= 0:
             exists[n] = True
             gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (own_length + other_length[found])

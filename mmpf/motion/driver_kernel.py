@@ -104,6 +104,8 @@ def gather_situations(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def drive(
+    begin: int,
+    end: int,
     state: FloatArray,
     after: FloatArray,
     desired_speed: FloatArray,
@@ -123,6 +125,8 @@ def drive(
     """Write the states after a step in the lane.
 
     Args:
+        begin: First particle, and
+        end: the one after the last that is driven.
         state: States before, shape (6, n).
         after: States after, shape (6, n), which are written.
         desired_speed: Speed that each driver desires without a leader, shape (n,).
@@ -130,7 +134,7 @@ def drive(
         offset: Each driver's place in the lane, shape (n,).
         lane_right: Right lines of the lanes, not finite off the road, shape (n,).
         lane_left: Left lines, shape (n,).
-        followers: Particles that follow a leader, shape (k,).
+        followers: Particles that follow a leader, ascending, shape (k,).
         sampled: Their accelerations, shape (k,).
         gap: Distance to the leaders, shape (n,).
         leader_speed: Their speeds, shape (n,).
@@ -140,20 +144,21 @@ def drive(
         dt_s: Length of the step.
     """
     accel = after[ACCEL]
-    for n in range(len(accel)):
+    for n in range(begin, end):
         wanted = free.gain_per_s * (desired_speed[n] - state[SPEED, n])
         accel[n] = state[ACCEL, n] + free.approach * (wanted - state[ACCEL, n]) + free.noise_mps2 * normal[0, n]
-    for k in range(len(followers)):
+    first, last = np.searchsorted(followers, begin), np.searchsorted(followers, end)
+    for k in range(first, last):
         n = followers[k]
         hardest = _hardest_that_avoids(gap[n], state[SPEED, n] - leader_speed[n])
         accel[n] = min(sampled[k] + bias[n], hardest)
-    for n in range(len(accel)):
+    for n in range(begin, end):
         held = min(max(accel[n], -HARDEST_BRAKING_MPS2), STRONGEST_ACCEL_MPS2)
         speed = max(state[SPEED, n] + held * dt_s, 0.0)
         after[LON, n] = state[LON, n] + 0.5 * dt_s * (state[SPEED, n] + speed)
         after[SPEED, n] = speed
         after[ACCEL, n] = 0.0 if speed == 0.0 and held < 0.0 else held
-    for n in range(len(accel)):
+    for n in range(begin, end):
         away = state[LAT, n] - 0.5 * (lane_right[n] + lane_left[n]) - offset[n]
         away = away if abs(away) < np.inf else 0.0
         pull = -holding.attraction_per_s2 * away - holding.damping_per_s * state[LAT_SPEED, n]

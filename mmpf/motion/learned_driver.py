@@ -26,6 +26,7 @@ from mmpf.motion.scaled_gmm import ScaledGmm
 from mmpf.normals import standard_normals
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import ACCEL, SPEED
+from mmpf.threads import in_shares
 
 CASE = "lane-keeping"
 FURTHEST_LEADER_M = 100.0
@@ -119,23 +120,32 @@ class LearnedDriver:
         leader = surroundings.leader
         followers = np.flatnonzero(_follows(leader) & (next_latents[INTENTION] == 0.0))
         after = np.empty_like(state)
-        drive(
-            state,
-            after,
-            next_latents[DESIRED_SPEED],
-            next_latents[BIAS],
-            next_latents[OFFSET],
-            surroundings.lane_right_m,
-            surroundings.lane_left_m,
-            followers,
-            self._sampled_acceleration(state, next_latents, leader, followers, rng),
-            leader.gap_m,
-            leader.speed_mps,
-            standard_normals(rng, (2, state.shape[1])),
-            self.model.free.driving(dt_s),
-            self.model.keeper.holding(dt_s),
-            dt_s,
-        )
+        sampled = self._sampled_acceleration(state, next_latents, leader, followers, rng)
+        normal = standard_normals(rng, (2, state.shape[1]))
+        free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
+
+        def drive_some(begin: int, end: int) -> None:
+            drive(
+                begin,
+                end,
+                state,
+                after,
+                next_latents[DESIRED_SPEED],
+                next_latents[BIAS],
+                next_latents[OFFSET],
+                surroundings.lane_right_m,
+                surroundings.lane_left_m,
+                followers,
+                sampled,
+                leader.gap_m,
+                leader.speed_mps,
+                normal,
+                free,
+                holding,
+                dt_s,
+            )
+
+        in_shares(drive_some, state.shape[1])
         changing = np.flatnonzero(next_latents[INTENTION])
         if len(changing):
             after[:, changing] = self._changing(state, next_latents, surroundings, changing, dt_s, rng)
