@@ -232,16 +232,20 @@ def _find_lanes(
     lane_line: FloatArray,
 ) -> None:
     """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
-    own = 0
+    own, own_left, own_right = lane[OWN], lane[LEFT], lane[RIGHT]
+    at, beside_left, beside_right = 0, OFF_ROAD, OFF_ROAD
+    right_m, left_m, start_m, end_m = np.inf, -np.inf, 0.0, 0.0
     for n in range(begin, end):
         # A particle is mostly in the lane of the one before it.
-        if not _is_inside(lanes, own, lon[n], lat[n]):
-            own = _lane_at(lanes, lon[n], lat[n])
-        lane[OWN, n] = own
-        lane[LEFT, n] = _lane_if_there(lanes, left[own], lon[n])
-        lane[RIGHT, n] = _lane_if_there(lanes, right[own], lon[n])
-        has_lane[0, n], has_lane[1, n] = lane[LEFT, n] >= 0, lane[RIGHT, n] >= 0
-        lane_line[0, n], lane_line[1, n] = lanes[own, 1], lanes[own, 2]
+        if not (right_m < lat[n] < left_m and start_m <= lon[n] < end_m):
+            at = _lane_at(lanes, lon[n], lat[n])
+            beside_left, beside_right = left[at], right[at]
+            right_m, left_m, start_m, end_m = lanes[at, 1], lanes[at, 2], lanes[at, 3], lanes[at, 4]
+        own[n] = at
+        own_left[n] = _lane_if_there(lanes, beside_left, lon[n])
+        own_right[n] = _lane_if_there(lanes, beside_right, lon[n])
+        has_lane[0, n], has_lane[1, n] = own_left[n] >= 0, own_right[n] >= 0
+        lane_line[0, n], lane_line[1, n] = right_m, left_m
 
 
 @numba.njit(cache=True, nogil=True)
@@ -283,11 +287,6 @@ def _measure_neighbours(
 @numba.njit(cache=True)
 def _lane_if_there(lanes: FloatArray, lane: int, lon: float) -> int:
     return lane if lane >= 0 and lanes[lane, 3] <= lon < lanes[lane, 4] else OFF_ROAD
-
-
-@numba.njit(cache=True)
-def _is_inside(lanes: FloatArray, lane: int, lon: float, lat: float) -> bool:
-    return lanes[lane, 1] < lat < lanes[lane, 2] and lanes[lane, 3] <= lon < lanes[lane, 4]
 
 
 @numba.njit(cache=True)
