@@ -16,7 +16,7 @@ def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     weight = np.empty(len(log_weight))
     _subtract_largest(log_weight, starts, weight)
     np.exp(weight, out=weight)
-    return weight / np.repeat(_totals(weight, starts), np.diff(starts))
+    return weight / np.repeat(totals(weight, starts), np.diff(starts))
 
 
 def association_evidence(
@@ -72,7 +72,7 @@ def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return logarithms of weights that sum to one within each component, none below 1e-300, shape (n,)."""
     relative = np.empty(len(log_weight))
     _subtract_largest(log_weight, starts, relative)
-    log_total = np.log(_totals(np.exp(relative), starts))
+    log_total = np.log(totals(np.exp(relative), starts))
     relative -= np.repeat(log_total, np.diff(starts))
     return np.maximum(relative, LOG_SMALLEST)
 
@@ -89,7 +89,8 @@ def _subtract_largest(log_weight: FloatArray, starts: IntArray, relative: FloatA
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
-def _totals(weight: FloatArray, starts: IntArray) -> FloatArray:
+def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return the sum of each component's numbers, shape (m,)."""
     total = np.zeros(len(starts) - 1)
     for m in range(len(starts) - 1):
         own = weight[starts[m] : starts[m + 1]]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from mmpf.association import associate
 from mmpf.birth import give_birth
-from mmpf.evidence import association_evidence, log_normalised, normalised, particle_factors
+from mmpf.evidence import association_evidence, log_normalised, normalised, particle_factors, totals
 from mmpf.identity import hand_over_identity
 from mmpf.interaction import room_beside_seen_vehicles
 from mmpf.likelihood import gated_likelihoods
@@ -23,7 +23,13 @@ from mmpf.moments import component_moments, with_moments_of
 from mmpf.options import FilterOptions
 from mmpf.resampling import resample, resample_from_gaussian
 from mmpf.road import FloatArray, IntArray
-from mmpf.shadows import depth_table, detection_probabilities, missed_probabilities, visible_fractions
+from mmpf.shadows import (
+    depth_table,
+    detection_probabilities,
+    distances_m,
+    missed_probabilities,
+    visible_fractions,
+)
 from mmpf.state import LAT, LON, Components, Mixture
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 
@@ -54,7 +60,7 @@ class JointUpdate:
             visible = visible_fractions(
                 ego, cloud.state[LON], cloud.state[LAT], cloud.component, table, self.options.vehicle
             )
-            distance = np.sqrt((cloud.state[LON] - ego.lon_m) ** 2 + (cloud.state[LAT] - ego.lat_m) ** 2)
+            distance = distances_m(ego, cloud.state[LON], cloud.state[LAT])
             probability = detection_probabilities(
                 visible, distance, situation.sensor, joint.hidden_detection_probability
             )
@@ -69,7 +75,8 @@ class JointUpdate:
             probability = np.full(len(cloud), joint.fixed_probability)
             missed = np.minimum(probability, joint.missed_detection_cap)
         weight = np.exp(cloud.log_weight)
-        expected = np.bincount(cloud.component, weight * probability, minlength=len(prior))
+        weight *= probability
+        expected = totals(weight, prior.starts)
         return Occlusion(probability, missed, expected < HIDDEN_PROBABILITY_LIMIT)
 
     def measurement_update(

@@ -98,6 +98,13 @@ def visible_fractions(
     return fraction
 
 
+def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
+    """Return distances from the sensor, shape (n,)."""
+    distance = np.empty(len(lon_m))
+    _distances(lon_m, lat_m, ego.lon_m, ego.lat_m, distance)
+    return distance
+
+
 def detection_probabilities(
     visible_fraction: FloatArray, distance_m: FloatArray, sensor: SensorModel, hidden_probability: float
 ) -> FloatArray:
@@ -121,6 +128,13 @@ def detection_probabilities(
         probability,
     )
     return probability
+
+
+@numba.njit(cache=True, nogil=True)
+def _distances(lon: FloatArray, lat: FloatArray, ego_lon: float, ego_lat: float, distance: FloatArray) -> None:
+    for n in range(len(lon)):
+        along, across = lon[n] - ego_lon, lat[n] - ego_lat
+        distance[n] = np.sqrt(along * along + across * across)
 
 
 def missed_probabilities(

@@ -41,7 +41,8 @@ class LaneKeeper:
         self, state: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator
     ) -> FloatArray:
         """Draw the places in the lane, metres from its middle, of particles ``index`` with states (6, len(index))."""
-        offset = _offset(state, _centre(surroundings)[index])
+        centre = 0.5 * (surroundings.lane_right_m[index] + surroundings.lane_left_m[index])
+        offset = np.where(np.isfinite(centre), state[LAT] - centre, 0.0)
         spread = self.offset_spread_m * rng.standard_normal(len(index))
         return np.clip(offset + spread, -WIDEST_OFFSET_M, WIDEST_OFFSET_M)
 
@@ -71,11 +72,3 @@ class LaneKeeper:
     def holding(self, dt_s: float) -> LaneHolding:
         """Return what one step in the lane needs."""
         return LaneHolding(self.attraction_per_s2, self.damping_per_s, self.speed_noise * float(np.sqrt(dt_s)))
-
-
-def _centre(surroundings: Surroundings) -> FloatArray:
-    return 0.5 * (surroundings.lane_right_m + surroundings.lane_left_m)
-
-
-def _offset(state: FloatArray, centre: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(centre), state[LAT] - centre, 0.0)
