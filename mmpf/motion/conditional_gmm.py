@@ -51,7 +51,7 @@ class Conditional(NamedTuple):
     Attributes:
         logit_matrix: Coefficients of the log-weights over ``[1, x, x_i x_j (i <= j)]``, shape (k, 1 + p + p(p+1)/2).
         bias: Conditional means at zero, shape (k, q).
-        slope: Slopes of the conditional means, shape (k, q, p).
+        slope: Slopes of the conditional means, shape (k, p, q).
         noise_factor: Cholesky factors of the conditional covariances, shape (k, q, q).
     """
 
@@ -191,7 +191,8 @@ class ConditionalGmm:
     @cached_property
     def _conditional(self) -> Conditional:
         logit_matrix = np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
-        return Conditional(logit_matrix, self.bias, self.slope, self.noise_factor)
+        by_input = np.ascontiguousarray(self.slope.transpose(0, 2, 1))
+        return Conditional(logit_matrix, self.bias, by_input, self.noise_factor)
 
     @cached_property
     def _no_scaling(self) -> Scaling:

@@ -50,6 +50,7 @@ def draw_outputs(
     logits = np.empty((logit_matrix.shape[0], BLOCK), dtype=np.float32)
     top = np.empty(BLOCK, dtype=np.float32)
     component = np.zeros(BLOCK, dtype=np.int32)
+    values = np.empty(q)
     for first in range(begin, end, BLOCK):
         rows = min(BLOCK, end - first)
         _expand(x[:, first : first + rows], scaling, expanded)
@@ -57,10 +58,13 @@ def draw_outputs(
         _pick(logits, uniform[first : first + rows], top, component)
         for row in range(rows):
             picked = component[row]
+            values[:] = bias[picked]
+            for i in range(p):
+                one, by_output = expanded[1 + i, row], slope[picked, i]
+                for output in range(q):
+                    values[output] += by_output[output] * one
             for output in range(q):
-                value = bias[picked, output]
-                for i in range(p):
-                    value += slope[picked, output, i] * expanded[1 + i, row]
+                value = values[output]
                 for j in range(output + 1):
                     value += noise_factor[picked, output, j] * normal[j, first + row]
                 drawn[output, first + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
