@@ -80,10 +80,11 @@ def resample_from_gaussian(
         return mixture
     size = len(mixture.cloud) // len(mixture)
     covariance = np.zeros((len(chosen), len(REDRAWN), len(REDRAWN)))
-    mean = component_moments(mixture).mean[np.ix_(REDRAWN, chosen)]
+    mean = component_moments(mixture).mean[list(REDRAWN)][:, chosen]
     _accumulate_covariances(mixture.cloud.state, mixture.cloud.log_weight, chosen * size, size, mean, covariance)
     widening = 1.0 + effective_size[chosen, None, None] ** (-2.0 / 9.0)
-    factor = np.linalg.cholesky(covariance * widening + 1e-9 * np.eye(len(REDRAWN)))
+    widened = covariance * widening + 1e-9 * np.eye(len(REDRAWN))
+    factor = np.asarray(np.linalg.cholesky(widened), dtype=np.float64)
     normal = standard_normals(rng, (len(chosen), len(REDRAWN), size))
     state = mixture.cloud.state.copy()
     log_weight = mixture.cloud.log_weight.copy()

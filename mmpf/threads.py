@@ -26,7 +26,7 @@ def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, bl
         block: Shares begin at multiples of this: loops that work in blocks then meet the same blocks however many
             shares there are.
     """
-    shares = min(int(config.NUMBA_NUM_THREADS), MOST_THREADS, int(size * cost) // LEAST_SHARE)
+    shares = min(int(vars(config)["NUMBA_NUM_THREADS"]), MOST_THREADS, int(size * cost) // LEAST_SHARE)
     if shares <= 1:
         work(0, size)
         return

@@ -11,9 +11,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.normals import standard_normals
+from mmpf.normals import Float32Array, standard_normals
 from mmpf.road import FloatArray
 from mmpf.threads import in_shares
 
@@ -55,7 +54,7 @@ class Conditional(NamedTuple):
         noise_factor: Cholesky factors of the conditional covariances, shape (k, q, q).
     """
 
-    logit_matrix: npt.NDArray[np.float32]
+    logit_matrix: Float32Array
     bias: FloatArray
     slope: FloatArray
     noise_factor: FloatArray
@@ -127,7 +126,7 @@ class ConditionalGmm:
         """
         return self.sample_scaled(x.T, self._no_scaling, rng).T
 
-    def sample_scaled(self, x: FloatArray, scaling: Scaling, rng: np.random.Generator) -> FloatArray:
+    def sample_scaled(self, x: FloatArray | Float32Array, scaling: Scaling, rng: np.random.Generator) -> FloatArray:
         """Draw one output for each input; like ``sample``, with inputs and outputs in the units of the data.
 
         Args:
@@ -140,10 +139,10 @@ class ConditionalGmm:
         """
         from mmpf.motion.gmm_kernel import BLOCK, draw_outputs  # noqa: PLC0415  compiled only where it is used
 
-        uniform = rng.random(x.shape[1], dtype=np.float32)
+        uniform = rng.random(int(x.shape[1]), dtype=np.float32)
         normal = standard_normals(rng, (self.outputs, x.shape[1]))
         drawn = np.empty((self.outputs, x.shape[1]))
-        inputs = np.ascontiguousarray(x)
+        inputs: FloatArray | Float32Array = np.ascontiguousarray(x)
 
         def draw(begin: int, end: int) -> None:
             draw_outputs(begin, end, inputs, scaling, self._conditional, uniform, normal, drawn)

@@ -89,7 +89,7 @@ def gather_situations(
     leader_speed: FloatArray,
     leader_accel: FloatArray,
     habit: FloatArray,
-    seen: FloatArray,
+    seen: Float32Array,
 ) -> None:
     """Write what the followers ``index`` see, shape (6, k): ``features.situation`` without its logarithm, and habit."""
     for k in range(len(index)):

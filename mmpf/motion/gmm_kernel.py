@@ -25,7 +25,7 @@ BLOCK = 128
 def draw_outputs(
     begin: int,
     end: int,
-    x: FloatArray,
+    x: FloatArray | Float32Array,
     scaling: Scaling,
     conditional: Conditional,
     uniform: Float32Array,
@@ -71,7 +71,7 @@ def draw_outputs(
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def _expand(x: FloatArray, scaling: Scaling, expanded: Float32Array) -> None:
+def _expand(x: FloatArray | Float32Array, scaling: Scaling, expanded: Float32Array) -> None:
     """Write ``[1, x, x_i x_j (i <= j)]`` of standardised columns (p, r) as the first r columns of ``expanded``."""
     p, rows = x.shape
     expanded[0, :rows] = 1.0

@@ -64,7 +64,7 @@ class LaneKeeper:
             surroundings.has_left_lane,
             surroundings.has_right_lane,
             surroundings.is_hidden,
-            rng.random(state.shape[1], dtype=np.float32),
+            rng.random(int(state.shape[1]), dtype=np.float32),
             self.seen_changes_per_s * dt_s,
             self.changes_per_s * dt_s,
         )

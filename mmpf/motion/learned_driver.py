@@ -211,7 +211,7 @@ class LearnedDriver:
             seen,
         )
         np.log(seen[0], out=seen[0])
-        return self.model.following.sample_columns(seen, rng)[0]
+        return np.asarray(self.model.following.sample_columns(seen, rng)[0])
 
 
 def load_learned_driver(path: Path) -> LearnedDriver:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mmpf.motion.conditional_gmm import ConditionalGmm, Scaling
+from mmpf.normals import Float32Array
 from mmpf.road import FloatArray
 
 
@@ -41,7 +42,7 @@ class ScaledGmm:
         """Draw one output of shape (q,) for each input of shape (p,): (n, p) to (n, q)."""
         return self.sample_columns(x.T, rng).T
 
-    def sample_columns(self, x: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def sample_columns(self, x: FloatArray | Float32Array, rng: np.random.Generator) -> FloatArray:
         """Draw one output for each input, variable by variable: (p, n) to (q, n)."""
         return self.mixture.sample_scaled(x, self._scaling, rng)
 
