@@ -81,14 +81,22 @@ def resample_from_gaussian(
     size = len(mixture.cloud) // len(mixture)
     covariance = np.zeros((len(chosen), len(REDRAWN), len(REDRAWN)))
     mean = component_moments(mixture).mean[list(REDRAWN)][:, chosen]
-    _accumulate_covariances(mixture.cloud.state, mixture.cloud.log_weight, chosen * size, size, mean, covariance)
+    old_state, old_log_weight, begins = mixture.cloud.state, mixture.cloud.log_weight, chosen * size
+
+    def accumulate(begin: int, end: int) -> None:
+        _accumulate_covariances(begin, end, old_state, old_log_weight, begins, size, mean, covariance)
+
+    in_shares(accumulate, len(chosen), cost=size)
     widening = 1.0 + effective_size[chosen, None, None] ** (-2.0 / 9.0)
     widened = covariance * widening + 1e-9 * np.eye(len(REDRAWN))
     factor = np.asarray(np.linalg.cholesky(widened), dtype=np.float64)
     normal = standard_normals(rng, (len(chosen), len(REDRAWN), size))
-    state = mixture.cloud.state.copy()
-    log_weight = mixture.cloud.log_weight.copy()
-    _redraw(state, log_weight, chosen * size, mean, factor, normal)
+    state, log_weight = old_state.copy(), old_log_weight.copy()
+
+    def redraw(begin: int, end: int) -> None:
+        _redraw(begin, end, state, log_weight, begins, mean, factor, normal)
+
+    in_shares(redraw, len(chosen), cost=size)
     return replace(mixture, cloud=replace(mixture.cloud, state=state, log_weight=log_weight))
 
 
@@ -125,12 +133,19 @@ def _systematic_ancestors(
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
 def _accumulate_covariances(
-    state: FloatArray, log_weight: FloatArray, begins: IntArray, size: int, mean: FloatArray, covariance: FloatArray
+    begin: int,
+    end: int,
+    state: FloatArray,
+    log_weight: FloatArray,
+    begins: IntArray,
+    size: int,
+    mean: FloatArray,
+    covariance: FloatArray,
 ) -> None:
     """Write the weighted covariance of the redrawn state variables of components that begin at ``begins``."""
     weight = np.empty(size)
     weighted = np.empty(size)
-    for c in range(len(begins)):
+    for c in range(begin, end):
         own = slice(begins[c], begins[c] + size)
         weight[:] = np.exp(log_weight[own])
         for i in range(len(REDRAWN)):
@@ -147,6 +162,8 @@ def _accumulate_covariances(
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
 def _redraw(
+    begin: int,
+    end: int,
     state: FloatArray,
     log_weight: FloatArray,
     begins: IntArray,
@@ -156,7 +173,7 @@ def _redraw(
 ) -> None:
     """Write mean plus Cholesky factor times normal numbers (c, 4, size), and even weights."""
     size = normal.shape[2]
-    for c in range(len(begins)):
+    for c in range(begin, end):
         own = slice(begins[c], begins[c] + size)
         log_weight[own] = -np.log(size)
         for i in range(len(REDRAWN)):

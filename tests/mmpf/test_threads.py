@@ -7,8 +7,11 @@ import pytest
 from numba import config
 
 from mmpf.motion import motion_model
+from mmpf.scan import SensorModel
 from mmpf.threads import in_shares
 from mmpf.tracker import MixtureTracker
+
+from .scenes import ROAD, ego_at, lane_centre, scan_of
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 7])
