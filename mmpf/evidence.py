@@ -8,12 +8,15 @@ import numpy as np
 from mmpf.likelihood import GatedLikelihoods
 from mmpf.road import FloatArray, IntArray
 
+LOG_SMALLEST = float(np.log(1e-300))
+
 
 def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return weights that sum to one within each component, shape (n,)."""
     weight = np.empty(len(log_weight))
-    _normalise(log_weight, starts, weight)
-    return weight
+    _subtract_largest(log_weight, starts, weight)
+    np.exp(weight, out=weight)
+    return weight / np.repeat(totals(weight, starts), np.diff(starts))
 
 
 def association_evidence(
@@ -65,22 +68,38 @@ def particle_factors(
     return factor
 
 
-@numba.njit(cache=True)
-def _normalise(log_weight: FloatArray, starts: IntArray, weight: FloatArray) -> None:
+def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return logarithms of weights that sum to one within each component, none below 1e-300, shape (n,)."""
+    relative = np.empty(len(log_weight))
+    _subtract_largest(log_weight, starts, relative)
+    log_total = np.log(totals(np.exp(relative), starts))
+    relative -= np.repeat(log_total, np.diff(starts))
+    return np.maximum(relative, LOG_SMALLEST)
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "nsz"}, nogil=True)
+def _subtract_largest(log_weight: FloatArray, starts: IntArray, relative: FloatArray) -> None:
     for m in range(len(starts) - 1):
-        begin, end = starts[m], starts[m + 1]
+        own, out = log_weight[starts[m] : starts[m + 1]], relative[starts[m] : starts[m + 1]]
         largest = -np.inf
-        for n in range(begin, end):
-            largest = max(largest, log_weight[n])
-        total = 0.0
-        for n in range(begin, end):
-            weight[n] = np.exp(log_weight[n] - largest)
-            total += weight[n]
-        for n in range(begin, end):
-            weight[n] /= total
+        for n in range(len(own)):
+            largest = max(largest, own[n])
+        for n in range(len(own)):
+            out[n] = own[n] - largest
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return the sum of each component's numbers, shape (m,)."""
+    total = np.zeros(len(starts) - 1)
+    for m in range(len(starts) - 1):
+        own = weight[starts[m] : starts[m + 1]]
+        for n in range(len(own)):
+            total[m] += own[n]
+    return total
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _sum_evidence(
     weight: FloatArray,
     starts: IntArray,
@@ -99,14 +118,16 @@ def _sum_evidence(
             seen += weight[n] * missed_probability[n]
         not_seen[m] = 1.0 - seen
     for p in range(len(pair_component)):
-        begin = starts[pair_component[p]]
+        begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
+        own_weight, probability = weight[begin:end], detection_probability[begin:end]
+        likelihood = values[value_starts[p] : value_starts[p + 1]]
         total = 0.0
-        for k in range(value_starts[p + 1] - value_starts[p]):
-            total += weight[begin + k] * detection_probability[begin + k] * values[value_starts[p] + k]
+        for k in range(len(likelihood)):
+            total += own_weight[k] * probability[k] * likelihood[k]
         evidence[pair_component[p], pair_detection[p]] = total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _add_detection_terms(
     detection_probability: FloatArray,
     starts: IntArray,
@@ -117,6 +138,8 @@ def _add_detection_terms(
     factor: FloatArray,
 ) -> None:
     for p in range(len(pair_component)):
-        begin = starts[pair_component[p]]
-        for k in range(value_starts[p + 1] - value_starts[p]):
-            factor[begin + k] += detection_probability[begin + k] * message[p] * values[value_starts[p] + k]
+        begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
+        own_factor, probability = factor[begin:end], detection_probability[begin:end]
+        likelihood = values[value_starts[p] : value_starts[p + 1]]
+        for k in range(len(likelihood)):
+            own_factor[k] += probability[k] * message[p] * likelihood[k]

@@ -52,7 +52,7 @@ def room_beside_seen_vehicles(
     return factor
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _discount_overlaps(
     lon: FloatArray,
     lat: FloatArray,
@@ -66,15 +66,19 @@ def _discount_overlaps(
     factor: FloatArray,
 ) -> None:
     for m in range(len(starts) - 1):
-        if not is_excluded[m]:
+        own_lon, own_lat = lon[starts[m] : starts[m + 1]], lat[starts[m] : starts[m + 1]]
+        if not is_excluded[m] or len(own_lon) == 0:
             continue
-        for n in range(starts[m], starts[m + 1]):
-            for s in range(len(seen_lon)):
-                along = (lon[n] - seen_lon[s]) / scale_lon[s]
-                if abs(along) > 2.0:
-                    continue
-                across = (lat[n] - seen_lat[s]) / scale_lat[s]
-                if abs(across) > 2.0:
-                    continue
-                overlap = np.exp(-0.5 * along**4) * np.exp(-0.5 * across**4)
-                factor[n] *= np.exp(-strength * overlap)
+        rear, front, right, left = own_lon.min(), own_lon.max(), own_lat.min(), own_lat.max()
+        for s in range(len(seen_lon)):
+            reach_lon, reach_lat = 2.0 * scale_lon[s], 2.0 * scale_lat[s]
+            if not (rear - reach_lon <= seen_lon[s] <= front + reach_lon):
+                continue
+            if not (right - reach_lat <= seen_lat[s] <= left + reach_lat):
+                continue
+            for n in range(len(own_lon)):
+                along = (own_lon[n] - seen_lon[s]) / scale_lon[s]
+                across = (own_lat[n] - seen_lat[s]) / scale_lat[s]
+                if abs(along) <= 2.0 and abs(across) <= 2.0:
+                    overlap = np.exp(-0.5 * (along**4 + across**4))
+                    factor[starts[m] + n] *= np.exp(-strength * overlap)

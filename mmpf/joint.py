@@ -14,16 +14,23 @@ import numpy.typing as npt
 
 from mmpf.association import associate
 from mmpf.birth import give_birth
-from mmpf.evidence import association_evidence, normalised, particle_factors
+from mmpf.evidence import association_evidence, log_normalised, normalised, particle_factors, totals
 from mmpf.identity import hand_over_identity
 from mmpf.interaction import room_beside_seen_vehicles
 from mmpf.likelihood import gated_likelihoods
 from mmpf.merging import merge_lasting_overlaps
-from mmpf.moments import component_moments
+from mmpf.moments import component_moments, with_moments_of
 from mmpf.options import FilterOptions
 from mmpf.resampling import resample, resample_from_gaussian
 from mmpf.road import FloatArray, IntArray
-from mmpf.shadows import Bodies, depth_table, detection_probabilities, visible_fractions
+from mmpf.shadows import (
+    Bodies,
+    depth_table,
+    detection_probabilities,
+    distances_m,
+    missed_probabilities,
+    visible_fractions,
+)
 from mmpf.sizes import with_measured_sizes
 from mmpf.state import LAT, LON, Components, Mixture
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
@@ -56,21 +63,23 @@ class JointUpdate:
             bodies = Bodies(prior.components.length_m, prior.components.width_m)
             table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(ego, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
-            distance = np.hypot(cloud.state[LON] - ego.lon_m, cloud.state[LAT] - ego.lat_m)
+            distance = distances_m(ego, cloud.state[LON], cloud.state[LAT])
             probability = detection_probabilities(
                 visible, distance, situation.sensor, joint.hidden_detection_probability
             )
-            in_view = np.clip(
-                (visible - joint.missed_from_fraction) / (joint.missed_full_fraction - joint.missed_from_fraction),
-                0.0,
-                1.0,
+            missed = missed_probabilities(
+                visible,
+                probability,
+                joint.missed_detection_cap,
+                joint.missed_from_fraction,
+                joint.missed_full_fraction,
             )
-            missed = np.minimum(probability, joint.missed_detection_cap * in_view)
         else:
             probability = np.full(len(cloud), joint.fixed_probability)
             missed = np.minimum(probability, joint.missed_detection_cap)
         weight = np.exp(cloud.log_weight)
-        expected = np.bincount(cloud.component, weight * probability, minlength=len(prior))
+        weight *= probability
+        expected = totals(weight, prior.starts)
         return Occlusion(probability, missed, expected < HIDDEN_PROBABILITY_LIMIT)
 
     def measurement_update(
@@ -120,7 +129,7 @@ class JointUpdate:
             measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
             components = with_measured_sizes(components, hit, measured)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
-        log_weight = np.log(np.maximum(normalised(raw, prior.starts), 1e-300))
+        log_weight = log_normalised(raw, prior.starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
         posterior = replace(prior, cloud=cloud, components=components)
         posterior, effective_share = self._resample(posterior, was_hit, rng)
@@ -182,7 +191,8 @@ class JointUpdate:
         """Make component weights proportional to existence: each expects as many vehicles."""
         existence = mixture.components.existence
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
-        return replace(mixture, cloud=replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component]))
+        cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
+        return with_moments_of(replace(mixture, cloud=cloud), mixture)
 
     def _stands_on_another(self, mixture: Mixture) -> npt.NDArray[np.bool_]:
         """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""

@@ -61,10 +61,11 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         starts,
         values,
     )
+    np.exp(values, out=values)
     return GatedLikelihoods(component, detection, values, starts)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _evaluate(
     state: FloatArray,
     particle_starts: IntArray,
@@ -75,18 +76,21 @@ def _evaluate(
     starts: IntArray,
     values: FloatArray,
 ) -> None:
+    """Write the logarithms: the exponential of a whole array takes a fraction of one by one."""
     for p in range(len(component)):
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]
         has_speed = np.isfinite(measured[2, j])
-        normaliser = 1.0 / (2.0 * np.pi * std[0, j] * std[1, j])
+        log_normaliser = -np.log(2.0 * np.pi * std[0, j] * std[1, j])
         if has_speed:
-            normaliser /= np.sqrt(2.0 * np.pi) * std[2, j]
-        for n in range(begin, end):
-            lon = (state[LON, n] - measured[0, j]) / std[0, j]
-            lat = (state[LAT, n] - measured[1, j]) / std[1, j]
-            squares = lon * lon + lat * lat
-            if has_speed:
-                speed = (state[SPEED, n] - measured[2, j]) / std[2, j]
-                squares += speed * speed
-            values[starts[p] + n - begin] = normaliser * np.exp(-0.5 * squares)
+            log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std[2, j])
+        own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
+        for n in range(len(own)):
+            lon = (own_lon[n] - measured[0, j]) / std[0, j]
+            lat = (own_lat[n] - measured[1, j]) / std[1, j]
+            own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
+        if has_speed:
+            own_speed = state[SPEED, begin:end]
+            for n in range(len(own)):
+                speed = (own_speed[n] - measured[2, j]) / std[2, j]
+                own[n] -= 0.5 * speed * speed

@@ -9,6 +9,7 @@ import numpy as np
 
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import STATE_SIZE, Mixture
+from mmpf.threads import in_shares
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,18 @@ class Moments:
 def component_moments(mixture: Mixture) -> Moments:
     """Return the moments of each component under its particles' weights.
 
-    A belief never changes, and several stages ask for its moments: they are worked out once and kept with it.
+    A cloud never changes, and several stages ask for its moments: they are worked out once and kept with it.
     """
-    kept: dict[str, Moments] = vars(mixture)
+    kept: dict[str, Moments] = vars(mixture.cloud)
     if "moments" not in kept:
         kept["moments"] = _moments(mixture)
     return kept["moments"]
+
+
+def with_moments_of(mixture: Mixture, same: Mixture) -> Mixture:
+    """Return the belief, told that its moments are those of another one with the same states and weights."""
+    vars(mixture.cloud)["moments"] = component_moments(same)
+    return mixture
 
 
 def _moments(mixture: Mixture) -> Moments:
@@ -47,12 +54,19 @@ def _moments(mixture: Mixture) -> Moments:
     variance = np.zeros((STATE_SIZE, len(mixture)))
     effective_size = np.zeros(len(mixture))
     weight = np.exp(mixture.cloud.log_weight)
-    _accumulate_moments(mixture.cloud.state, weight, mixture.starts, mean, variance, effective_size)
+    state, starts = mixture.cloud.state, mixture.starts
+
+    def accumulate(begin: int, end: int) -> None:
+        _accumulate_moments(begin, end, state, weight, starts, mean, variance, effective_size)
+
+    in_shares(accumulate, len(mixture), cost=500.0)
     return Moments(mean, variance, effective_size)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def _accumulate_moments(
+    begin: int,
+    end: int,
     state: FloatArray,
     weight: FloatArray,
     starts: IntArray,
@@ -61,7 +75,7 @@ def _accumulate_moments(
     effective_size: FloatArray,
 ) -> None:
     # Loops run over slices from zero on: the compiler turns only those into vector instructions.
-    for m in range(len(starts) - 1):
+    for m in range(begin, end):
         own_weight = weight[starts[m] : starts[m + 1]]
         squares = 0.0
         for n in range(len(own_weight)):

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Protocol
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.normals import Float32Array, standard_normals
 from mmpf.options import ModelErrorOptions
 from mmpf.road import FloatArray
 from mmpf.scan import Scan
@@ -87,12 +89,23 @@ def _add_model_error(
     rng: np.random.Generator,
 ) -> None:
     root_dt = np.sqrt(dt_s)
-    lon_scale = np.where(is_hidden, options.hidden_lon_share, 1.0) * root_dt
-    lat_scale = np.where(is_hidden, options.hidden_lat_share, 1.0) * root_dt
-    for row, density, scale in (
-        (SPEED, options.speed, lon_scale),
-        (ACCEL, options.accel, lon_scale),
-        (LAT_SPEED, options.lat_speed, lat_scale),
-    ):
-        if density > 0.0:
-            state[row] += density * scale * rng.standard_normal(len(scale))
+    seen = root_dt * np.array([options.speed, options.accel, options.lat_speed])
+    hidden = seen * np.array([options.hidden_lon_share, options.hidden_lon_share, options.hidden_lat_share])
+    if seen.any():
+        normal = standard_normals(rng, (len(seen), state.shape[1]))
+        _add_scaled(state, (SPEED, ACCEL, LAT_SPEED), is_hidden, seen, hidden, normal)
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _add_scaled(
+    state: FloatArray,
+    rows: tuple[int, ...],
+    is_hidden: npt.NDArray[np.bool_],
+    seen: FloatArray,
+    hidden: FloatArray,
+    normal: Float32Array,
+) -> None:
+    for k in range(len(rows)):
+        noisy, draws = state[rows[k]], normal[k]
+        for n in range(len(noisy)):
+            noisy[n] += (hidden[k] if is_hidden[n] else seen[k]) * draws[n]

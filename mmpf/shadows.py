@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from mmpf.road import FloatArray, IntArray
 from mmpf.scan import EgoPose, FreeSpace, SensorModel
+from mmpf.threads import in_shares
 
 BEARINGS = 1440
 LARGEST_RAY_COUNT = 16
@@ -89,17 +90,31 @@ def visible_fractions(
         table: The surfaces around.
     """
     fraction = np.empty(len(lon_m))
-    _look_up_rays(
-        lon_m - ego.lon_m,
-        lat_m - ego.lat_m,
-        component,
-        table.depth_m,
-        table.caster,
-        0.5 * bodies.length_m,
-        0.5 * bodies.width_m,
-        fraction,
-    )
+    x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
+    half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
+
+    def look_up(begin: int, end: int) -> None:
+        some = slice(begin, end)
+        _look_up_rays(
+            x[some],
+            y[some],
+            component[some],
+            table.depth_m,
+            table.caster,
+            half_length,
+            half_width,
+            fraction[some],
+        )
+
+    in_shares(look_up, len(fraction), cost=2.0)
     return fraction
+
+
+def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
+    """Return distances from the sensor, shape (n,)."""
+    distance = np.empty(len(lon_m))
+    _distances(lon_m, lat_m, ego.lon_m, ego.lat_m, distance)
+    return distance
 
 
 def detection_probabilities(
@@ -113,9 +128,69 @@ def detection_probabilities(
         sensor: The data sheet.
         hidden_probability: What remains for a vehicle that seems hidden: the shadow may be wrong.
     """
-    probability = sensor.detection_probability * np.minimum(1.0, visible_fraction / sensor.full_view_fraction)
-    unseen = (visible_fraction < sensor.hidden_fraction) | (distance_m > sensor.range_m)
-    return np.where(unseen, hidden_probability, probability)
+    probability = np.empty(len(visible_fraction))
+    _by_data_sheet(
+        visible_fraction,
+        distance_m,
+        sensor.detection_probability,
+        sensor.full_view_fraction,
+        sensor.hidden_fraction,
+        sensor.range_m,
+        hidden_probability,
+        probability,
+    )
+    return probability
+
+
+@numba.njit(cache=True, nogil=True)
+def _distances(lon: FloatArray, lat: FloatArray, ego_lon: float, ego_lat: float, distance: FloatArray) -> None:
+    for n in range(len(lon)):
+        along, across = lon[n] - ego_lon, lat[n] - ego_lat
+        distance[n] = np.sqrt(along * along + across * across)
+
+
+def missed_probabilities(
+    visible_fraction: FloatArray, detection_probability: FloatArray, cap: float, begin: float, full: float
+) -> FloatArray:
+    """Return the detection probability that "not seen" is weighed with: never more than the actual one, shape (n,).
+
+    Args:
+        visible_fraction: Visible fraction, shape (n,).
+        detection_probability: Detection probability, shape (n,).
+        cap: The most that it can be, in full view.
+        begin: Visible fraction from which it rises from zero on.
+        full: Visible fraction from which it is ``cap``.
+    """
+    missed = np.empty(len(visible_fraction))
+    _rise_to_cap(visible_fraction, detection_probability, cap, begin, full, missed)
+    return missed
+
+
+@numba.njit(cache=True, nogil=True)
+def _by_data_sheet(
+    visible: FloatArray,
+    distance: FloatArray,
+    in_plain_view: float,
+    full_view_fraction: float,
+    hidden_fraction: float,
+    range_m: float,
+    hidden: float,
+    probability: FloatArray,
+) -> None:
+    per_fraction = 1.0 / full_view_fraction
+    for n in range(len(visible)):
+        is_unseen = (visible[n] < hidden_fraction) | (distance[n] > range_m)
+        probability[n] = hidden if is_unseen else in_plain_view * min(1.0, visible[n] * per_fraction)
+
+
+@numba.njit(cache=True, nogil=True)
+def _rise_to_cap(
+    visible: FloatArray, probability: FloatArray, cap: float, begin: float, full: float, missed: FloatArray
+) -> None:
+    per_fraction = 1.0 / (full - begin)
+    for n in range(len(visible)):
+        in_view = min(max((visible[n] - begin) * per_fraction, 0.0), 1.0)
+        missed[n] = min(probability[n], cap * in_view)
 
 
 def shadowed_share(
@@ -206,7 +281,7 @@ def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: floa
     return enter if enter <= leave else -1.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _look_up_rays(
     x: FloatArray,
     y: FloatArray,

@@ -66,6 +66,21 @@ class ParticleCloud:
             latents=self.latents.take(particles, axis=1),
         )
 
+    def stretches(self, stretches: list[slice], component: IntArray) -> ParticleCloud:
+        """Return stretches of particles one after the other under new component indices, weights as they are."""
+
+        def joined(values: FloatArray) -> FloatArray:
+            return np.concatenate([values[..., :0], *(values[..., stretch] for stretch in stretches)], axis=-1)
+
+        return ParticleCloud(
+            state=joined(self.state),
+            log_weight=joined(self.log_weight),
+            log_raw_weight=joined(self.log_raw_weight),
+            component=component,
+            log_component_weight=joined(self.log_component_weight),
+            latents=joined(self.latents),
+        )
+
     @classmethod
     def concatenate(cls, clouds: list[ParticleCloud]) -> ParticleCloud:
         """Join clouds whose component indices already follow each other."""
@@ -175,9 +190,10 @@ class Mixture:
         """Return the belief with only the components where ``keep`` is true, shape (m,)."""
         if keep.all():
             return self
-        new_index = np.cumsum(keep) - 1
-        particles = np.flatnonzero(keep[self.cloud.component])
-        cloud = self.cloud.take(particles, new_index[self.cloud.component[particles]])
+        starts = self.starts
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
+        stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]
+        cloud = self.cloud.stretches(stretches, np.repeat(np.arange(keep.sum()), np.diff(starts)[keep]))
         return replace(self, cloud=cloud, components=self.components.take(keep))
 
     def join(self, cloud: ParticleCloud, components: Components) -> Self:

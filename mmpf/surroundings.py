@@ -6,6 +6,7 @@ Who leads and who follows whom is settled between component means, lane by lane;
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -15,11 +16,13 @@ from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.road import FloatArray, IntArray, Road
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
+from mmpf.threads import in_shares
+
+LaneArray = npt.NDArray[np.int32]
 
 OFF_ROAD = -1
 NOBODY = -1
-LEADER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(5)
-DIRECTIONS = 5
+OWN, LEFT, RIGHT = range(3)
 FLOW_LENGTH_M = 25.0
 FLOW_OTHER_LANE_WEIGHT = 0.15
 # A vehicle this far outside of every lane still belongs to the nearest one.
@@ -62,40 +65,28 @@ def surroundings_of(
         others[LON], others[LAT], np.append(width_m, ego.width_m), lane_of_other, counts, len(road.lanes)
     )
 
-    around = _Around.empty(state.shape[1])
+    n = state.shape[1]
+    lane, has_lane, lane_line_m = np.empty((3, n), dtype=np.int32), np.empty((2, n), dtype=np.bool_), np.empty((2, n))
     left, right = adjacent_lanes(road)
-    _look_around(
-        state[LON],
-        state[LAT],
-        state[SPEED],
-        component,
-        road.lane_table,
-        left,
-        right,
-        leader,
-        follower,
-        others[[LON, SPEED, ACCEL]],
-        length,
-        around.lane_line_m,
-        around.has_lane,
-        around.exists,
-        around.gap_m,
-        around.speed_mps,
-        around.accel_mps2,
-        around.length_m,
-    )
+    lanes = road.lane_table
+
+    def find_lanes(begin: int, end: int) -> None:
+        _find_lanes(begin, end, state[LON], state[LAT], lanes, left, right, lane, has_lane, lane_line_m)
+
+    in_shares(find_lanes, n)
+    known = _Known(state, component, others[[LON, SPEED, ACCEL]], length)
     flow = flow_speeds(others[:, :-1], lane_of_other[:-1], is_neighbour & is_seen)
     return Surroundings(
         length_m=length_m[component],
-        lane_right_m=around.lane_line_m[0],
-        lane_left_m=around.lane_line_m[1],
-        has_left_lane=around.has_lane[0],
-        has_right_lane=around.has_lane[1],
-        leader=around.neighbour(LEADER),
-        left_leader=around.neighbour(LEFT_LEADER),
-        left_follower=around.neighbour(LEFT_FOLLOWER),
-        right_leader=around.neighbour(RIGHT_LEADER),
-        right_follower=around.neighbour(RIGHT_FOLLOWER),
+        lane_right_m=lane_line_m[0],
+        lane_left_m=lane_line_m[1],
+        has_left_lane=has_lane[0],
+        has_right_lane=has_lane[1],
+        leader=known.measured(lane[OWN], leader, 1.0),
+        left_leader=_Unmeasured(known, lane[LEFT], leader, 1.0),
+        left_follower=_Unmeasured(known, lane[LEFT], follower, -1.0),
+        right_leader=_Unmeasured(known, lane[RIGHT], leader, 1.0),
+        right_follower=_Unmeasured(known, lane[RIGHT], follower, -1.0),
         flow_speed_mps=flow[component],
         is_hidden=~is_seen[component],
     )
@@ -128,107 +119,151 @@ def flow_speeds(mean: FloatArray, lane: IntArray, counts: npt.NDArray[np.bool_])
 
 
 @dataclass(frozen=True)
-class _Around:
-    """What the kernel finds out about n particles: rows are directions, as the constants above number them.
+class _Known:
+    """What distances to neighbours are measured from.
 
     Attributes:
-        lane_line_m: Right and left line of the own lane, shape (2, n).
-        has_lane: Whether there is a lane to the left and to the right, shape (2, n).
-        exists: Whether there is a neighbour, shape (5, n).
-        gap_m: Clear distance to it, shape (5, n).
-        speed_mps: Its speed, shape (5, n).
-        accel_mps2: Its acceleration, shape (5, n).
-        length_m: Its length, shape (5, n).
+        state: Particles' states, shape (6, n).
+        component: Their components, shape (n,).
+        others: Rows of position, speed and acceleration of all vehicles, shape (3, m + 1).
+        length_m: Their lengths, shape (m + 1,).
     """
 
-    lane_line_m: FloatArray
-    has_lane: npt.NDArray[np.bool_]
-    exists: npt.NDArray[np.bool_]
-    gap_m: FloatArray
-    speed_mps: FloatArray
-    accel_mps2: FloatArray
+    state: FloatArray
+    component: IntArray
+    others: FloatArray
     length_m: FloatArray
 
-    @classmethod
-    def empty(cls, n: int) -> _Around:
-        """Return arrays to be filled in."""
-        return cls(
-            np.empty((2, n)),
-            np.empty((2, n), dtype=np.bool_),
-            np.empty((DIRECTIONS, n), dtype=np.bool_),
-            *(np.empty((DIRECTIONS, n)) for _ in range(4)),
-        )
+    def measured(self, lane: LaneArray, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
+        """Return the neighbours in one direction.
 
-    def neighbour(self, direction: int) -> Neighbour:
-        """Return the neighbour in one direction."""
-        return Neighbour(
-            exists=self.exists[direction],
-            gap_m=self.gap_m[direction],
-            speed_mps=self.speed_mps[direction],
-            accel_mps2=self.accel_mps2[direction],
-            length_m=self.length_m[direction],
-        )
+        Args:
+            lane: Lane in which each particle looks, ``OFF_ROAD`` for none, shape (n,).
+            nearest: Nearest vehicle for each component and lane, shape (m + 1, lanes).
+            sign: 1 if it is ahead, -1 if it is behind.
+            index: Particles that are asked for; None for all.
+        """
+        lon, speed, component = self.state[LON], self.state[SPEED], self.component
+        if index is not None:
+            lon, speed, component, lane = lon[index], speed[index], component[index], lane[index]
+        n = len(lon)
+        found = Neighbour(np.empty(n, dtype=np.bool_), *(np.empty(n) for _ in range(4)))
+
+        def measure(begin: int, end: int) -> None:
+            _measure_neighbours(
+                begin,
+                end,
+                lon,
+                speed,
+                component,
+                lane,
+                nearest,
+                sign,
+                self.others,
+                self.length_m,
+                found.exists,
+                found.gap_m,
+                found.speed_mps,
+                found.accel_mps2,
+                found.length_m,
+            )
+
+        in_shares(measure, n, cost=0.5)
+        return found
 
 
-@numba.njit(cache=True)
-def _look_around(
+@dataclass(frozen=True)
+class _Unmeasured:
+    """Neighbours in a lane beside: few particles ask for them, so they are measured for those, or when asked for.
+
+    Attributes:
+        known: What they are measured from.
+        lane: See ``_Known.measured``.
+        nearest: See ``_Known.measured``.
+        sign: See ``_Known.measured``.
+    """
+
+    known: _Known
+    lane: LaneArray
+    nearest: IntArray
+    sign: float
+
+    def take(self, index: IntArray) -> Neighbour:
+        """Measure the neighbours of some of the particles."""
+        return self.known.measured(self.lane, self.nearest, self.sign, index)
+
+    @cached_property
+    def _all(self) -> Neighbour:
+        return self.known.measured(self.lane, self.nearest, self.sign)
+
+    @property
+    def exists(self) -> npt.NDArray[np.bool_]:
+        """See ``Neighbour``."""
+        return self._all.exists
+
+    @property
+    def gap_m(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.gap_m
+
+    @property
+    def speed_mps(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.speed_mps
+
+    @property
+    def accel_mps2(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.accel_mps2
+
+    @property
+    def length_m(self) -> FloatArray:
+        """See ``Neighbour``."""
+        return self._all.length_m
+
+
+@numba.njit(cache=True, nogil=True)
+def _find_lanes(
+    begin: int,
+    end: int,
     lon: FloatArray,
     lat: FloatArray,
-    speed: FloatArray,
-    component: IntArray,
     lanes: FloatArray,
     left: IntArray,
     right: IntArray,
-    leader: IntArray,
-    follower: IntArray,
-    others: FloatArray,
-    length: FloatArray,
-    lane_line: FloatArray,
+    lane: LaneArray,
     has_lane: npt.NDArray[np.bool_],
-    exists: npt.NDArray[np.bool_],
-    gap: FloatArray,
-    neighbour_speed: FloatArray,
-    neighbour_accel: FloatArray,
-    neighbour_length: FloatArray,
+    lane_line: FloatArray,
 ) -> None:
-    """Fill in each particle's lane and neighbours; ``others`` has rows of position, speed and acceleration."""
-    targets = np.empty((3, len(lon)), dtype=np.int64)
-    for n in range(len(lon)):
-        lane = _lane_at(lanes, lon[n], lat[n])
-        targets[0, n] = lane
-        if lane == OFF_ROAD:
-            targets[1, n], targets[2, n] = OFF_ROAD, OFF_ROAD
-            lane_line[0, n], lane_line[1, n] = np.nan, np.nan
-        else:
-            targets[1, n] = _lane_if_there(lanes, left[lane], lon[n])
-            targets[2, n] = _lane_if_there(lanes, right[lane], lon[n])
-            lane_line[0, n], lane_line[1, n] = lanes[lane, 1], lanes[lane, 2]
-        has_lane[0, n], has_lane[1, n] = targets[1, n] >= 0, targets[2, n] >= 0
-    for direction in range(DIRECTIONS):
-        is_follower = direction in (LEFT_FOLLOWER, RIGHT_FOLLOWER)
-        _measure_neighbours(
-            lon,
-            speed,
-            component,
-            targets[(direction + 1) // 2],
-            follower if is_follower else leader,
-            -1.0 if is_follower else 1.0,
-            others,
-            length,
-            exists[direction],
-            gap[direction],
-            neighbour_speed[direction],
-            neighbour_accel[direction],
-            neighbour_length[direction],
-        )
+    """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
+    own, own_left, own_right = lane[OWN], lane[LEFT], lane[RIGHT]
+    at, beside_left, beside_right = 0, OFF_ROAD, OFF_ROAD
+    right_m, left_m, start_m, end_m = np.inf, -np.inf, 0.0, 0.0
+    for n in range(begin, end):
+        # A particle is mostly in the lane of the one before it.
+        if not (right_m < lat[n] < left_m and start_m <= lon[n] < end_m):
+            at = _lane_at(lanes, lon[n], lat[n])
+            if at == OFF_ROAD:
+                beside_left, beside_right = OFF_ROAD, OFF_ROAD
+                right_m, left_m = np.nan, np.nan
+            else:
+                beside_left, beside_right = left[at], right[at]
+                right_m, left_m, start_m, end_m = lanes[at, 1], lanes[at, 2], lanes[at, 3], lanes[at, 4]
+        own[n] = at
+        own_left[n] = _lane_if_there(lanes, beside_left, lon[n])
+        own_right[n] = _lane_if_there(lanes, beside_right, lon[n])
+        has_lane[0, n], has_lane[1, n] = own_left[n] >= 0, own_right[n] >= 0
+        lane_line[0, n], lane_line[1, n] = right_m, left_m
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _measure_neighbours(
+    begin: int,
+    end: int,
     lon: FloatArray,
     speed: FloatArray,
     component: IntArray,
-    target: IntArray,
+    lane: LaneArray,
     nearest: IntArray,
     sign: float,
     others: FloatArray,
@@ -240,8 +275,8 @@ def _measure_neighbours(
     neighbour_length: FloatArray,
 ) -> None:
     """Fill in the neighbours in one direction: ``nearest`` has one per component and lane, ``sign`` is -1 behind."""
-    for n in range(len(lon)):
-        found = nearest[component[n], target[n]] if target[n] >= 0 else NOBODY
+    for n in range(begin, end):
+        found = nearest[component[n], lane[n]] if lane[n] >= 0 else NOBODY
         if found >= 0:
             exists[n] = True
             gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (length[component[n]] + length[found])

@@ -8,15 +8,56 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from mmpf.normals import Float32Array, standard_normals
 from mmpf.road import FloatArray
+from mmpf.threads import in_shares
+
+# Finite, since compiled code may take it for granted that numbers are.
+UNBOUNDED = 1e30
 
 
 class InvalidMixtureError(ValueError):
     """Weights, means and covariances that make no Gaussian mixture."""
+
+
+class Scaling(NamedTuple):
+    """Bounds and scales of p inputs and q outputs; the mixture itself knows standardised numbers only.
+
+    Attributes:
+        low: Least inputs, shape (p,); smaller ones are taken for these.
+        high: Greatest inputs, shape (p,).
+        mean: Shift of the inputs, shape (p,).
+        scale: Scale of the inputs, shape (p,).
+        output_mean: Shift of the outputs, shape (q,).
+        output_scale: Scale of the outputs, shape (q,).
+    """
+
+    low: FloatArray
+    high: FloatArray
+    mean: FloatArray
+    scale: FloatArray
+    output_mean: FloatArray
+    output_scale: FloatArray
+
+
+class Conditional(NamedTuple):
+    """The parameters of a conditional mixture of k components over p inputs and q outputs.
+
+    Attributes:
+        logit_matrix: Coefficients of the log-weights over ``[1, x, x_i x_j (i <= j)]``, shape (k, 1 + p + p(p+1)/2).
+        bias: Conditional means at zero, shape (k, q).
+        slope: Slopes of the conditional means, shape (k, p, q).
+        noise_factor: Cholesky factors of the conditional covariances, shape (k, q, q).
+    """
+
+    logit_matrix: Float32Array
+    bias: FloatArray
+    slope: FloatArray
+    noise_factor: FloatArray
 
 
 @dataclass(frozen=True)
@@ -83,14 +124,31 @@ class ConditionalGmm:
         Returns:
             Outputs, shape (n, q).
         """
-        from mmpf.motion.gmm_kernel import draw_outputs  # noqa: PLC0415  compiled only where it is used
+        return self.sample_scaled(x.T, self._no_scaling, rng).T
 
-        uniform = rng.random(len(x), dtype=np.float32)
-        normal = rng.standard_normal((len(x), self.outputs))
-        x = np.ascontiguousarray(x)
-        return np.asarray(
-            draw_outputs(x, self._logit_matrix32, uniform, normal, self.bias, self.slope, self.noise_factor)
-        )
+    def sample_scaled(self, x: FloatArray | Float32Array, scaling: Scaling, rng: np.random.Generator) -> FloatArray:
+        """Draw one output for each input; like ``sample``, with inputs and outputs in the units of the data.
+
+        Args:
+            x: Inputs, shape (p, n).
+            scaling: How the mixture's units relate to the data's.
+            rng: Source of randomness.
+
+        Returns:
+            Outputs, shape (q, n).
+        """
+        from mmpf.motion.gmm_kernel import BLOCK, draw_outputs  # noqa: PLC0415  compiled only where it is used
+
+        uniform = rng.random(int(x.shape[1]), dtype=np.float32)
+        normal = standard_normals(rng, (self.outputs, x.shape[1]))
+        drawn = np.empty((self.outputs, x.shape[1]))
+        inputs = x if x.flags.c_contiguous else x.copy()
+
+        def draw(begin: int, end: int) -> None:
+            draw_outputs(begin, end, inputs, scaling, self._conditional, uniform, normal, drawn)
+
+        in_shares(draw, x.shape[1], cost=len(self.weights) / 4.0, block=BLOCK)
+        return drawn
 
     @cached_property
     def conditional_covariances(self) -> FloatArray:
@@ -130,8 +188,15 @@ class ConditionalGmm:
         return np.concatenate([constant[:, None], pull, quadratic], axis=1)
 
     @cached_property
-    def _logit_matrix32(self) -> npt.NDArray[np.float32]:
-        return np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
+    def _conditional(self) -> Conditional:
+        logit_matrix = np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
+        by_input = np.ascontiguousarray(self.slope.transpose(0, 2, 1))
+        return Conditional(logit_matrix, self.bias, by_input, self.noise_factor)
+
+    @cached_property
+    def _no_scaling(self) -> Scaling:
+        p, q = self.inputs, self.outputs
+        return Scaling(np.full(p, -UNBOUNDED), np.full(p, UNBOUNDED), np.zeros(p), np.ones(p), np.zeros(q), np.ones(q))
 
 
 def expand(x: FloatArray) -> FloatArray:

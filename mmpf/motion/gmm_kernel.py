@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from mmpf.motion.conditional_gmm import Conditional, Scaling
 from mmpf.road import FloatArray
 
 Float32Array = npt.NDArray[np.float32]
@@ -20,74 +21,65 @@ NEGLIGIBLE_LOG_WEIGHT = -16.0
 BLOCK = 128
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def draw_outputs(
-    x: FloatArray,
-    logit_matrix: Float32Array,
+    begin: int,
+    end: int,
+    x: FloatArray | Float32Array,
+    scaling: Scaling,
+    conditional: Conditional,
     uniform: Float32Array,
-    normal: FloatArray,
-    bias: FloatArray,
-    slope: FloatArray,
-    noise_factor: FloatArray,
-) -> FloatArray:
-    """Pick each row's component by its log-weights and draw from that component's conditional Gaussian.
+    normal: Float32Array,
+    drawn: FloatArray,
+) -> None:
+    """Pick each column's component by its log-weights and draw from that component's conditional Gaussian.
 
     Args:
-        x: Inputs, shape (n, p).
-        logit_matrix: Coefficients of the log-weights over ``[1, x, x_i x_j (i <= j)]``, shape (k, 1 + p + p(p+1)/2).
+        begin: First column, and
+        end: the one after the last that is drawn; multiples of ``BLOCK``, or n.
+        x: Inputs, shape (p, n).
+        scaling: Bounds and scales.
+        conditional: The mixture.
         uniform: Uniform draws, shape (n,).
-        normal: Standard normal draws, shape (n, q).
-        bias: Conditional means at zero, shape (k, q).
-        slope: Slopes of the conditional means, shape (k, q, p).
-        noise_factor: Cholesky factors of the conditional covariances, shape (k, q, q).
-
-    Returns:
-        Outputs, shape (n, q).
+        normal: Standard normal draws, shape (q, n).
+        drawn: Outputs, shape (q, n), which are written.
     """
-    n, p = x.shape
-    q = slope.shape[1]
-    drawn = np.empty((n, q))
+    p, q = len(x), len(drawn)
+    logit_matrix, bias, slope, noise_factor = conditional
     expanded = np.zeros((logit_matrix.shape[1], BLOCK), dtype=np.float32)
     logits = np.empty((logit_matrix.shape[0], BLOCK), dtype=np.float32)
     top = np.empty(BLOCK, dtype=np.float32)
     component = np.zeros(BLOCK, dtype=np.int32)
-    for begin in range(0, n, BLOCK):
-        rows = min(BLOCK, n - begin)
-        _expand(x[begin : begin + rows], expanded)
+    values = np.empty(q)
+    for first in range(begin, end, BLOCK):
+        rows = min(BLOCK, end - first)
+        _expand(x[:, first : first + rows], scaling, expanded)
         np.dot(logit_matrix, expanded, logits)
-        _pick(logits, uniform[begin : begin + rows], top, component)
+        _pick(logits, uniform[first : first + rows], top, component)
         for row in range(rows):
             picked = component[row]
+            values[:] = bias[picked]
+            for i in range(p):
+                one, by_output = expanded[1 + i, row], slope[picked, i]
+                for output in range(q):
+                    values[output] += by_output[output] * one
             for output in range(q):
-                value = bias[picked, output]
-                for i in range(p):
-                    value += slope[picked, output, i] * x[begin + row, i]
+                value = values[output]
                 for j in range(output + 1):
-                    value += noise_factor[picked, output, j] * normal[begin + row, j]
-                drawn[begin + row, output] = value
-    return drawn
+                    value += noise_factor[picked, output, j] * normal[j, first + row]
+                drawn[output, first + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
 
 
-@njit(cache=True)
-def standardise(x: FloatArray, low: FloatArray, high: FloatArray, mean: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return inputs of shape (n, p) held between bounds, less their mean and over their scale, each of shape (p,)."""
-    n, p = x.shape
-    standardised = np.empty((n, p))
-    for row in range(n):
-        for i in range(p):
-            held = low[i] if x[row, i] < low[i] else high[i] if x[row, i] > high[i] else x[row, i]
-            standardised[row, i] = (held - mean[i]) / scale[i]
-    return standardised
-
-
-@njit(cache=True, fastmath=True)
-def _expand(x: FloatArray, expanded: Float32Array) -> None:
-    """Write ``[1, x, x_i x_j (i <= j)]`` of rows (r, p) as the first r columns of ``expanded``."""
-    rows, p = x.shape
-    for row in range(rows):
-        expanded[0, row] = 1.0
-        for i in range(p):
-            expanded[1 + i, row] = x[row, i]
+@njit(cache=True, fastmath=True, nogil=True)
+def _expand(x: FloatArray | Float32Array, scaling: Scaling, expanded: Float32Array) -> None:
+    """Write ``[1, x, x_i x_j (i <= j)]`` of standardised columns (p, r) as the first r columns of ``expanded``."""
+    p, rows = x.shape
+    expanded[0, :rows] = 1.0
+    for i in range(p):
+        values, out = x[i], expanded[1 + i]
+        low, high, mean, per_scale = scaling.low[i], scaling.high[i], scaling.mean[i], 1.0 / scaling.scale[i]
+        for row in range(rows):
+            out[row] = (min(max(values[row], low), high) - mean) * per_scale
     column = 1 + p
     for i in range(p):
         for j in range(i, p):
@@ -97,7 +89,7 @@ def _expand(x: FloatArray, expanded: Float32Array) -> None:
             column += 1
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, component: Int32Array) -> None:
     """Draw a component for each of the first columns of ``logits``, shape (k, BLOCK), which is overwritten.
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
+from mmpf.motion.change_kernel import advance
 from mmpf.motion.model_file import load_arrays, mixture_from_arrays
-from mmpf.motion.protocol import Neighbour, Surroundings, motion_models
+from mmpf.motion.protocol import NeighbourView, Surroundings, motion_models
 from mmpf.motion.scaled_gmm import ScaledGmm
 from mmpf.road import FloatArray
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
@@ -24,12 +24,10 @@ from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 BoolArray = npt.NDArray[np.bool_]
 
 CASE = "lane-change"
-TRAINED_STEP_S = 0.1
 FURTHEST_NEIGHBOUR_M = 100.0
-FASTEST_SIDEWAYS_MPS = 2.5
-HARDEST_STEERING_MPS2 = 4.0
 NOMINAL_WIDTH_M = 3.6
 DIRECTION, ORIGIN = range(2)
+LAT_SPEED_IN, SPEED_IN = 2, 3
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ def change_inputs(
     """
     across = direction * (state[LAT] - origin_m)
     to_line = half_width_m - across
-    return np.stack(
+    return np.array(
         [
             across,
             state[LON],
@@ -83,9 +81,8 @@ def change_inputs(
             view.leader_relative_mps,
             view.follower_relative_mps,
             view.target_relative_mps,
-        ],
-        axis=1,
-    )
+        ]
+    ).T
 
 
 def view_of(surroundings: Surroundings, speed_mps: FloatArray, direction: FloatArray, crossed: BoolArray) -> ChangeView:
@@ -146,22 +143,13 @@ class LaneChanger:
         half_width = np.where(np.isfinite(half_width), half_width, 0.5 * NOMINAL_WIDTH_M)
         crossed = np.asarray(direction * (state[LAT] - origin_m) > half_width)
         view = view_of(surroundings, state[SPEED], direction, crossed)
-        x = change_inputs(state, direction, origin_m, half_width, view)
-        across, along, lat_speed, speed, lat_accel, accel = self.mixture.sample(x, rng).T
-        held = np.clip(x, self.mixture.input_low, self.mixture.input_high)
-        steps = dt_s / TRAINED_STEP_S
-        braking, speeding = -HARDEST_BRAKING_MPS2 * TRAINED_STEP_S, STRONGEST_ACCEL_MPS2 * TRAINED_STEP_S
-        steering = HARDEST_STEERING_MPS2 * TRAINED_STEP_S
+        x = change_inputs(state, direction, origin_m, half_width, view).T
+        sampled = self.mixture.sample_columns(x, rng)
+        held_lat_speed, held_speed = (
+            np.clip(x[i], self.mixture.input_low[i], self.mixture.input_high[i]) for i in (LAT_SPEED_IN, SPEED_IN)
+        )
         after = np.empty_like(state)
-        after[SPEED] = np.maximum(state[SPEED] + steps * np.clip(speed - held[:, 3], braking, speeding), 0.0)
-        sideways = direction * state[LAT_SPEED] + steps * np.clip(lat_speed - held[:, 2], -steering, steering)
-        after[LAT_SPEED] = direction * np.clip(sideways, -FASTEST_SIDEWAYS_MPS, FASTEST_SIDEWAYS_MPS)
-        forward = _near(steps * along, 0.5 * dt_s * (state[SPEED] + after[SPEED]))
-        after[LON] = state[LON] + np.maximum(forward, 0.0)
-        mean_sideways = 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
-        after[LAT] = state[LAT] + _near(direction * steps * across, mean_sideways)
-        after[ACCEL] = np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
-        after[LAT_ACCEL] = direction * np.clip(lat_accel, -HARDEST_STEERING_MPS2, HARDEST_STEERING_MPS2)
+        advance(state, direction, sampled, held_lat_speed, held_speed, dt_s, after)
         return after
 
 
@@ -214,27 +202,22 @@ def load_change_mixture(path: Path) -> ScaledGmm:
 _Part = tuple[BoolArray, FloatArray, FloatArray]
 
 
-def _choose(condition: BoolArray, yes: Neighbour | _Part, no: Neighbour | _Part) -> _Part:
+def _choose(condition: BoolArray, yes: NeighbourView | _Part, no: NeighbourView | _Part) -> _Part:
     first, second = _part(yes), _part(no)
     exists = np.where(condition, first[0], second[0])
     return exists, np.where(condition, first[1], second[1]), np.where(condition, first[2], second[2])
 
 
-def _part(neighbour: Neighbour | _Part) -> _Part:
-    if isinstance(neighbour, Neighbour):
-        return neighbour.exists, neighbour.gap_m, neighbour.speed_mps
-    return neighbour
+def _part(neighbour: NeighbourView | _Part) -> _Part:
+    if isinstance(neighbour, tuple):
+        return neighbour
+    return neighbour.exists, neighbour.gap_m, neighbour.speed_mps
 
 
 def _capped(neighbour: _Part, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
     exists, gap, speed = neighbour
     near = exists & (gap < FURTHEST_NEIGHBOUR_M)
     return np.where(near, gap, FURTHEST_NEIGHBOUR_M), np.where(near, speed - speed_mps, 0.0)
-
-
-def _near(advance_m: FloatArray, by_speeds_m: FloatArray) -> FloatArray:
-    """Return the sampled advance, held to 5 cm of the one that follows from the speeds."""
-    return np.clip(advance_m, by_speeds_m - 0.05, by_speeds_m + 0.05)
 
 
 motion_models.register("gmm-lane-change")(LaneChangeDriver)

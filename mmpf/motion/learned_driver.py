@@ -16,24 +16,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.motion.driver_kernel import FreeDriving, drive, gather_situations
 from mmpf.motion.features import situation
-from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.lane_keeping import LaneKeeper
 from mmpf.motion.model_file import ModelFileError, load_arrays, mixture_from_arrays
 from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
 from mmpf.motion.scaled_gmm import ScaledGmm
+from mmpf.normals import standard_normals
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import ACCEL, SPEED
+from mmpf.threads import in_shares
 
 CASE = "lane-keeping"
 FURTHEST_LEADER_M = 100.0
 REDRAWN_PER_S = 0.2
-
-AVOIDED_BY_M = 1.0
-BRAKING_WORTH_IT_MPS2 = 1.0
-SIDE_BY_SIDE_BELOW_M = 2.0
-CLOSING = 3
 
 KNOWN, HABIT, BIAS, DESIRED_SPEED, OFFSET, INTENTION, TARGET = range(7)
 LATENTS = 7
@@ -56,6 +53,10 @@ class FreeDriver:
     accel_noise_mps2: float
     desired_per_accel_s: float
     desired_spread_mps: float
+
+    def driving(self, dt_s: float) -> FreeDriving:
+        """Return what one step needs."""
+        return FreeDriving(min(self.lag_per_s * dt_s, 1.0), self.gain_per_s, self.accel_noise_mps2)
 
 
 @dataclass(frozen=True)
@@ -115,12 +116,36 @@ class LearnedDriver:
         rng: np.random.Generator,
     ) -> tuple[FloatArray, FloatArray]:
         """Sample the states one step later; see ``MotionModel.propagate``."""
-        seen = _situation(state, surroundings.leader)
-        next_latents = self._with_drivers(state, latents, surroundings, seen, dt_s, rng)
+        next_latents = self._with_drivers(state, latents, surroundings, dt_s, rng)
+        leader = surroundings.leader
+        followers = np.flatnonzero(_follows(leader) & (next_latents[INTENTION] == 0.0))
         after = np.empty_like(state)
-        accel = self._acceleration(state, next_latents, surroundings.leader, seen, dt_s, rng)
-        move_along(state, after, accel, np.zeros(state.shape[1]), dt_s)
-        self.model.keeper.move_across(state, after, next_latents[OFFSET:], surroundings, dt_s, rng)
+        sampled = self._sampled_acceleration(state, next_latents, leader, followers, rng)
+        normal = standard_normals(rng, (2, state.shape[1]))
+        free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
+
+        def drive_some(begin: int, end: int) -> None:
+            drive(
+                begin,
+                end,
+                state,
+                after,
+                next_latents[DESIRED_SPEED],
+                next_latents[BIAS],
+                next_latents[OFFSET],
+                surroundings.lane_right_m,
+                surroundings.lane_left_m,
+                followers,
+                sampled,
+                leader.gap_m,
+                leader.speed_mps,
+                normal,
+                free,
+                holding,
+                dt_s,
+            )
+
+        in_shares(drive_some, state.shape[1])
         changing = np.flatnonzero(next_latents[INTENTION])
         if len(changing):
             after[:, changing] = self._changing(state, next_latents, surroundings, changing, dt_s, rng)
@@ -147,23 +172,22 @@ class LearnedDriver:
         state: FloatArray,
         latents: FloatArray,
         surroundings: Surroundings,
-        seen: FloatArray,
         dt_s: float,
         rng: np.random.Generator,
     ) -> FloatArray:
         """Return latents with a driver for particles that have none, now and then a fresh one for those in sight."""
         fresh = latents[KNOWN] == 0.0
-        fresh |= ~surroundings.is_hidden & (rng.random(len(fresh)) < REDRAWN_PER_S * dt_s)
+        fresh |= ~surroundings.is_hidden & (rng.random(len(fresh), dtype=np.float32) < REDRAWN_PER_S * dt_s)
         drawn = latents.copy()
         index = np.flatnonzero(fresh)
         if len(index):
             drawn[KNOWN, index] = 1.0
-            drawn[HABIT, index] = self.model.habit.sample(seen[index], rng)[:, 0]
+            drawn[HABIT, index] = self.model.habit.sample(_situation(state, surroundings.leader, index), rng)[:, 0]
             drawn[BIAS, index] = self.model.accel_bias_mps2 * rng.standard_normal(len(index))
             drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
             drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
         if self.changes_lanes:
-            drawn[INTENTION:] = self.model.keeper.switch_intention(state, drawn[INTENTION:], surroundings, dt_s, rng)
+            self.model.keeper.switch_intentions(state, drawn[INTENTION:], surroundings, dt_s, rng)
         return drawn
 
     def _desired_speed(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -172,26 +196,22 @@ class LearnedDriver:
         desired = expected + free.desired_spread_mps * rng.standard_normal(state.shape[1])
         return np.asarray(np.maximum(desired, 0.0))
 
-    def _acceleration(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        leader: Neighbour,
-        seen: FloatArray,
-        dt_s: float,
-        rng: np.random.Generator,
+    def _sampled_acceleration(
+        self, state: FloatArray, latents: FloatArray, leader: Neighbour, followers: IntArray, rng: np.random.Generator
     ) -> FloatArray:
-        follows = _follows(leader)
-        free = self.model.free
-        wanted = free.gain_per_s * (latents[DESIRED_SPEED] - state[SPEED])
-        accel = state[ACCEL] + np.minimum(free.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
-        accel += free.accel_noise_mps2 * rng.standard_normal(len(accel))
-        index = np.flatnonzero(follows & (latents[INTENTION] == 0.0))
-        if len(index):
-            x = np.column_stack([seen[index], latents[HABIT, index]])
-            sampled = self.model.following.sample(x, rng)[:, 0] + latents[BIAS, index]
-            accel[index] = np.minimum(sampled, _hardest_that_avoids(leader.gap_m[index], seen[index, CLOSING]))
-        return np.asarray(np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2))
+        seen = np.empty((6, len(followers)), dtype=np.float32)
+        gather_situations(
+            followers,
+            leader.gap_m,
+            state[SPEED],
+            state[ACCEL],
+            leader.speed_mps,
+            leader.accel_mps2,
+            latents[HABIT],
+            seen,
+        )
+        np.log(seen[0], out=seen[0])
+        return np.asarray(self.model.following.sample_columns(seen, rng)[0])
 
 
 def load_learned_driver(path: Path) -> LearnedDriver:
@@ -228,27 +248,17 @@ def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
     return replace(driver, changes_lanes=False)
 
 
-def _hardest_that_avoids(gap_m: FloatArray, closing_mps: FloatArray) -> FloatArray:
-    """Return the acceleration that just avoids the leader where that takes real braking, infinity elsewhere.
-
-    Training data hold no near misses, so that the mixture has to be told of them. Below a gap of 2 m vehicles of one
-    lane drive side by side more often than they touch, and are left to the mixture.
-    """
-    needed = closing_mps**2 / (2.0 * np.maximum(gap_m - AVOIDED_BY_M, AVOIDED_BY_M))
-    brakes = (closing_mps > 0.0) & (gap_m > SIDE_BY_SIDE_BELOW_M) & (needed > BRAKING_WORTH_IT_MPS2)
-    return np.where(brakes, -needed, np.inf)
-
-
 def _follows(leader: Neighbour) -> npt.NDArray[np.bool_]:
     return leader.exists & (leader.gap_m < FURTHEST_LEADER_M)
 
 
-def _situation(state: FloatArray, leader: Neighbour) -> FloatArray:
-    follows = _follows(leader)
-    gap = np.where(follows, leader.gap_m, FURTHEST_LEADER_M)
-    leader_speed = np.where(follows, leader.speed_mps, state[SPEED])
-    leader_accel = np.where(follows, leader.accel_mps2, 0.0)
-    return situation(gap, state[SPEED], state[ACCEL], leader_speed, leader_accel)
+def _situation(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatArray:
+    follows = _follows(leader)[index]
+    own_speed = state[SPEED, index]
+    gap = np.where(follows, leader.gap_m[index], FURTHEST_LEADER_M)
+    leader_speed = np.where(follows, leader.speed_mps[index], own_speed)
+    leader_accel = np.where(follows, leader.accel_mps2[index], 0.0)
+    return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
 
 
 motion_models.register("gmm")(LearnedDriver)

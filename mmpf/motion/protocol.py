@@ -30,6 +30,29 @@ class Neighbour:
     accel_mps2: FloatArray
     length_m: FloatArray
 
+    def take(self, index: npt.NDArray[np.int64]) -> Neighbour:
+        """Return the neighbours of some of the particles."""
+        return Neighbour(*(getattr(self, column.name)[index] for column in fields(self)))
+
+
+class NeighbourView(Protocol):
+    """What ``Neighbour`` offers; whoever implements it may work it out only when it is asked for."""
+
+    @property
+    def exists(self) -> npt.NDArray[np.bool_]: ...  # noqa: D102
+    @property
+    def gap_m(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def speed_mps(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def accel_mps2(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def length_m(self) -> FloatArray: ...  # noqa: D102
+
+    def take(self, index: npt.NDArray[np.int64]) -> Neighbour:
+        """Return the neighbours of some of the particles."""
+        ...
+
 
 @dataclass(frozen=True)
 class Surroundings:
@@ -58,23 +81,17 @@ class Surroundings:
     has_left_lane: npt.NDArray[np.bool_]
     has_right_lane: npt.NDArray[np.bool_]
     leader: Neighbour
-    left_leader: Neighbour
-    left_follower: Neighbour
-    right_leader: Neighbour
-    right_follower: Neighbour
+    left_leader: NeighbourView
+    left_follower: NeighbourView
+    right_leader: NeighbourView
+    right_follower: NeighbourView
     flow_speed_mps: FloatArray
     is_hidden: npt.NDArray[np.bool_]
 
 
 def take_surroundings(surroundings: Surroundings, index: npt.NDArray[np.int64]) -> Surroundings:
     """Return what some of the particles know."""
-
-    def some(value: object) -> object:
-        if isinstance(value, Neighbour):
-            return Neighbour(**{column.name: getattr(value, column.name)[index] for column in fields(Neighbour)})
-        return np.asarray(value)[index]
-
-    return Surroundings(**{column.name: some(getattr(surroundings, column.name)) for column in fields(Surroundings)})  # type: ignore[arg-type]
+    return Surroundings(*(getattr(surroundings, column.name).take(index) for column in fields(Surroundings)))
 
 
 class MotionModel(Protocol):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from mmpf.motion.conditional_gmm import ConditionalGmm
+from mmpf.motion.conditional_gmm import ConditionalGmm, Scaling
+from mmpf.normals import Float32Array
 from mmpf.road import FloatArray
 
 
@@ -34,13 +36,15 @@ class ScaledGmm:
 
     def standardise(self, x: FloatArray) -> FloatArray:
         """Return inputs of shape (n, p) held to the training range and standardised."""
-        from mmpf.motion.gmm_kernel import standardise  # noqa: PLC0415  compiled only where it is used
-
-        return np.asarray(standardise(x, self.input_low, self.input_high, self.input_mean, self.input_scale))
+        return (np.clip(x, self.input_low, self.input_high) - self.input_mean) / self.input_scale
 
     def sample(self, x: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw one output of shape (q,) for each input of shape (p,): (n, p) to (n, q)."""
-        return self.output_mean + self.output_scale * self.mixture.sample(self.standardise(x), rng)
+        return self.sample_columns(x.T, rng).T
+
+    def sample_columns(self, x: FloatArray | Float32Array, rng: np.random.Generator) -> FloatArray:
+        """Draw one output for each input, variable by variable: (p, n) to (q, n)."""
+        return self.mixture.sample_scaled(x, self._scaling, rng)
 
     def mean(self, x: FloatArray) -> FloatArray:
         """Return the mean output for each input: (n, p) to (n, q)."""
@@ -50,3 +54,9 @@ class ScaledGmm:
         """Return the log-density of outputs (n, q), in their own units, given inputs (n, p): shape (n,)."""
         standardised_y = (y - self.output_mean) / self.output_scale
         return self.mixture.log_density(self.standardise(x), standardised_y) - float(np.log(self.output_scale).sum())
+
+    @cached_property
+    def _scaling(self) -> Scaling:
+        return Scaling(
+            self.input_low, self.input_high, self.input_mean, self.input_scale, self.output_mean, self.output_scale
+        )

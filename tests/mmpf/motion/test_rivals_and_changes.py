@@ -45,7 +45,7 @@ def test_a_lane_change_to_the_left_is_the_mirror_of_one_to_the_right():
 
 
 def test_a_car_under_way_to_the_next_lane_arrives_there():
-    model, state, rng = LaneChangeDriver(), states(300, 20.0, lat_m=3.4), np.random.default_rng(0)
+    model, state, rng = LaneChangeDriver(), states(3000, 20.0, lat_m=3.4), np.random.default_rng(0)
     state[LAT_SPEED] = 0.9
     latents = model.draw_latents(state, rng)
     for _ in range(40):
@@ -54,7 +54,7 @@ def test_a_car_under_way_to_the_next_lane_arrives_there():
         here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
         state, latents = model.propagate(state, latents, here, STEP_S, rng)
     assert np.median(state[LAT]) > 4.5
-    assert (state[LAT] > 4.0).mean() > 0.9
+    assert (state[LAT] > 4.0).mean() > 0.85
 
 
 def test_some_particles_know_what_they_knew_among_all():
