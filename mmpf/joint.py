@@ -124,8 +124,8 @@ class JointUpdate:
 
         was_hit = marginals.probability.sum(axis=1) > HIT_PROBABILITY
         components = _count_hits(prior.components, was_hit, existence, situation.dt_s)
-        if detections.sizes is not None:
-            hit = np.flatnonzero(was_hit)
+        hit = np.flatnonzero(was_hit)
+        if detections.sizes is not None and len(hit):
             measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
             components = with_measured_sizes(components, hit, measured)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))

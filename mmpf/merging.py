@@ -16,7 +16,8 @@ def merge_lasting_overlaps(
     """Merge components that have shared one place for several scans; the elder's identity stays.
 
     Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
-    one: so both must be seen or both hidden, well within one footprint, and for long enough.
+    one: so they must be well within one footprint for long enough, and two that were both confirmed must be both seen
+    or both hidden.
 
     Args:
         mixture: The belief.

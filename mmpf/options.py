@@ -84,7 +84,8 @@ class JointOptions(Settings):
         missed_detection_cap: The detection probability used for "not seen" is at most this, since misses of one
             vehicle are correlated in time.
         missed_from_fraction: "Not seen" counts as evidence from this visible fraction on, and
-        missed_full_fraction: in full from this one on: shadows are drawn by vehicles of unknown size.
+        missed_full_fraction: in full from this one on: shadows are cast by vehicles whose place and size are
+            uncertain.
         hidden_detection_probability: Detection probability of a particle that lies in shadow.
         survival_probability: Per 0.1 s.
         birth_density: Expected newborn vehicles in relation to clutter at one detection (b in Meyer et al. 2018).
@@ -197,7 +198,7 @@ class FilterOptions(Settings):
         particles: Particles per component.
         update: ``joint``, or ``max_likelihood`` for the rule of the paper.
         resample_below: A component is resampled when its effective sample size falls below this share.
-        vehicle: Nominal size of a vehicle.
+        vehicle: Size of a vehicle before it is measured.
         model_error: Noise added to the motion model's prediction.
         birth: How new components are drawn.
         joint: Settings of the joint update.

@@ -33,14 +33,14 @@ class BodySizes:
     std_width_m: FloatArray
 
     def take(self, index: IntArray) -> BodySizes:
-        """Return the chosen detections' sizes."""
+        """Return the sizes of some detections, in the order of ``index``."""
         return BodySizes(*(getattr(self, column.name)[index] for column in fields(self)))
 
     def validate(self, count: int) -> None:
         """Check the arrays for their shape and for values that no measurement has.
 
         Raises:
-            InvalidScanError: A shape is not (count,), or a value is not finite, or a deviation is not positive.
+            InvalidScanError: A shape is not (count,), or a value is not finite or not positive.
         """
         for column in fields(self):
             values = getattr(self, column.name)
@@ -48,8 +48,8 @@ class BodySizes:
                 raise InvalidScanError(f"detections.sizes.{column.name} has shape {values.shape}, not {(count,)}")
             if not np.isfinite(values).all():
                 raise InvalidScanError(f"detections.sizes.{column.name} holds a value that is not finite")
-        if (self.std_length_m <= 0.0).any() or (self.std_width_m <= 0.0).any():
-            raise InvalidScanError("detections.sizes: standard deviations must be positive")
+            if (values <= 0.0).any():
+                raise InvalidScanError(f"detections.sizes.{column.name} must be positive")
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ class Detections:
         """Check the arrays against each other and for values that no measurement has.
 
         Raises:
-            InvalidScanError: Shapes differ, a position or deviation is not finite, or a deviation is not positive.
+            InvalidScanError: Shapes differ, a position, size or deviation is not finite, or a size or deviation is not
+                positive.
         """
         for name in ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps"):
             values = getattr(self, name)

@@ -1,7 +1,8 @@
 """What the tracker's own tracks hide from the sensor: the expected visible fraction of each particle's vehicle.
 
-Every component that probably exists casts a shadow behind its nominal rectangle. A table over bearing holds the two
-nearest surfaces, so that no component lies in its own shadow; each particle looks up the rays over its extent.
+Every component that probably exists casts a shadow behind a rectangle of its estimated size. A table over bearing
+holds the two nearest surfaces, so that no component lies in its own shadow; each particle looks up the rays over its
+extent.
 """
 
 from __future__ import annotations

@@ -40,11 +40,10 @@ def replay_data(run: RecordedRun) -> dict[str, Any]:
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,
         "field_of_view_deg": run.sensor.field_of_view_deg,
-        "nominal_m": [NOMINAL_LENGTH_M, NOMINAL_WIDTH_M],
         "road": _road(run),
         "vehicles": _vehicles(kept_truth, codes, names),
         "truth": _truth(run, kept_truth, codes, names, steps),
-        "detections": _rows(run.detections, steps, lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0)),
+        "detections": _detections(run.detections, steps),
         "tracks": _tracks(run.tracks, steps),
         "particles": _particles(run, steps),
         "events": _events(run.events, steps, names),
@@ -66,7 +65,7 @@ def _near_ego(truth: pd.DataFrame, reach_m: float) -> npt.NDArray[np.bool_]:
 
 def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
     particles = 0 if run.particles is None else len(run.particles)
-    return 27 * len(truth) + 8 * len(run.detections) + 17 * len(run.tracks) + 4 * particles
+    return 27 * len(truth) + 12 * len(run.detections) + 17 * len(run.tracks) + 4 * particles
 
 
 def _road(run: RecordedRun) -> dict[str, Any]:
@@ -139,6 +138,17 @@ def _errors_beside(
         np.where(found, errors["track_id"].to_numpy(np.int64)[row], -1),
         np.where(found, outcome[row], 0),
     )
+
+
+def _detections(detections: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
+    """Pack the detections with the sizes that cast their shadows: the measured ones, or else a mean car's."""
+    mean_car = {"length_m": NOMINAL_LENGTH_M, "width_m": NOMINAL_WIDTH_M}
+    unmeasured = {name: size for name, size in mean_car.items() if name not in detections}
+    return _rows(
+        detections.assign(**unmeasured), steps,
+        lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0), length=("length_m", "u2", 100.0),
+        width=("width_m", "u2", 100.0),
+    )  # fmt: skip
 
 
 def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:

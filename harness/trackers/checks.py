@@ -13,8 +13,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,9 +31,10 @@ from harness.trackers.scripted_scenes import (
     labelled_scan,
     scripted_scans,
     shuffled,
+    without_sizes,
 )
 from mmpf.road import FloatArray
-from mmpf.scan import Detections, InvalidScanError
+from mmpf.scan import BodySizes, Detections, InvalidScanError
 from mmpf.state import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 AnyTracker = Tracker | TruthAssociatedTracker
@@ -178,13 +180,20 @@ def _check_order_of_detections_means_nothing(build: Build) -> None:
 def _check_scans_are_left_as_they_were(build: Build) -> None:
     tracker = build(0)
     for labelled in _busy_scene()[:20]:
-        detections = labelled.scan.detections
-        before = {column.name: getattr(detections, column.name).tobytes() for column in fields(Detections)}
+        before = _content(labelled.scan.detections)
         _step(tracker, labelled)
+        after = _content(labelled.scan.detections)
         for name, content in before.items():
-            _require(
-                getattr(detections, name).tobytes() == content, f"the tracker wrote to detections.{name}", labelled
-            )
+            _require(after[name] == content, f"the tracker wrote to detections.{name}", labelled)
+
+
+def _check_sizes_need_not_be_measured(build: Build) -> None:
+    scans = [
+        without_sizes(labelled) for labelled in scripted_scans(_separate_cars(), _times(3.0), np.random.default_rng(12))
+    ]
+    last = _follow(build, scans)[-1]
+    for car in _separate_cars():
+        _nearest_index(last, car, scans[-1])
 
 
 def _check_no_detections_for_5_s(build: Build) -> None:
@@ -223,15 +232,8 @@ def _check_impossible_detections_are_refused(build: Build) -> None:
     for labelled in scans[:-1]:
         _step(tracker, labelled)
     good = scans[-1]
-    for name, value in (("lon_m", np.nan), ("lat_m", np.inf), ("std_lon_m", -1.0), ("std_lat_m", np.nan)):
-        column = getattr(good.scan.detections, name).copy()
-        column[0] = value
-        bad = replace(good.scan.detections, **{name: column})
-        _require_refusal(
-            tracker, replace(good, scan=replace(good.scan, detections=bad)), f"detections.{name} = {value}"
-        )
-    short = replace(good.scan.detections, lat_m=good.scan.detections.lat_m[:-1])
-    _require_refusal(tracker, replace(good, scan=replace(good.scan, detections=short)), "columns of different lengths")
+    for what, detections in _impossible(good.scan.detections):
+        _require_refusal(tracker, replace(good, scan=replace(good.scan, detections=detections)), what)
     _step(tracker, good)
 
 
@@ -263,6 +265,7 @@ _CHECKS: tuple[Callable[[Build], None], ...] = (
     _check_equal_seeds_give_equal_tracks,
     _check_order_of_detections_means_nothing,
     _check_scans_are_left_as_they_were,
+    _check_sizes_need_not_be_measured,
     _check_no_detections_for_5_s,
     _check_nothing_but_clutter,
     _check_two_detections_at_one_point,
@@ -285,6 +288,33 @@ def _separate_cars() -> list[ScriptedCar]:
         ScriptedCar("left", EGO_START_M + 5.0, lane=1, speed_mps=EGO_SPEED_MPS + 3.0),
         ScriptedCar("right", EGO_START_M - 5.0, lane=5, speed_mps=EGO_SPEED_MPS - 3.0),
     ]
+
+
+def _impossible(good: Detections) -> Iterator[tuple[str, Detections]]:
+    """Return what no sensor can have measured, and what is wrong with it."""
+    for name, value in (("lon_m", np.nan), ("lat_m", np.inf), ("std_lon_m", -1.0), ("std_lat_m", np.nan)):
+        spoilt: dict[str, Any] = {name: _spoilt(getattr(good, name), value)}
+        yield f"detections.{name} = {value}", replace(good, **spoilt)
+    sizes = good.sizes
+    assert sizes is not None
+    for name, value in (("length_m", np.nan), ("width_m", -1.0), ("std_length_m", 0.0)):
+        bad = replace(sizes, **{name: _spoilt(getattr(sizes, name), value)})
+        yield f"detections.sizes.{name} = {value}", replace(good, sizes=bad)
+    yield "columns of different lengths", replace(good, lat_m=good.lat_m[:-1])
+
+
+def _spoilt(column: FloatArray, value: float) -> FloatArray:
+    spoilt = column.copy()
+    spoilt[0] = value
+    return spoilt
+
+
+def _content(detections: Detections) -> dict[str, bytes]:
+    """Return the bytes of each column, those of the sizes included where they are measured."""
+    columns = {f.name: getattr(detections, f.name) for f in fields(Detections) if f.name != "sizes"}
+    if detections.sizes is not None:
+        columns |= {f"sizes.{f.name}": getattr(detections.sizes, f.name) for f in fields(BodySizes)}
+    return {name: values.tobytes() for name, values in columns.items()}
 
 
 def _busy_scene() -> list[LabelledScan]:

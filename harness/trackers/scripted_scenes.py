@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from mmpf.road import FloatArray, IntArray, highway
-from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 ROAD = highway(section_m=(0.0, 2000.0))
 SENSOR = SensorModel()
 STD_LON_M, STD_LAT_M = 0.3, 0.2
+LENGTH_M, WIDTH_M = 4.7, 1.9
+STD_SIZE_SHARE = 0.1
 EGO_SPEED_MPS = 20.0
 EGO_START_M = 200.0
 
@@ -58,11 +60,11 @@ class LabelledScan:
 
 def ego_at(time_s: float) -> EgoPose:
     """Return the pose of the ego, which drives in the middle lane."""
-    return EgoPose(EGO_START_M + EGO_SPEED_MPS * time_s, 2.5 * 3.66, 0.0, EGO_SPEED_MPS, 4.7, 1.9)
+    return EgoPose(EGO_START_M + EGO_SPEED_MPS * time_s, 2.5 * 3.66, 0.0, EGO_SPEED_MPS, LENGTH_M, WIDTH_M)
 
 
 def detections_at(lon_m: FloatArray, lat_m: FloatArray) -> Detections:
-    """Return detections of positions, without speed, of the nominal noise."""
+    """Return detections of cars of one size, without speed, of the nominal noise."""
     size = len(lon_m)
     return Detections(
         lon_m=np.asarray(lon_m, dtype=np.float64),
@@ -71,6 +73,12 @@ def detections_at(lon_m: FloatArray, lat_m: FloatArray) -> Detections:
         std_lon_m=np.full(size, STD_LON_M),
         std_lat_m=np.full(size, STD_LAT_M),
         std_speed_mps=np.full(size, np.nan),
+        sizes=BodySizes(
+            length_m=np.full(size, LENGTH_M),
+            width_m=np.full(size, WIDTH_M),
+            std_length_m=np.full(size, STD_SIZE_SHARE * LENGTH_M),
+            std_width_m=np.full(size, STD_SIZE_SHARE * WIDTH_M),
+        ),
     )
 
 
@@ -109,8 +117,15 @@ def shuffled(scan: LabelledScan, order: IntArray) -> LabelledScan:
         old.std_lon_m[order],
         old.std_lat_m[order],
         old.std_speed_mps[order],
+        None if old.sizes is None else old.sizes.take(order),
     )
     return LabelledScan(Scan(scan.scan.time_s, detections, scan.scan.ego), scan.truth_id[order])
+
+
+def without_sizes(scan: LabelledScan) -> LabelledScan:
+    """Return the scan as a sensor gives it that measures no sizes."""
+    detections = replace(scan.scan.detections, sizes=None)
+    return replace(scan, scan=replace(scan.scan, detections=detections))
 
 
 def _look(

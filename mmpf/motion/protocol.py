@@ -21,7 +21,7 @@ class Neighbour:
         gap_m: Clear distance bumper to bumper; negative if they overlap, infinite where there is none.
         speed_mps: Its longitudinal speed; the particle's own where there is none.
         accel_mps2: Its longitudinal acceleration; zero where there is none.
-        length_m: Its length; the nominal car's where there is none.
+        length_m: Its length; that of the particle's own vehicle where there is none.
     """
 
     exists: npt.NDArray[np.bool_]
@@ -62,11 +62,11 @@ class Surroundings:
 
     Attributes:
         length_m: Length of the particle's own vehicle.
-        lane_right_m: Lateral position of the own lane's right line.
-        lane_left_m: Lateral position of the own lane's left line.
+        lane_right_m: Lateral position of the own lane's right line; nan off every lane, as on a ramp.
+        lane_left_m: Lateral position of the own lane's left line; nan off every lane.
         has_left_lane: Whether there is a lane to the left at this place.
         has_right_lane: Whether there is a lane to the right at this place.
-        leader: Nearest vehicle ahead in the own lane.
+        leader: Nearest vehicle ahead that is in the way; nobody off every lane.
         left_leader: Nearest vehicle ahead in the lane to the left.
         left_follower: Nearest vehicle behind in the lane to the left.
         right_leader: Nearest vehicle ahead in the lane to the right.

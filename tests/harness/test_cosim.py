@@ -5,16 +5,17 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.cosim import Streams, co_simulate
-from harness.recorder import ColumnRecorder, RunTables
+from harness.recorder import ColumnRecorder, RunTables, detections_of
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
+from mmpf.scan import BodySizes
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic
 
 
-def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker) -> RunTables:
+def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> RunTables:
     recorder = ColumnRecorder()
-    co_simulate(traffic, build_sensor(sensor_settings("lidar", {})), build, recorder, Streams.from_seed(seed))
+    co_simulate(traffic, build_sensor(sensor_settings(profile, {})), build, recorder, Streams.from_seed(seed))
     return recorder.tables()
 
 
@@ -96,6 +97,34 @@ def test_recorded_tables_have_the_agreed_columns():
         "step", "time_s", "track_id", "lon_m", "lat_m", "speed_mps", "lat_speed_mps", "accel_mps2", "std_lon_m",
         "std_lat_m", "std_speed_mps", "existence", "state",
     } <= set(tables.tracks)  # fmt: skip
+
+
+SIZE_COLUMNS = ["length_m", "width_m", "std_length_m", "std_width_m"]
+
+
+@pytest.mark.parametrize("profile", ["lidar", "camera", "radar"])
+def test_detections_have_columns_of_size_only_if_the_sensor_measures_sizes(profile):
+    recorded = drive(SteadyTraffic(steps=3), profile=profile).detections
+    assert [name for name in recorded.columns if name in SIZE_COLUMNS] == ([] if profile == "radar" else SIZE_COLUMNS)
+
+
+def test_recorded_detections_are_those_that_the_tracker_got_sizes_included():
+    heard = []
+
+    class Listener(EchoTracker):
+        def step(self, scan):
+            heard.append(scan)
+            return super().step(scan)
+
+    recorded = drive(SteadyTraffic(steps=5), build=Listener).detections
+    # Scans before these were the rehearsal's.
+    for step, scan in enumerate(heard[-5:]):
+        sizes = detections_of(recorded[recorded["step"] == step]).sizes
+        assert isinstance(sizes, BodySizes)
+        for name in SIZE_COLUMNS:
+            assert getattr(sizes, name).tobytes() == getattr(scan.detections.sizes, name).tobytes()
+    assert set(recorded["step"]) == set(range(5))
+    assert detections_of(recorded.drop(columns="std_width_m")).sizes is None
 
 
 def test_a_step_that_was_cut_short_is_left_out():

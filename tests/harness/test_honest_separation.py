@@ -63,6 +63,25 @@ def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker,
     assert seen.read_bytes() == unseen.read_bytes()
 
 
+@pytest.mark.parametrize(
+    ("tracker", "options", "minds_sizes"),
+    [("mmpf", {"model": "cvm", "particles": 200}, True), ("stonesoup-gnn", {}, False)],
+    ids=["mmpf", "stonesoup-gnn"],
+)
+def test_measured_sizes_reach_the_tracker_which_may_ignore_them(
+    recording, tracker, options, minds_sizes, tmp_path, monkeypatch
+):
+    if tracker.startswith("stonesoup"):
+        pytest.importorskip("stonesoup")
+    folder = shutil.copytree(recording, tmp_path / "resized")
+    detections = pd.read_parquet(folder / runfolder.DETECTIONS)
+    assert (detections["length_m"].to_numpy() != 4.5).all(), "the true lengths must not be among the detections"
+    rng = np.random.default_rng(98)
+    write_table(detections.assign(length_m=rng.uniform(3.0, 18.0, len(detections))), folder / runfolder.DETECTIONS)
+    seen, resized = (tracks_of(one, tracker, options, tmp_path, monkeypatch) for one in (recording, folder))
+    assert (seen.read_bytes() != resized.read_bytes()) == minds_sizes
+
+
 def test_the_bound_that_is_told_the_truth_is_found_out(recording, scrambled, tmp_path, monkeypatch):
     seen, unseen = (tracks_of(folder, "oracle-kalman", {}, tmp_path, monkeypatch) for folder in (recording, scrambled))
     assert seen.read_bytes() != unseen.read_bytes()
@@ -72,7 +91,7 @@ def tracks_of(folder: Path, tracker: str, options: dict, tmp_path: Path, monkeyp
     """Replay a folder and return the file of its tracks."""
     _draw_nothing(monkeypatch)
     config = resolve_run_config(options={"replay": str(folder), "tracker": tracker, **options})
-    return run(config, out=tmp_path / folder.name).folder / runfolder.TRACKS
+    return run(config, out=tmp_path / f"{folder.name} again").folder / runfolder.TRACKS
 
 
 def _draw_nothing(patch: pytest.MonkeyPatch) -> None:

@@ -27,8 +27,12 @@ TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERR
 def steady_traffic(monkeypatch) -> SteadyTraffic:
     """Put stand-in traffic in SUMO's place, and draw no figures: they take longer than the run."""
     traffic = SteadyTraffic(steps=12)
-    sensor = build_sensor(sensor_settings("lidar", {}))
-    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams: RunInputs(traffic, sensor))
+
+    def open_live(config, streams):
+        settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
+        return RunInputs(traffic, build_sensor(settings))
+
+    monkeypatch.setattr("harness.inputs._open_live", open_live)
     monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
     return traffic
 
@@ -60,7 +64,8 @@ def test_a_replay_of_the_same_tracker_gives_the_same_bytes(steady_traffic, tmp_p
         assert (first / table).read_bytes() == (again / table).read_bytes(), table
 
 
-def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path, monkeypatch):
+@pytest.mark.parametrize("profile", ["lidar", "radar"])
+def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path, monkeypatch, profile):
     scans: list[list] = [[], []]
 
     def listener(heard: list):
@@ -72,7 +77,7 @@ def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path
         return lambda setting, options: Listener(setting)
 
     monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", listener(scans[0]))
-    first = run(configured(), out=tmp_path / "first").folder
+    first = run(configured(sensor=profile), out=tmp_path / "first").folder
     monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", listener(scans[1]))
     run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again")
     assert len(scans[0]) == len(scans[1]) > 12
@@ -81,6 +86,20 @@ def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path
         assert live.free_space.range_m.tobytes() == replayed.free_space.range_m.tobytes()
         for name in ("lon_m", "lat_m", "std_lon_m", "std_lat_m", "speed_mps", "std_speed_mps"):
             assert getattr(live.detections, name).tobytes() == getattr(replayed.detections, name).tobytes()
+        sizes = [scan.detections.sizes for scan in (live, replayed)]
+        assert [one is None for one in sizes] == [profile == "radar"] * 2
+        for name in ("length_m", "width_m", "std_length_m", "std_width_m") if sizes[0] else ():
+            assert getattr(sizes[0], name).tobytes() == getattr(sizes[1], name).tobytes()
+
+
+def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_path):
+    first = run(configured(), out=tmp_path / "first").folder
+    table = pd.read_parquet(first / runfolder.DETECTIONS)
+    table.drop(columns=["length_m", "width_m", "std_length_m", "std_width_m"]).to_parquet(first / runfolder.DETECTIONS)
+    again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
+    replayed = pd.read_parquet(again / runfolder.DETECTIONS)
+    assert "length_m" not in replayed
+    pd.testing.assert_frame_equal(replayed, pd.read_parquet(first / runfolder.DETECTIONS))
 
 
 @pytest.mark.parametrize("option", [{"net": "other"}, {"density": 33.0}, {"duration": 1.0}, {"sensor": "radar"}])

@@ -65,11 +65,12 @@ function drawSensorView(pen, camera) {
   if (!shown.shadows) return;
   pen.fillStyle = SHADOW;
   const [begin, end] = range(data.detections, view.step);
-  for (let k = begin; k < end; k++) drawShadow(pen, camera, sensor, data.detections.lon[k], data.detections.lat[k]);
+  for (let k = begin; k < end; k++) drawShadow(pen, camera, sensor, k);
 }
 
-function drawShadow(pen, camera, sensor, lon, lat) {
-  const [length, width] = data.nominal_m, [x, y] = road.plane(lon, lat), heading = road.heading(lon);
+function drawShadow(pen, camera, sensor, k) {
+  const detected = data.detections, lon = detected.lon[k], [x, y] = road.plane(lon, detected.lat[k]);
+  const length = detected.length[k] / 100, width = detected.width[k] / 100, heading = road.heading(lon);
   const corners = boxCorners(x - sensor[0], y - sensor[1], heading, length, width);
   const towards = Math.atan2(y - sensor[1], x - sensor[0]);
   const along = Math.abs(Math.cos(heading) * (x - sensor[0]) + Math.sin(heading) * (y - sensor[1]));

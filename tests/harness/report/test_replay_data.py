@@ -40,6 +40,17 @@ def test_vehicles_far_beyond_the_sensor_are_left_out(run):
     assert set(replay_data(run)["vehicles"]["names"]) == {"ego", "near", "far"}
 
 
+def test_shadows_are_cast_by_the_measured_sizes_or_else_by_mean_cars(run):
+    unmeasured = replay_data(run)["detections"]
+    assert set(unpacked(unmeasured["length"]).tolist()) == {470}
+    assert set(unpacked(unmeasured["width"]).tolist()) == {190}
+    lengths = np.linspace(4.0, 18.0, len(run.detections))
+    measured = run.detections.assign(length_m=lengths, width_m=2.5)
+    packed = replay_data(replace(run, detections=measured))["detections"]
+    assert unpacked(packed["length"]) == pytest.approx(100 * lengths, abs=0.51)
+    assert set(unpacked(packed["width"]).tolist()) == {250}
+
+
 def test_each_vehicle_bears_its_error_track_and_fate(run):
     data = replay_data(run)
     far = course(data, "far")

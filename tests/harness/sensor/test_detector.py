@@ -132,6 +132,78 @@ def test_the_reported_deviations_are_those_of_the_errors(profile):
             assert error.mean() == pytest.approx(0.0, abs=4 * std[0] / np.sqrt(len(error)))
 
 
+def sizes_of_car(profile, frame, car, scans):
+    """Return rows of measured length, width and their reported deviations of one car, one row a scan that saw it."""
+    rows = []
+    for seed in range(scans):
+        seen = look(frame, profile, seed=seed, **SURE)
+        sizes = seen.scan.detections.sizes
+        columns = np.stack([sizes.length_m, sizes.width_m, sizes.std_length_m, sizes.std_width_m], axis=-1)
+        rows.append(columns[seen.truth_id == f"car{car}"])
+    return np.concatenate(rows)
+
+
+def assert_errors_are_as_reported(rows, frame, car):
+    for measured, std, true in (
+        (rows[:, 0], rows[:, 2], frame.length_m[car]),
+        (rows[:, 1], rows[:, 3], frame.width_m[car]),
+    ):
+        z = (measured - true) / std
+        assert z.mean() == pytest.approx(0.0, abs=4 / np.sqrt(len(z)))
+        assert (z**2).mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(z)))
+
+
+@pytest.mark.parametrize(("profile", "share"), [("lidar", 0.1), ("camera", 0.15)])
+def test_sizes_are_off_by_the_reported_deviation_a_share_of_the_size_in_plain_view(profile, share):
+    frame = frame_of((30, 0), (-40, 5))
+    frame = replace(frame, length_m=np.array([4.7, 18.0, 4.1]), width_m=np.array([1.9, 2.5, 1.7]))
+    for car in (1, 2):
+        rows = sizes_of_car(profile, frame, car, 600)
+        assert len(rows) == 600
+        assert rows[:, 2] == pytest.approx(share * frame.length_m[car], abs=1e-4)
+        assert rows[:, 3] == pytest.approx(share * frame.width_m[car], abs=1e-4)
+        assert_errors_are_as_reported(rows, frame, car)
+
+
+def test_sizes_of_a_partly_hidden_vehicle_are_noisier_and_say_so():
+    frame = frame_of((20, 0), (40, 1.4))
+    fraction = look(frame).visible_fraction[2]
+    rows = sizes_of_car("lidar", frame, 2, 1000)
+    assert rows[:, 2] == pytest.approx(0.1 * 4.7 * (1 + 2 * (0.7 - fraction) / 0.55), rel=1e-3)
+    assert_errors_are_as_reported(rows, frame, 2)
+
+
+def test_length_and_width_err_independently_of_each_other_and_of_the_place():
+    frame = frame_of((30, 0))
+    rows = []
+    for seed in range(800):
+        d = look(frame, seed=seed, **SURE).scan.detections
+        rows.append((d.lon_m[0], d.lat_m[0], d.sizes.length_m[0], d.sizes.width_m[0]))
+    correlation = np.corrcoef(np.array(rows).T)
+    assert np.abs(correlation - np.eye(4)).max() < 4 / np.sqrt(800)
+
+
+def test_a_radar_measures_no_sizes_and_clutter_looks_like_a_car_to_those_that_do():
+    assert look(frame_of((30, 0)), "radar", clutter_per_scan=20.0).scan.detections.sizes is None
+    ghosts = look(frame_of(), clutter_per_scan=500.0).scan.detections.sizes
+    for measured, true in ((ghosts.length_m, 4.7), (ghosts.width_m, 1.9)):
+        assert measured.mean() == pytest.approx(true, abs=4 * 0.1 * true / np.sqrt(len(measured)))
+        assert measured.std() == pytest.approx(0.1 * true, rel=0.15)
+
+
+def test_whether_sizes_are_measured_changes_no_place():
+    frame = frame_of((30, 0), (-20, -4))
+    with_sizes, without = look(frame, **SURE), look(frame, std_size_share=None, **SURE)
+    assert without.scan.detections.sizes is None
+    assert with_sizes.scan.detections.lon_m.tobytes() == without.scan.detections.lon_m.tobytes()
+
+
+def test_no_box_is_smaller_than_a_box_can_be():
+    frame = replace(frame_of((30, 0)), length_m=np.array([4.7, 0.4]), width_m=np.array([1.9, 0.4]))
+    for seed in range(100):
+        look(frame, seed=seed, std_size_share=2.0, **SURE).scan.detections.validate()
+
+
 def test_a_camera_knows_the_bearing_well_and_the_range_badly():
     seen = look(frame_of((80, 0)), "camera", **SURE).scan.detections
     assert seen.std_lon_m[0] > 3.0
@@ -175,9 +247,10 @@ def test_the_order_of_the_detections_says_nothing_of_the_vehicles():
 def test_the_same_stream_gives_the_same_observation_to_the_last_bit():
     frame = frame_of((30, 0), (50, 4), (-20, -4))
     one, two = look(frame, seed=7), look(frame, seed=7)
-    for column in fields(one.scan.detections):
-        name = column.name
-        assert getattr(one.scan.detections, name).tobytes() == getattr(two.scan.detections, name).tobytes()
+    for part in ("detections", "sizes"):
+        first, second = (s.scan.detections if part == "detections" else s.scan.detections.sizes for s in (one, two))
+        for name in (column.name for column in fields(first) if column.name != "sizes"):
+            assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
 
 
 def test_the_sight_settings_do_not_shift_the_draws_of_the_vehicles():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -6,7 +8,7 @@ from hypothesis import strategies as st
 from sensor_scenes import MIDDLE, ROAD
 
 from harness.sensor.shadows import SECTORS, free_space, shadow_polygons
-from mmpf.scan import Detections, EgoPose
+from mmpf.scan import BodySizes, Detections, EgoPose
 
 EGO = EgoPose(lon_m=300.0, lat_m=MIDDLE, heading_rad=0.0, speed_mps=20.0, length_m=4.7, width_m=1.9)
 
@@ -32,6 +34,18 @@ def test_sight_ends_at_the_far_side_of_the_first_car_and_is_free_beside_it():
     assert free_range(detections, np.pi - 0.001) == pytest.approx(22.35, abs=0.01)
     assert free_range(detections, -np.pi + 0.001) == pytest.approx(22.35, abs=0.01)
     assert free_range(detections, 0.1) == 100.0
+
+
+def test_sight_ends_at_the_far_side_of_the_measured_body():
+    std = np.full(2, 0.1)
+    sizes = BodySizes(np.array([12.0, 4.0]), np.array([2.5, 1.7]), std, std)
+    detections = replace(detections_at((30.0, 0.0), (-20.0, 0.0)), sizes=sizes)
+    assert free_range(detections, 0.001) == pytest.approx(36.0, abs=0.01)
+    assert free_range(detections, np.pi - 0.001) == pytest.approx(22.0, abs=0.01)
+    # The near corner of the wide body stands at (24, 1.25) m; that of a mean car at (27.65, 0.95) m.
+    between = 0.5 * (np.arctan2(1.25, 24.0) + np.arctan2(0.95, 27.65))
+    assert free_range(detections, between) < 36.1
+    assert free_range(replace(detections, sizes=None), between) == 100.0
 
 
 def test_a_false_detection_on_the_sensor_itself_blinds_nothing():

@@ -33,6 +33,24 @@ def overwrite_first_position(scan):
     return scan
 
 
+def overwrite_first_length(scan):
+    if scan.detections.sizes is not None and len(scan.detections):
+        scan.detections.sizes.length_m[0] += 1e-9
+    return scan
+
+
+def round_up_sizes(scan):
+    sizes = scan.detections.sizes
+    if sizes is None:
+        return scan
+    columns = {name: np.maximum(np.nan_to_num(values), 0.1) for name, values in vars(sizes).items()}
+    return replace(scan, detections=replace(scan.detections, sizes=replace(sizes, **columns)))
+
+
+def rely_on_sizes(scan):
+    return scan if scan.detections.sizes.length_m.all() else None
+
+
 def clean_up(scan):
     detections = scan.detections
     finite = np.isfinite(detections.lon_m[: len(detections.lat_m)]) & np.isfinite(detections.lat_m)
@@ -76,8 +94,11 @@ def fail_on_crowds(scan):
         ("identities_are_never_used_again", {"spoil_tracks": number_by_row}),
         ("equal_seeds_give_equal_tracks", {"spoil_tracks": draw_from_the_global_generator}),
         ("scans_are_left_as_they_were", {"spoil_scan": overwrite_first_position}),
+        ("scans_are_left_as_they_were", {"spoil_scan": overwrite_first_length}),
+        ("sizes_need_not_be_measured", {"spoil_scan": rely_on_sizes}),
         ("500_detections", {"spoil_scan": fail_on_crowds}),
         ("impossible_detections_are_refused", {"spoil_scan": clean_up}),
+        ("impossible_detections_are_refused", {"spoil_scan": round_up_sizes}),
     ],
 )
 def test_a_fault_is_found_by_the_check_for_it(check: str, faults: dict[str, Callable]):

@@ -9,7 +9,7 @@ from mmpf.motion.lane_changer import load_change_mixture
 from mmpf.motion.learned_driver import HABIT, INTENTION, LearnedDriver, load_learned_driver, without_lane_changes
 from mmpf.motion.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.short_driver import ShortTermDriver, load_short_driver
-from mmpf.state import LAT, LON, SPEED
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 from .surroundings import around, states, vehicle
 
@@ -54,6 +54,18 @@ def test_a_hidden_particle_keeps_its_driver_and_a_seen_one_gets_a_new_one_now_an
 def test_lane_keepers_stay_in_their_lane():
     state, _, _ = drive(without_lane_changes(LearnedDriver()), states(300, 20.0), 200, 20.0)
     assert (np.abs(state[LAT] - 2.0) < 1.5).mean() > 0.97
+
+
+@pytest.mark.parametrize("lat_speed_mps", [0.0, 0.8])
+def test_a_vehicle_on_a_ramp_keeps_its_speed_and_its_course(lat_speed_mps):
+    model, rng = LearnedDriver(), np.random.default_rng(0)
+    state = states(2000, 20.0, lat_m=-6.0)
+    state[LAT_SPEED] = lat_speed_mps
+    latents = model.draw_latents(state, rng)
+    for _ in range(20):
+        state, latents = model.propagate(state, latents, around(state, on_road=False), STEP_S, rng)
+    assert state[SPEED].mean() == pytest.approx(20.0, abs=0.5)
+    assert state[LAT].mean() == pytest.approx(-6.0 + 2.0 * lat_speed_mps, abs=0.1)
 
 
 def test_a_driver_who_means_to_change_ends_up_in_the_next_lane():
