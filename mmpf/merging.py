@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mmpf.moments import component_moments
+from mmpf.sizes import sizes_of, with_measured_sizes
 from mmpf.state import LAT, LON, NEVER, Mixture
 
 
@@ -55,8 +56,10 @@ def merge_lasting_overlaps(
             continue
         elder = min((a, b), key=lambda m: (not components.confirmed[m], components.track_id[m]))
         better = min((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
+        worse = a if better == b else b
         track_id[better], confirmed[better] = components.track_id[elder], components.confirmed[elder]
-        keep[a if better == b else b] = False
+        keep[worse] = False
+        components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
     updated = replace(
         components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_scans=overlap_scans
     )

@@ -230,5 +230,5 @@ def _detections(settings: SensorSettings, values: FloatArray) -> Detections:
     rounded = np.round(values, DECIMALS)
     rounded[:, 3:] = np.maximum(rounded[:, 3:], 10.0**-DECIMALS)
     lon, lat, speed, std_lon, std_lat, std_speed, *size = np.ascontiguousarray(rounded.T)
-    sizes = None if settings.std_size_share is None else BodySizes(*size)
+    sizes = BodySizes(*size) if settings.std_length_m and settings.std_width_m else None
     return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)

@@ -79,10 +79,11 @@ def measured_sizes(
         visible_fraction: How much of each vehicle is seen, shape (n,).
         normals: Standard normal numbers, shape (n, 2).
     """
-    if settings.std_size_share is None:
+    if settings.std_length_m is None or settings.std_width_m is None:
         return np.full((len(length_m), 4), np.nan)
     size = np.stack([length_m, width_m], axis=-1)
-    std = settings.std_size_share * box_factor(settings, visible_fraction)[:, None] * size
+    # In metres and not in proportion to the true size, which the deviation would give away.
+    std = box_factor(settings, visible_fraction)[:, None] * np.array([settings.std_length_m, settings.std_width_m])
     return np.concatenate([np.maximum(size + std * normals, SMALLEST_BOX_M), std], axis=-1)
 
 

@@ -38,8 +38,8 @@ class SensorSettings(BaseModel):
         std_bearing_deg: Error of the bearing.
         hidden_noise_factor: Factor on all position errors at the edge of being hidden; it falls linearly to one at
             plain view.
-        std_size_share: Error of the length and width of the box fitted to a vehicle in plain view, as a share of them;
-            none where the sensor measures no sizes.
+        std_length_m: Error of the length of the box fitted to a vehicle in plain view, and
+        std_width_m: of its width; the sensor measures sizes if both are given.
         std_range_rate_mps: Error of the measured range rate; none where the sensor does not measure it.
         speed_obliquity_deg: Range rate gives a speed where the line of sight is within this angle of the road.
         road_width_m: Width of road that a tracker assumes clutter to spread over.
@@ -59,7 +59,8 @@ class SensorSettings(BaseModel):
     std_range_share: NotNegative = 0.0
     std_bearing_deg: NotNegative = 0.1
     hidden_noise_factor: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 3.0
-    std_size_share: Positive | None = 0.1
+    std_length_m: Positive | None = 0.45
+    std_width_m: Positive | None = 0.18
     std_range_rate_mps: Positive | None = None
     speed_obliquity_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
     road_width_m: Positive = 18.3
@@ -111,9 +112,9 @@ def lidar() -> SensorSettings:
     The position errors are of the order of the average translation error (centre distance) by which the nuScenes
     benchmark ranks lidar detectors (Caesar et al., CVPR 2020): a few tenths of a metre for cars, taken larger along
     the vehicle than across it because mostly one end is seen. Range error 3 cm and bearing error 0.1 degrees are usual
-    for spinning automotive lidars. Length and width are off by a tenth each: the average scale error (one less the
-    overlap of aligned boxes) of good detectors for cars on the same benchmark is 0.15. A false detection a scan and a
-    detection probability of 0.95 are assumptions.
+    for spinning automotive lidars. Length and width are off by about a tenth of a car's: the average scale error
+    (one less the overlap of aligned boxes) of good detectors for cars on the same benchmark is 0.15. A false detection
+    a scan and a detection probability of 0.95 are assumptions.
     """
     return SensorSettings()
 
@@ -134,7 +135,8 @@ def radar() -> SensorSettings:
         std_lat_m=0.3,
         std_range_m=0.4,
         std_bearing_deg=0.5,
-        std_size_share=None,
+        std_length_m=None,
+        std_width_m=None,
         std_range_rate_mps=0.1,
     )
 
@@ -154,5 +156,6 @@ def camera() -> SensorSettings:
         std_range_m=0.0,
         std_range_share=0.05,
         std_bearing_deg=0.15,
-        std_size_share=0.15,
+        std_length_m=0.7,
+        std_width_m=0.25,
     )

@@ -153,15 +153,16 @@ def assert_errors_are_as_reported(rows, frame, car):
         assert (z**2).mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(z)))
 
 
-@pytest.mark.parametrize(("profile", "share"), [("lidar", 0.1), ("camera", 0.15)])
-def test_sizes_are_off_by_the_reported_deviation_a_share_of_the_size_in_plain_view(profile, share):
+@pytest.mark.parametrize("profile", ["lidar", "camera"])
+def test_sizes_are_off_by_the_reported_deviation_which_gives_no_true_size_away(profile):
+    settings = sensor_settings(profile, {})
     frame = frame_of((30, 0), (-40, 5))
     frame = replace(frame, length_m=np.array([4.7, 18.0, 4.1]), width_m=np.array([1.9, 2.5, 1.7]))
     for car in (1, 2):
         rows = sizes_of_car(profile, frame, car, 600)
         assert len(rows) == 600
-        assert rows[:, 2] == pytest.approx(share * frame.length_m[car], abs=1e-4)
-        assert rows[:, 3] == pytest.approx(share * frame.width_m[car], abs=1e-4)
+        assert rows[:, 2] == pytest.approx(settings.std_length_m, abs=1e-4)
+        assert rows[:, 3] == pytest.approx(settings.std_width_m, abs=1e-4)
         assert_errors_are_as_reported(rows, frame, car)
 
 
@@ -169,7 +170,9 @@ def test_sizes_of_a_partly_hidden_vehicle_are_noisier_and_say_so():
     frame = frame_of((20, 0), (40, 1.4))
     fraction = look(frame).visible_fraction[2]
     rows = sizes_of_car("lidar", frame, 2, 1000)
-    assert rows[:, 2] == pytest.approx(0.1 * 4.7 * (1 + 2 * (0.7 - fraction) / 0.55), rel=1e-3)
+    assert rows[:, 2] == pytest.approx(
+        sensor_settings("lidar", {}).std_length_m * (1 + 2 * (0.7 - fraction) / 0.55), rel=1e-3
+    )
     assert_errors_are_as_reported(rows, frame, 2)
 
 
@@ -193,7 +196,7 @@ def test_a_radar_measures_no_sizes_and_clutter_looks_like_a_car_to_those_that_do
 
 def test_whether_sizes_are_measured_changes_no_place():
     frame = frame_of((30, 0), (-20, -4))
-    with_sizes, without = look(frame, **SURE), look(frame, std_size_share=None, **SURE)
+    with_sizes, without = look(frame, **SURE), look(frame, std_length_m=None, std_width_m=None, **SURE)
     assert without.scan.detections.sizes is None
     assert with_sizes.scan.detections.lon_m.tobytes() == without.scan.detections.lon_m.tobytes()
 
@@ -201,7 +204,7 @@ def test_whether_sizes_are_measured_changes_no_place():
 def test_no_box_is_smaller_than_a_box_can_be():
     frame = replace(frame_of((30, 0)), length_m=np.array([4.7, 0.4]), width_m=np.array([1.9, 0.4]))
     for seed in range(100):
-        look(frame, seed=seed, std_size_share=2.0, **SURE).scan.detections.validate()
+        look(frame, seed=seed, std_length_m=9.0, std_width_m=4.0, **SURE).scan.detections.validate()
 
 
 def test_a_camera_knows_the_bearing_well_and_the_range_badly():
