@@ -8,7 +8,7 @@ from statistics import fmean
 
 import numpy as np
 
-from harness.fidelity.measured import PART_S, MeasuredSite
+from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics
 from harness.fidelity.targets import targets
 from harness.truth.demand import DENSITY_RANGE, Equilibrium
@@ -16,9 +16,13 @@ from harness.truth.drivers import Drivers
 from harness.truth.network import DemandFile, Network
 
 WAVE_PERIOD_S = 120.0
-FIRST_AMPLITUDE = 0.45
+FIRST_AMPLITUDE = 0.7
+# Share of the waves' amplitude in parts of a period without slow cells.
+WEAKEST_WAVES = 0.2
+# So far behind the section headways are back to the drivers' own, so that the exit decides what leaves.
+BACK_WITHIN_M = 60.0
 # Change of the waves' amplitude per share of slow cells that is missing.
-AMPLITUDE_GAIN = 1.5
+AMPLITUDE_GAIN = 0.8
 AMPLITUDE_RANGE = (0.05, 0.9)
 FACTOR_RANGE = (0.6, 1.6)
 GAP_RANGE_M = (2.0, 5.5)
@@ -59,13 +63,26 @@ def first_candidate(network: Network, site: MeasuredSite, names: tuple[str, ...]
         demands[name] = network.demand_files[name].model_copy(
             update={
                 "density_veh_per_km_lane": period.statistics.density_veh_per_km_lane,
-                "schedule": tuple((k * PART_S, part.density_veh_per_km_lane) for k, part in enumerate(period.parts)),
-                "headway_profile": tuple((place, 1.0) for place in _quarter_middles(network)),
+                "schedule": _schedule(period),
+                "headway_profile": tuple((place, 1.0) for place in _profile_places(network)),
                 "exit_wave_amplitude": FIRST_AMPLITUDE,
                 "wave_period_s": WAVE_PERIOD_S,
             }
         )
     return Candidate(drivers, demands)
+
+
+def _schedule(period: MeasuredPeriod) -> tuple[tuple[float, float, float], ...]:
+    """Return a period's densities in turn, and waves that are strong where many cells were slow."""
+    slowest = max(part.share_below_4mps for part in period.parts)
+    return tuple(
+        (
+            k * PART_S,
+            round(part.density_veh_per_km_lane, 2),
+            round(max(WEAKEST_WAVES, (part.share_below_4mps / slowest) ** 0.5 if slowest else 0.0), 2),
+        )
+        for k, part in enumerate(period.parts)
+    )
 
 
 def misfit(simulated: Mapping[str, PeriodStatistics], site: MeasuredSite) -> float:
@@ -109,7 +126,7 @@ def improved(
     missing = float(np.nan_to_num(np.clip(fmean(waves), -0.3, 0.3)))
     length_m = Equilibrium().vehicle_length_m
     gap_m = candidate.drivers.minimum_gap_m + GAP_GAIN * step * missing * (length_m + candidate.drivers.minimum_gap_m)
-    mean = fmean(factor for demand in demands.values() for _, factor in demand.headway_profile)
+    mean = fmean(factor for demand in demands.values() for _, factor in demand.headway_profile[:QUARTERS])
     drivers = candidate.drivers.model_copy(
         update={
             "headway_s": round(candidate.drivers.headway_s * mean, 4),
@@ -131,7 +148,7 @@ def _improved_demand(
     ]
     profile = tuple(
         (place, round(float(np.clip(factor * ratio**step, *FACTOR_RANGE)), 4))
-        for (place, factor), ratio in zip(demand.headway_profile, ratios, strict=True)
+        for (place, factor), ratio in zip(demand.headway_profile, [*ratios, 1.0], strict=True)
     )
     density = (measured.density_veh_per_km_lane / simulated.density_veh_per_km_lane) ** step
     slow = measured.share_below_4mps - simulated.share_below_4mps
@@ -139,7 +156,9 @@ def _improved_demand(
     return demand.model_copy(
         update={
             "density_veh_per_km_lane": _bounded_density(demand.density_veh_per_km_lane * density),
-            "schedule": tuple((from_s, _bounded_density(entry * density)) for from_s, entry in demand.schedule),
+            "schedule": tuple(
+                (from_s, _bounded_density(entry * density), waves) for from_s, entry, waves in demand.schedule
+            ),
             "headway_profile": profile,
             "exit_wave_amplitude": round(float(np.clip(amplitude, *AMPLITUDE_RANGE)), 4),
         }
@@ -147,7 +166,10 @@ def _improved_demand(
 
 
 def _scaled(demand: DemandFile, scale: float) -> DemandFile:
-    profile = tuple((place, round(scale * factor, 4)) for place, factor in demand.headway_profile)
+    profile = tuple(
+        (place, round(scale * factor, 4) if k < QUARTERS else factor)
+        for k, (place, factor) in enumerate(demand.headway_profile)
+    )
     return demand.model_copy(update={"headway_profile": profile})
 
 
@@ -171,6 +193,8 @@ def _quarter_headways_s(statistics: PeriodStatistics, relation: Equilibrium) -> 
     ]
 
 
-def _quarter_middles(network: Network) -> list[float]:
+def _profile_places(network: Network) -> list[float]:
+    """Return the middles of the quarters and the place behind the section where headways are back to normal."""
     start_m, end_m = network.section_m
-    return [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
+    middles = [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
+    return [*middles, end_m + BACK_WITHIN_M]

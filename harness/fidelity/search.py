@@ -95,5 +95,5 @@ def _simulate(
 
 
 def _compressed(demand: DemandFile, compression: float) -> DemandFile:
-    schedule = tuple((from_s * compression, density) for from_s, density in demand.schedule)
+    schedule = tuple((from_s * compression, density, waves) for from_s, density, waves in demand.schedule)
     return demand.model_copy(update={"schedule": schedule})

@@ -29,8 +29,8 @@ class Demand:
         wave_amplitude: How far density swings about its mean along the road at first, as a share of the mean.
         exit_wave_amplitude: How far the flow that leaves swings about its mean from then on, as a share of the mean.
         wave_period_s: Time between two waves at a fixed place.
-        schedule: Times from the first frame on, ascending from 0, and the densities to be held from then on; none where
-            the density stays the same.
+        schedule: Times from the first frame on, ascending from 0, the densities to be held from then on, and how strong
+            the exit's waves are then, as a share of their amplitude; none where all stays the same.
         headway_profile: Positions along the road and what drivers' time headways are multiplied by there, linear in
             between: where drivers keep larger gaps lies the bottleneck.
     """
@@ -41,13 +41,16 @@ class Demand:
     wave_amplitude: float
     exit_wave_amplitude: float
     wave_period_s: float
-    schedule: tuple[tuple[float, float], ...] = ()
+    schedule: tuple[tuple[float, float, float], ...] = ()
     headway_profile: tuple[tuple[float, float], ...] = ()
 
     def at(self, time_s: float) -> Demand:
-        """Return the demand with the density that the schedule has at a time."""
-        begun = [density for from_s, density in self.schedule if from_s <= max(0.0, time_s)]
-        return replace(self, density_veh_per_km_lane=begun[-1]) if begun else self
+        """Return the demand with the density and the waves that the schedule has at a time."""
+        begun = [entry for entry in self.schedule if entry[0] <= max(0.0, time_s)]
+        if not begun:
+            return self
+        _, density, share = begun[-1]
+        return replace(self, density_veh_per_km_lane=density, exit_wave_amplitude=share * self.exit_wave_amplitude)
 
 
 @dataclass(frozen=True)

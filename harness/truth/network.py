@@ -40,7 +40,7 @@ class DemandFile(BaseModel):
     wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
     exit_wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
     wave_period_s: float | None = Field(default=None, gt=0.0)
-    schedule: tuple[tuple[float, float], ...] = ()
+    schedule: tuple[tuple[float, float, float], ...] = ()
     headway_profile: tuple[tuple[float, float], ...] = ()
 
 
@@ -157,13 +157,11 @@ class Network:
         return self.corridor.road(self.section_m)
 
     def fingerprint(self) -> str:
-        """Return eight letters that change with the road, the vehicle types, the drivers and the demands."""
+        """Return eight letters that change with the road, the vehicle types and the drivers."""
         digest = hashlib.sha256(self.net_file.read_bytes())
         if self.vehicle_types_file is not None:
             digest.update(self.vehicle_types_file.read_bytes())
         digest.update(self.drivers.model_dump_json().encode())
-        for name, entry in self.demand_files.items():
-            digest.update(name.encode() + entry.model_dump_json().encode())
         return digest.hexdigest()[:8]
 
     def demand(self, name: str) -> Demand:
