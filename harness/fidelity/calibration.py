@@ -98,7 +98,8 @@ def calibrate(
     if request.fields is not None:
         site = measure(site, read_fields(request.fields), network.corridor.main_lanes)
     names = request.names(site)
-    first = first_candidate(network, site, names)
+    keep_drivers = request.demand is not None
+    first = first_candidate(network, site, names, keep_drivers)
     if not request.fresh and set(names) <= set(network.calibrated):
         first = Candidate(network.drivers, {name: network.demand_files[name] for name in names})
     trials: list[Trial] = []
@@ -117,7 +118,7 @@ def calibrate(
         request.workers,
         keep,
         on_run,
-        keep_drivers=request.demand is not None,
+        keep_drivers=keep_drivers,
     )
     return CalibrationResult(site, tuple(trials), best, request.fields is not None)
 

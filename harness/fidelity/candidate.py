@@ -51,12 +51,16 @@ class Candidate:
         return Candidate(self.drivers, {**others, **self.demands})
 
 
-def first_candidate(network: Network, site: MeasuredSite, names: tuple[str, ...]) -> Candidate:
+def first_candidate(
+    network: Network, site: MeasuredSite, names: tuple[str, ...], keep_drivers: bool = False
+) -> Candidate:
     """Return what the measurements say by themselves: densities of each five minutes, gaps that carry the flow."""
     minimum_gap_m = network.drivers.minimum_gap_m
     relation = Equilibrium(minimum_gap_m=minimum_gap_m)
     headways = [_headway_s(site.periods[name].statistics, relation) for name in names]
-    drivers = network.drivers.model_copy(update={"headway_s": round(fmean(headways), 4)})
+    drivers = network.drivers
+    if not keep_drivers:
+        drivers = drivers.model_copy(update={"headway_s": round(fmean(headways), 4)})
     demands = {}
     for name in names:
         period = site.periods[name]
