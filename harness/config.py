@@ -9,6 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from harness.truth.demand import DEFAULT_DENSITY, DENSITY_RANGE
+from harness.truth.network import default_demand
 from mmpf.options import FilterOptions
 
 DEFAULT_TRACKER = "mmpf"
@@ -44,9 +45,9 @@ class TrafficConfig(_Strict):
 
     Attributes:
         net: Name of a network that travels with the package, or a folder or ``.sumocfg`` file.
-        demand: Name of one of the network's demands; excludes ``density``.
-        density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given, unless the network
-            is a SUMO configuration with a demand of its own.
+        demand: Name of one of the network's demands; excludes ``density``. The network's default if neither is given.
+        density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given and the network names
+            no default demand, unless it is a SUMO configuration with a demand of its own.
         duration_s: Scored time in seconds; warm-up comes on top. Of a recording, the seconds used.
         recording: Set where the traffic was recorded on a real road; there is neither demand nor density then.
     """
@@ -65,9 +66,11 @@ class TrafficConfig(_Strict):
             if self.demand is not None or self.density is not None:
                 raise ValueError("recorded traffic is as it was; leave demand and density out")
             return self
-        if self.demand is None and self.density is None and not _brings_its_own_demand(Path(self.net)):
+        if self.demand is None and self.density is None and not brings_its_own_demand(self.net):
+            demand = default_demand(self.net)
             # The model is frozen for its users; during validation the default is still being filled in.
-            object.__setattr__(self, "density", DEFAULT_DENSITY)
+            object.__setattr__(self, "demand", demand)
+            object.__setattr__(self, "density", DEFAULT_DENSITY if demand is None else None)
         return self
 
 
@@ -167,5 +170,7 @@ class RunConfig(_Strict):
         return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))
 
 
-def _brings_its_own_demand(net: Path) -> bool:
-    return net.suffix == ".sumocfg" or (net.is_dir() and not (net / "network.toml").is_file())
+def brings_its_own_demand(net: str) -> bool:
+    """Whether a network is a SUMO configuration of the user's own, with its own vehicles."""
+    path = Path(net)
+    return path.suffix == ".sumocfg" or (path.is_dir() and not (path / "network.toml").is_file())

@@ -80,4 +80,6 @@ def _network_files(network: Network) -> dict[str, Path]:
     files = {"net_file": network.net_file}
     if network.vehicle_types_file is not None:
         files["vehicle_types_file"] = network.vehicle_types_file
+    if network.calibration_file is not None and network.calibration_file.is_file():
+        files["calibration_file"] = network.calibration_file
     return files

@@ -24,11 +24,13 @@ def command(
     ] = None,
     density: Annotated[
         float | None,
-        typer.Option(help="Vehicles per km and main lane, 5 to 65. (default: 30)", rich_help_panel=TRAFFIC),
+        typer.Option(help="Vehicles per km and main lane, 5 to 65, in place of --demand.", rich_help_panel=TRAFFIC),
     ] = None,
     demand: Annotated[
         str | None,
-        typer.Option(help="Named demand of the network in place of --density; see 'nets'.", rich_help_panel=TRAFFIC),
+        typer.Option(
+            help="Named demand of the network; see 'nets'. (default: us101-0805 on us101)", rich_help_panel=TRAFFIC
+        ),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Scored seconds; warm-up comes on top. (default: 60)", rich_help_panel=TRAFFIC)

@@ -100,12 +100,12 @@ def command(
       python -m harness stress --densities 20,40 --duration 20 --resume
       python -m harness stress --scheduler tcp://host:8786
     """
-    from harness.config import TrafficConfig  # noqa: PLC0415
+    from harness.config import brings_its_own_demand  # noqa: PLC0415
     from harness.errors import RunError, UserError  # noqa: PLC0415
     from harness.stress.grid import GridRequest  # noqa: PLC0415
     from harness.stress.stress import run_stress  # noqa: PLC0415
 
-    own_demand = TrafficConfig(net=net or "us101").density is None
+    own_demand = brings_its_own_demand(net or "us101")
     request = GridRequest(
         net=net,
         densities=densities if densities is not None or demands is not None or own_demand else "5:65:10",

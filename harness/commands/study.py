@@ -25,7 +25,7 @@ def command(
         str, typer.Option(help="Seeds A:B of the traffic, B excluded; below 100 none was trained on.")
     ] = "0:16",
     cache: Annotated[
-        Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET)")
+        Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET-...)")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write. (default: results/study-CASE)")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json on stdout, nothing else there.")] = False,

@@ -18,7 +18,7 @@ def command(
     seed: Annotated[int, typer.Option(help="Seed of sampling and of the fit.", min=0)] = 0,
     sweep: Annotated[bool, typer.Option(help="Score other numbers of components by BIC, for the card.")] = True,
     cache: Annotated[
-        Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET)")
+        Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET-...)")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the model files and cards.")] = Path("results/models"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the files as JSON on stdout.")] = False,

@@ -37,5 +37,5 @@ def open_scenario(network: Network, scenario: Scenario) -> TruthSource:
 
 
 def default_cache(network: Network) -> Path:
-    """Return the folder where recordings of a network are kept."""
-    return Path("results") / "cache" / "traffic" / network.name
+    """Return the folder where recordings of a network are kept; other drivers have another one."""
+    return Path("results") / "cache" / "traffic" / f"{network.name}-{network.fingerprint()}"

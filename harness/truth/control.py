@@ -14,24 +14,23 @@ from types import ModuleType
 import numpy as np
 
 from harness.truth.corridor import CorridorEdge
-from harness.truth.demand import Demand, Equilibrium
+from harness.truth.demand import Demand
+from harness.truth.diversion import divert_late_vehicles
 from harness.truth.fill import FREE_SHARE, Placement, fill, leaving_share, main_lane_density, route_of
+from harness.truth.headways import LocalHeadways
 from harness.truth.network import Network
 from harness.truth.population import Vehicle, draw_vehicle
 from harness.truth.reading import Load
 
 SLOWEST_MPS = 1.0
 CONTROL_EVERY_S = 0.5
-HOLD_WITHIN_S = 14.0
+HOLD_WITHIN_S = 30.0
 LEARN_WITHIN_S = 60.0
+LEARN_AT_MOST, CORRECT_AT_MOST = 0.5, 0.8
 RAMP_ENTRY_M = 8.0
 # Drivers hold a little more than the equilibrium gap close to the speed limit.
 SPEED_MARGIN = 1.15
-# A harder limit tears holes into the traffic that then reach the section.
-ENTRY_FLOOR = 0.7
-ENTRY_HEADROOM = 1.1
 INFLOW_GAIN = 4.0
-EXIT_WAVE_SHARE = 0.5
 
 
 class TrafficControl:
@@ -42,27 +41,27 @@ class TrafficControl:
         sumo: ModuleType,
         network: Network,
         demand: Demand,
-        relation: Equilibrium,
         rng: np.random.Generator,
         step_s: float,
+        warm_up_s: float,
     ) -> None:
         """Take hold of a simulation that has started and has no vehicles yet."""
         self._sumo = sumo
         self._network = network
-        self._demand = demand
-        self._relation = relation
+        self._scheduled = demand
+        self._warm_up_s = warm_up_s
+        self._relation = network.relation
         self._rng = rng
         self._step_s = step_s
         self._names = count()
         self._routes: set[str] = set()
         lanes = network.corridor.main_lanes
-        section_km = (network.section_m[1] - network.section_m[0]) / 1000.0
-        self._target = demand.density_veh_per_km_lane * lanes * section_km
-        self._lane_density = main_lane_density(network, demand, relation)
+        self._hold(demand.at(0.0))
+        self._headways = LocalHeadways(sumo, network.road, demand.headway_profile)
         self._learned_flow = 0.0
         self._phase = float(rng.uniform())
         self._inflow_scale = 1.0
-        self._waiting = [draw_vehicle(rng, relation) for _ in range(lanes)]
+        self._waiting = [draw_vehicle(rng, network.drivers) for _ in range(lanes)]
         self._jitter = rng.uniform(-0.5, 0.5, lanes)
         self._next_spacing_m = [self._draw_spacing(lane) for lane in range(lanes)]
         self._next_ramp_s = [float(rng.uniform()) * self._ramp_interval_s() for _ in network.on_ramps]
@@ -74,6 +73,14 @@ class TrafficControl:
         for placement in fill(self._network, self._demand, self._relation, self._rng):
             self._add(placement)
 
+    def _hold(self, demand: Demand) -> None:
+        """Take a demand as the one to be held from now on."""
+        network = self._network
+        section_km = (network.section_m[1] - network.section_m[0]) / 1000.0
+        self._demand = demand
+        self._target = demand.density_veh_per_km_lane * network.corridor.main_lanes * section_km
+        self._lane_density = main_lane_density(network, demand, self._relation)
+
     def before_step(self, time_s: float, measure: Callable[[], Load]) -> None:
         """Let vehicles in and adjust the exit before SUMO's next step.
 
@@ -82,7 +89,10 @@ class TrafficControl:
             measure: Counts the vehicles now.
         """
         if time_s >= self._next_control_s:
+            self._hold(self._scheduled.at(time_s - self._warm_up_s))
             self._steer(time_s, measure())
+            self._headways.apply()
+            divert_late_vehicles(self._sumo, self._network)
             self._next_control_s = time_s + CONTROL_EVERY_S
         for lane in range(self._network.corridor.main_lanes):
             self._let_in(lane)
@@ -98,7 +108,6 @@ class TrafficControl:
         excess = load.inside - self._target
         if self._congested:
             self._steer_exit(time_s, excess / lanes)
-            self._steer_entry(excess / lanes)
         else:
             self._steer_inflow(load)
 
@@ -116,16 +125,10 @@ class TrafficControl:
         wave = math.sin(2.0 * math.pi * (time_s / self._demand.wave_period_s + self._phase))
         correction = excess / HOLD_WITHIN_S
         self._learned_flow += correction / LEARN_WITHIN_S * CONTROL_EVERY_S
-        self._learned_flow = float(np.clip(self._learned_flow, -0.1 * usual, 0.1 * usual))
-        correction = float(np.clip(correction + self._learned_flow, -0.4 * usual, 0.4 * usual))
-        flow = usual * (1.0 + EXIT_WAVE_SHARE * self._demand.wave_amplitude * wave) + correction
+        self._learned_flow = float(np.clip(self._learned_flow, -LEARN_AT_MOST * usual, LEARN_AT_MOST * usual))
+        correction = float(np.clip(correction + self._learned_flow, -CORRECT_AT_MOST * usual, CORRECT_AT_MOST * usual))
+        flow = usual * (1.0 + self._demand.exit_wave_amplitude * wave) + correction
         self._limit_speed(self._network.corridor.edges[-1], flow)
-
-    def _steer_entry(self, excess: float) -> None:
-        """Meter what enters the section while it holds too many: a queue cannot discharge faster than it does."""
-        usual = self._relation.flow_veh_per_s(self._lane_density)
-        surplus = max(0.0, excess / HOLD_WITHIN_S)
-        self._limit_speed(self._network.corridor.edges[0], max(ENTRY_FLOOR * usual, ENTRY_HEADROOM * usual - surplus))
 
     def _limit_speed(self, edge: CorridorEdge, flow_veh_per_s: float) -> None:
         """Let at most a flow, per lane, through an edge by lowering its speed limit."""
@@ -150,7 +153,7 @@ class TrafficControl:
         share = leaving_share(self._network, self._demand, self._relation)
         route = route_of(self._network, 0, lane, share, self._rng)
         self._add(Placement(vehicle, edge.name, lane_index, min(position_m, 5.0), speed_mps, route))
-        self._waiting[lane] = draw_vehicle(self._rng, self._relation)
+        self._waiting[lane] = draw_vehicle(self._rng, self._network.drivers)
         self._next_spacing_m[lane] = self._draw_spacing(lane)
 
     def _draw_spacing(self, lane: int) -> float:
@@ -165,7 +168,7 @@ class TrafficControl:
         ramp = self._network.on_ramps[index]
         if self._demand.on_ramp_veh_per_h <= 0.0 or time_s < self._next_ramp_s[index]:
             return
-        vehicle = draw_vehicle(self._rng, self._relation)
+        vehicle = draw_vehicle(self._rng, self._network.drivers)
         wish_mps = 0.8 * ramp.speed_limit_mps
         rearmost = self._rearmost(f"{ramp.name}_0")
         if rearmost is not None:
@@ -207,6 +210,7 @@ class TrafficControl:
         sumo.setWidth(name, vehicle.width_m)
         sumo.setMinGap(name, vehicle.minimum_gap_m)
         sumo.setTau(name, vehicle.headway_s)
+        self._headways.add(name, vehicle.headway_s)
         sumo.setAccel(name, vehicle.accel_mps2)
         sumo.setSpeedFactor(name, vehicle.speed_factor)
         sumo.setLateralAlignment(name, f"{vehicle.lateral_offset_m:.3f}")

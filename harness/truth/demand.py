@@ -8,9 +8,10 @@ up to the desired speed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from harness.errors import UserError
+from harness.truth.drivers import Drivers
 
 DENSITY_RANGE = (5.0, 65.0)
 DEFAULT_DENSITY = 30.0
@@ -25,15 +26,31 @@ class Demand:
         density_veh_per_km_lane: Vehicles per kilometre and main lane, space-mean over the section.
         on_ramp_veh_per_h: Flow entering by each on-ramp.
         off_ramp_veh_per_h: Flow leaving by each off-ramp.
-        wave_amplitude: How far density swings about its mean along the road, as a share of the mean.
+        wave_amplitude: How far density swings about its mean along the road at first, as a share of the mean.
+        exit_wave_amplitude: How far the flow that leaves swings about its mean from then on, as a share of the mean.
         wave_period_s: Time between two waves at a fixed place.
+        schedule: Times from the first frame on, ascending from 0, the densities to be held from then on, and how strong
+            the exit's waves are then, as a share of their amplitude; none where all stays the same.
+        headway_profile: Positions along the road and what drivers' time headways are multiplied by there, linear in
+            between: where drivers keep larger gaps lies the bottleneck.
     """
 
     density_veh_per_km_lane: float
     on_ramp_veh_per_h: float
     off_ramp_veh_per_h: float
     wave_amplitude: float
+    exit_wave_amplitude: float
     wave_period_s: float
+    schedule: tuple[tuple[float, float, float], ...] = ()
+    headway_profile: tuple[tuple[float, float], ...] = ()
+
+    def at(self, time_s: float) -> Demand:
+        """Return the demand with the density and the waves that the schedule has at a time."""
+        begun = [entry for entry in self.schedule if entry[0] <= max(0.0, time_s)]
+        if not begun:
+            return self
+        _, density, share = begun[-1]
+        return replace(self, density_veh_per_km_lane=density, exit_wave_amplitude=share * self.exit_wave_amplitude)
 
 
 @dataclass(frozen=True)
@@ -48,9 +65,16 @@ class Equilibrium:
     """
 
     vehicle_length_m: float = 4.64
-    minimum_gap_m: float = 2.8
-    headway_s: float = 1.35
-    free_speed_mps: float = 27.0
+    minimum_gap_m: float = Drivers().minimum_gap_m
+    headway_s: float = Drivers().headway_s
+    free_speed_mps: float = Drivers().free_speed_mps
+
+    @classmethod
+    def of(cls, drivers: Drivers) -> Equilibrium:
+        """Return the relation of a network's drivers."""
+        return cls(
+            minimum_gap_m=drivers.minimum_gap_m, headway_s=drivers.headway_s, free_speed_mps=drivers.free_speed_mps
+        )
 
     @property
     def standing_spacing_m(self) -> float:
@@ -99,10 +123,12 @@ def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation:
     relation = relation or Equilibrium()
     main_flow_veh_per_h = 3600.0 * lanes * relation.flow_veh_per_s(density_veh_per_km_lane)
     congestion = (density_veh_per_km_lane - relation.critical_density_veh_per_km) / 25.0
+    amplitude = 0.65 * min(1.0, max(0.0, congestion))
     return Demand(
         density_veh_per_km_lane=density_veh_per_km_lane,
         on_ramp_veh_per_h=min(600.0, 0.06 * main_flow_veh_per_h),
         off_ramp_veh_per_h=min(380.0, 0.035 * main_flow_veh_per_h),
-        wave_amplitude=0.65 * min(1.0, max(0.0, congestion)),
+        wave_amplitude=amplitude,
+        exit_wave_amplitude=0.5 * amplitude,
         wave_period_s=45.0,
     )

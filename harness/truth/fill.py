@@ -111,7 +111,7 @@ def _fill_main_lane(
 ) -> Iterator[Placement]:
     count_at = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(lon_m))])
     count = int(count_at[-1] - offset) + 1
-    vehicles = [draw_vehicle(rng, relation) for _ in range(count)]
+    vehicles = [draw_vehicle(rng, network.drivers) for _ in range(count)]
     fronts_m = np.interp(np.arange(count) + offset + _scatter(vehicles, demand, relation, rng), count_at, lon_m)
     speeds = [relation.speed_mps(1000.0 * float(np.interp(x, lon_m, density))) for x in fronts_m]
     share = leaving_share(network, demand, relation)
@@ -160,7 +160,7 @@ def _fill_extra_lane(
         near_end = edge.length_m - position_m < LEAVE_WITHIN_M
         leaves = near_end or rng.uniform() * ramp_flow < demand.off_ramp_veh_per_h
         route = (edge.name, exits[0].name) if exits and leaves else names[index:]
-        yield Placement(draw_vehicle(rng, relation), edge.name, lane, position_m, speed, route)
+        yield Placement(draw_vehicle(rng, network.drivers), edge.name, lane, position_m, speed, route)
         position_m += spacing_m * float(rng.uniform(0.8, 1.2))
 
 
@@ -174,5 +174,5 @@ def _fill_on_ramp(
     route = (ramp.name, *(edge.name for edge in network.corridor.edges[ramp.index :]))
     position_m = float(rng.uniform(0.0, spacing_m)) + 10.0
     while position_m < ramp.length_m - 20.0:
-        yield Placement(draw_vehicle(rng, relation), ramp.name, 0, position_m, speed, route)
+        yield Placement(draw_vehicle(rng, network.drivers), ramp.name, 0, position_m, speed, route)
         position_m += spacing_m

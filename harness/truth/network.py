@@ -6,22 +6,26 @@ lies, and which demands are known. Adding a network is adding such a folder to `
 
 from __future__ import annotations
 
+import hashlib
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import UserError
 from harness.truth.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
-from harness.truth.demand import DENSITY_RANGE, Demand, demand_for_density
+from harness.truth.demand import DENSITY_RANGE, Demand, Equilibrium, demand_for_density
+from harness.truth.drivers import Drivers
 from harness.truth.sumocfg import SumoConfiguration, read_sumocfg
 from mmpf.road import Road
 
 METADATA_FILE = "network.toml"
+
+_File = TypeVar("_File", bound=BaseModel)
 
 
 class DemandFile(BaseModel):
@@ -34,7 +38,10 @@ class DemandFile(BaseModel):
     on_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
     off_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
     wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
+    exit_wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
     wave_period_s: float | None = Field(default=None, gt=0.0)
+    schedule: tuple[tuple[float, float, float], ...] = ()
+    headway_profile: tuple[tuple[float, float], ...] = ()
 
 
 class NetworkFile(BaseModel):
@@ -51,6 +58,10 @@ class NetworkFile(BaseModel):
     corridor_start_m: float
     section_m: tuple[float, float]
     ego_lanes: tuple[int, ...] = Field(min_length=1)
+    drivers: Drivers | None = None
+    default_demand: str | None = None
+    calibration_file: str | None = None
+    measured_file: str | None = None
     demands: dict[str, DemandFile] = {}
 
     @model_validator(mode="after")
@@ -58,6 +69,15 @@ class NetworkFile(BaseModel):
         if not self.corridor_start_m <= self.section_m[0] < self.section_m[1]:
             raise ValueError("section_m must lie behind corridor_start_m and must not be empty")
         return self
+
+
+class CalibrationFile(BaseModel):
+    """The outcome of a calibration, in a file of its own: it takes the place of what ``network.toml`` says."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    drivers: Drivers
+    demands: dict[str, DemandFile]
 
 
 @dataclass(frozen=True)
@@ -95,7 +115,12 @@ class Network:
         on_ramps: Ramps that vehicles enter by.
         off_ramps: Ramps that vehicles leave by.
         vehicle_types_file: SUMO's file of base vehicle types; none where the user's own demand is used.
+        drivers: How its drivers drive.
         demand_files: The named demands.
+        default_demand: The demand that is driven where the user asks for none; none where that is a density.
+        calibrated: The demands that come from a calibration.
+        calibration_file: Where the outcome of a calibration is kept, if it is.
+        measured_file: What was measured at the site, if anything.
         configuration: The user's own SUMO configuration; none for networks with a ``network.toml``.
     """
 
@@ -108,7 +133,12 @@ class Network:
     on_ramps: tuple[Ramp, ...] = ()
     off_ramps: tuple[Ramp, ...] = ()
     vehicle_types_file: Path | None = None
+    drivers: Drivers = field(default_factory=Drivers)
     demand_files: dict[str, DemandFile] = field(default_factory=dict)
+    default_demand: str | None = None
+    calibrated: tuple[str, ...] = ()
+    calibration_file: Path | None = None
+    measured_file: Path | None = None
     configuration: SumoConfiguration | None = None
 
     @property
@@ -116,10 +146,23 @@ class Network:
         """Names of the known demands."""
         return tuple(self.demand_files)
 
+    @property
+    def relation(self) -> Equilibrium:
+        """Speed and flow of its drivers at each density."""
+        return Equilibrium.of(self.drivers)
+
     @cached_property
     def road(self) -> Road:
         """The road frame with the section that is scored."""
         return self.corridor.road(self.section_m)
+
+    def fingerprint(self) -> str:
+        """Return eight letters that change with the road, the vehicle types and the drivers."""
+        digest = hashlib.sha256(self.net_file.read_bytes())
+        if self.vehicle_types_file is not None:
+            digest.update(self.vehicle_types_file.read_bytes())
+        digest.update(self.drivers.model_dump_json().encode())
+        return digest.hexdigest()[:8]
 
     def demand(self, name: str) -> Demand:
         """Return a named demand.
@@ -131,9 +174,21 @@ class Network:
             known = ", ".join(self.demand_files) or "none"
             raise UserError(f"--demand {name}: {self.name} has no such demand; known are: {known}")
         entry = self.demand_files[name]
-        standard = demand_for_density(entry.density_veh_per_km_lane, self.corridor.main_lanes)
+        standard = self.demand_for_density(entry.density_veh_per_km_lane)
         given = entry.model_dump(exclude={"description"}, exclude_none=True)
         return Demand(**{**standard.__dict__, **given})
+
+    def with_demand(self, name: str, demand: DemandFile) -> Network:
+        """Return the same network with one demand added or replaced."""
+        return replace(self, demand_files={**self.demand_files, name: demand})
+
+    def demand_for_density(self, density_veh_per_km_lane: float) -> Demand:
+        """Return the demand that ``--density`` asks for on this network.
+
+        Raises:
+            UserError: The density is not a number or out of range.
+        """
+        return demand_for_density(density_veh_per_km_lane, self.corridor.main_lanes, self.relation)
 
 
 def available_networks() -> tuple[NetworkDescription, ...]:
@@ -159,6 +214,16 @@ def load_network(name_or_path: str) -> Network:
     raise UserError(f"--net {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
 
 
+def default_demand(name_or_path: str) -> str | None:
+    """Return the demand that is driven where the user asks for none; None where that is a density.
+
+    Only the network's ``network.toml`` is read; of a network that does not exist nothing is known here.
+    """
+    shipped = [folder for folder in _network_folders() if folder.name == name_or_path]
+    metadata = (shipped[0] if shipped else Path(name_or_path)) / METADATA_FILE
+    return _read_toml(metadata, NetworkFile).default_demand if metadata.is_file() else None
+
+
 def _network_folders() -> list[Path]:
     root = Path(str(files("networks")))
     return sorted(entry.parent for entry in root.glob(f"*/{METADATA_FILE}"))
@@ -177,7 +242,18 @@ def _from_folder(folder: Path) -> Network:
 
 
 def _from_metadata(folder: Path, name: str) -> Network:
-    content = _read_metadata(folder / METADATA_FILE)
+    content = _read_toml(folder / METADATA_FILE, NetworkFile)
+    calibration_file, measured_file = (
+        None if entry is None else folder / entry for entry in (content.calibration_file, content.measured_file)
+    )
+    drivers, demands = content.drivers or Drivers(), content.demands
+    calibrated_names: tuple[str, ...] = ()
+    if calibration_file is not None and calibration_file.is_file():
+        calibrated = _read_toml(calibration_file, CalibrationFile)
+        drivers, demands = calibrated.drivers, {**demands, **calibrated.demands}
+        calibrated_names = tuple(calibrated.demands)
+    if content.default_demand is not None and content.default_demand not in demands:
+        raise UserError(f"{folder / METADATA_FILE}: default_demand {content.default_demand} is none of its demands")
     net_file = folder / content.net_file
     net = read_net(net_file)
     types_file = folder / content.vehicle_types_file
@@ -194,7 +270,12 @@ def _from_metadata(folder: Path, name: str) -> Network:
         on_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=True) for ramp in content.on_ramps),
         off_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=False) for ramp in content.off_ramps),
         vehicle_types_file=types_file,
-        demand_files=content.demands,
+        drivers=drivers,
+        demand_files=demands,
+        default_demand=content.default_demand,
+        calibrated=calibrated_names,
+        calibration_file=calibration_file,
+        measured_file=measured_file,
     )
 
 
@@ -216,10 +297,10 @@ def _from_sumocfg(path: Path) -> Network:
     )
 
 
-def _read_metadata(path: Path) -> NetworkFile:
+def _read_toml(path: Path, kind: type[_File]) -> _File:
     try:
         content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        return NetworkFile.model_validate(content)
+        return kind.model_validate(content)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UserError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.truth.demand import Equilibrium
+from harness.truth.drivers import Drivers
 
 
 @dataclass(frozen=True)
@@ -55,18 +55,18 @@ KINDS = {
 }
 
 
-def draw_vehicle(rng: np.random.Generator, relation: Equilibrium) -> Vehicle:
-    """Draw one vehicle whose headway and gap scatter about the relation's means."""
+def draw_vehicle(rng: np.random.Generator, drivers: Drivers) -> Vehicle:
+    """Draw one vehicle of a network's drivers."""
     kind = str(rng.choice(list(KINDS), p=[entry.share for entry in KINDS.values()]))
     entry = KINDS[kind]
     return Vehicle(
         kind=kind,
         length_m=_bounded_normal(rng, *entry.length_m),
         width_m=_bounded_normal(rng, *entry.width_m),
-        minimum_gap_m=_bounded_normal(rng, relation.minimum_gap_m, 0.5, 1.4, 4.5),
-        headway_s=entry.headway_scale * _bounded_normal(rng, relation.headway_s, 0.35, 0.8, 2.6),
-        accel_mps2=_bounded_normal(rng, *entry.accel_mps2),
-        speed_factor=entry.speed_scale * _bounded_normal(rng, 1.0, 0.08, 0.8, 1.2),
+        minimum_gap_m=_bounded_normal(rng, drivers.minimum_gap_m, drivers.minimum_gap_spread_m, 1.4, 7.0),
+        headway_s=entry.headway_scale * _bounded_normal(rng, drivers.headway_s, drivers.headway_spread_s, 0.8, 2.6),
+        accel_mps2=drivers.acceleration_scale * _bounded_normal(rng, *entry.accel_mps2),
+        speed_factor=entry.speed_scale * _bounded_normal(rng, 1.0, drivers.desired_speed_spread, 0.8, 1.2),
         lateral_offset_m=_bounded_normal(rng, 0.0, 0.25, -0.5, 0.5),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.errors import RunError, UserError
 from harness.truth.control import TrafficControl
-from harness.truth.demand import DEFAULT_DENSITY, Demand, Equilibrium, demand_for_density
+from harness.truth.demand import DEFAULT_DENSITY, Demand
 from harness.truth.ego import NO_EGO, EgoChoice, choose_ego
 from harness.truth.frame import Frame
 from harness.truth.network import Network
@@ -39,7 +39,8 @@ def open_traffic(
 
     Args:
         network: The network.
-        density: Vehicles per km and main lane to be held; 30 if neither this nor ``demand`` is given.
+        density: Vehicles per km and main lane to be held. If neither this nor ``demand`` is given, the network's
+            default demand is taken, and a density of 30 where it names none.
         demand: Name of one of the network's demands, in place of a density.
         duration_s: How long frames are yielded for.
         seed: Seed of drivers, arrivals and SUMO's own randomness.
@@ -57,10 +58,12 @@ def open_traffic(
         if demand is not None:
             raise UserError(f"--demand {demand}: {network.name} brings its own demand; leave --demand out")
         return _open_own_demand(network, duration_s, seed, step_s, warm_up_s, ego)
+    if demand is None and density is None:
+        demand = network.default_demand
     if demand is not None:
         held = network.demand(demand)
     else:
-        held = demand_for_density(DEFAULT_DENSITY if density is None else density, network.corridor.main_lanes)
+        held = network.demand_for_density(DEFAULT_DENSITY if density is None else density)
     return _open_held_demand(network, held, duration_s, seed, step_s, warm_up_s, ego)
 
 
@@ -145,7 +148,7 @@ def _open_held_demand(
         *("--time-to-teleport", "-1", "--collision.action", "warn"),
     )
     sumo = start_sumo(arguments, step_s, int(rng.integers(2**31)))
-    control = TrafficControl(sumo, network, demand, Equilibrium(), rng, step_s)
+    control = TrafficControl(sumo, network, demand, rng, step_s, warm_up_s)
     truth = SumoTruth(sumo, network, round(duration_s / step_s), step_s, control, ego)
     return _warmed_up(truth, warm_up_s, control.fill)
 

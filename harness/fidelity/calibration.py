@@ -1,0 +1,143 @@
+"""A calibration from request to files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.errors import UserError
+from harness.fidelity import outcome
+from harness.fidelity.candidate import Candidate, first_candidate
+from harness.fidelity.fields import read_fields
+from harness.fidelity.measured import MeasuredSite, measure, read_measured, write_measured
+from harness.fidelity.search import Trial, search
+from harness.fidelity.statistics import PeriodStatistics
+from harness.truth.network import Network
+
+
+@dataclass(frozen=True)
+class CalibrationRequest:
+    """What the user asks for.
+
+    Attributes:
+        fields: Folder of the recorded fields; None to take the figures that travel with the network.
+        demand: The only demand to be calibrated; None for all that were measured.
+        trials: Candidates that are simulated.
+        seeds: Seeds of each candidate's runs.
+        duration_s: Simulated time of a run.
+        fresh: Whether to begin with the measurements rather than with the calibration that is there.
+        workers: Runs at a time.
+    """
+
+    fields: Path | None
+    demand: str | None
+    trials: int
+    seeds: tuple[int, ...]
+    duration_s: float
+    fresh: bool
+    workers: int
+
+    def names(self, site: MeasuredSite) -> tuple[str, ...]:
+        """Return the demands to be calibrated."""
+        if self.demand is None:
+            return tuple(site.periods)
+        site.period(self.demand)
+        return (self.demand,)
+
+    def runs(self, network: Network) -> int:
+        """Return how many runs there will be."""
+        return self.trials * len(self.seeds) * len(self.names(read_measured(network)))
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """What a calibration found.
+
+    Attributes:
+        site: The measured figures.
+        trials: All trials in order.
+        best: The one with the least misfit.
+        measured_anew: Whether the figures come from fields that the user gave.
+    """
+
+    site: MeasuredSite
+    trials: tuple[Trial, ...]
+    best: Trial
+    measured_anew: bool
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return {"best": _trial_table(self.best), "trials": [_trial_table(trial) for trial in self.trials]}
+
+    def write(self, folder: Path, network: Network | None) -> None:
+        """Write ``calibration.json`` and ``calibration.toml`` to a folder, and into a network's if one is given."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "calibration.json").write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
+            outcome.write_candidate(folder / "calibration.toml", self.best.candidate)
+        except OSError as error:
+            raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from error
+        if network is not None and network.calibration_file is not None:
+            outcome.write_candidate(network.calibration_file, self.best.candidate.with_others(network))
+            if self.measured_anew and network.measured_file is not None:
+                write_measured(network.measured_file, self.site)
+
+
+def calibrate(
+    network: Network, request: CalibrationRequest, on_run: Callable[[], None], say: Callable[[str], None]
+) -> CalibrationResult:
+    """Search for the drivers and demands that fit best.
+
+    Raises:
+        UserError: The network has no measurements, the demand is none of them, or the fields cannot be read.
+    """
+    site = read_measured(network)
+    if request.fields is not None:
+        site = measure(site, read_fields(request.fields), network.corridor.main_lanes)
+    names = request.names(site)
+    keep_drivers = request.demand is not None
+    first = first_candidate(network, site, names, keep_drivers)
+    if not request.fresh and set(names) <= set(network.calibrated):
+        first = Candidate(network.drivers, {name: network.demand_files[name] for name in names})
+    trials: list[Trial] = []
+
+    def keep(trial: Trial) -> None:
+        trials.append(trial)
+        say(_line(len(trials), trial))
+
+    best = search(
+        network,
+        site,
+        first,
+        request.trials,
+        request.seeds,
+        request.duration_s,
+        request.workers,
+        keep,
+        on_run,
+        keep_drivers=keep_drivers,
+    )
+    return CalibrationResult(site, tuple(trials), best, request.fields is not None)
+
+
+def _line(number: int, trial: Trial) -> str:
+    parts = [f"{name}: {_short(figures)}" for name, figures in trial.simulated.items()]
+    return f"trial {number}, misfit {trial.misfit:.2f} (1 = targets just met); " + "; ".join(parts)
+
+
+def _short(figures: PeriodStatistics) -> str:
+    return (
+        f"{figures.mean_speed_mps:.2f} m/s, {figures.flow_veh_per_h:.0f} veh/h, "
+        f"{100.0 * figures.share_below_4mps:.1f} % slow, waves {figures.wave_mps:.1f} m/s"
+    )
+
+
+def _trial_table(trial: Trial) -> dict[str, Any]:
+    return {
+        "misfit": trial.misfit,
+        "simulated": {name: asdict(figures) for name, figures in trial.simulated.items()},
+        **outcome.as_table(trial.candidate),
+    }

@@ -1,0 +1,204 @@
+"""A candidate of the calibration: drivers and demands, how it is improved, and the file that holds the outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from statistics import fmean
+
+import numpy as np
+
+from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
+from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics
+from harness.fidelity.targets import targets
+from harness.truth.demand import DENSITY_RANGE, Equilibrium
+from harness.truth.drivers import Drivers
+from harness.truth.network import DemandFile, Network
+
+WAVE_PERIOD_S = 120.0
+FIRST_AMPLITUDE = 0.7
+# Share of the waves' amplitude in parts of a period without slow cells.
+WEAKEST_WAVES = 0.2
+# So far behind the section headways are back to the drivers' own, so that the exit decides what leaves.
+BACK_WITHIN_M = 60.0
+# Change of the waves' amplitude per share of slow cells that is missing.
+AMPLITUDE_GAIN = 0.8
+AMPLITUDE_RANGE = (0.05, 0.9)
+FACTOR_RANGE = (0.6, 1.6)
+GAP_RANGE_M = (2.0, 5.5)
+GAP_GAIN = 0.5
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What is calibrated.
+
+    Attributes:
+        drivers: The network's drivers, the same in all periods.
+        demands: The periods' demands.
+    """
+
+    drivers: Drivers
+    demands: Mapping[str, DemandFile]
+
+    def on(self, network: Network) -> Network:
+        """Return a network with these drivers and demands."""
+        return replace(network, drivers=self.drivers, demand_files={**network.demand_files, **self.demands})
+
+    def with_others(self, network: Network) -> Candidate:
+        """Return it together with the demands that were calibrated before and are not part of it."""
+        others = {name: network.demand_files[name] for name in network.calibrated}
+        return Candidate(self.drivers, {**others, **self.demands})
+
+
+def first_candidate(
+    network: Network, site: MeasuredSite, names: tuple[str, ...], keep_drivers: bool = False
+) -> Candidate:
+    """Return what the measurements say by themselves: densities of each five minutes, gaps that carry the flow."""
+    minimum_gap_m = network.drivers.minimum_gap_m
+    relation = Equilibrium(minimum_gap_m=minimum_gap_m)
+    headways = [_headway_s(site.periods[name].statistics, relation) for name in names]
+    drivers = network.drivers
+    if not keep_drivers:
+        drivers = drivers.model_copy(update={"headway_s": round(fmean(headways), 4)})
+    demands = {}
+    for name in names:
+        period = site.periods[name]
+        demands[name] = network.demand_files[name].model_copy(
+            update={
+                "density_veh_per_km_lane": period.statistics.density_veh_per_km_lane,
+                "schedule": _schedule(period),
+                "headway_profile": tuple((place, 1.0) for place in _profile_places(network)),
+                "exit_wave_amplitude": FIRST_AMPLITUDE,
+                "wave_period_s": WAVE_PERIOD_S,
+            }
+        )
+    return Candidate(drivers, demands)
+
+
+def _schedule(period: MeasuredPeriod) -> tuple[tuple[float, float, float], ...]:
+    """Return a period's densities in turn, and waves that are strong where many cells were slow."""
+    slowest = max(part.share_below_4mps for part in period.parts)
+    return tuple(
+        (
+            k * PART_S,
+            round(part.density_veh_per_km_lane, 2),
+            round(max(WEAKEST_WAVES, (part.share_below_4mps / slowest) ** 0.5 if slowest else 0.0), 2),
+        )
+        for k, part in enumerate(period.parts)
+    )
+
+
+def misfit(simulated: Mapping[str, PeriodStatistics], site: MeasuredSite) -> float:
+    """Return the root mean square of all targets' errors, each over its tolerance; 1 where all are just met."""
+    errors = [
+        target.error / target.tolerance
+        for name, entry in simulated.items()
+        for target in targets(entry, site.periods[name].statistics)
+    ]
+    return float(np.sqrt(np.mean(np.square(np.nan_to_num(errors, nan=5.0)))))
+
+
+def improved(
+    candidate: Candidate,
+    simulated: Mapping[str, PeriodStatistics],
+    site: MeasuredSite,
+    step: float,
+    keep_drivers: bool = False,
+) -> Candidate:
+    """Return the next candidate of the fixed-point iteration.
+
+    Each parameter has one figure that answers to it: the headway factor of a quarter of the road its effective headway
+    (spacing beyond the standing one over speed), the densities the mean density, the waves' amplitude the share of slow
+    cells, the minimum gap the speed of the waves. Each is moved towards the measured figure by ``step`` of what is
+    missing. Drivers' mean headway is then set so that the factors' mean over all periods and quarters is one.
+
+    Args:
+        candidate: The candidate that was simulated.
+        simulated: Its figures.
+        site: The measured figures.
+        step: Share of the way that is gone, above 0 and at most 1.
+        keep_drivers: Whether the drivers stay as they are.
+    """
+    demands = {
+        name: _improved_demand(candidate.demands[name], entry, site.periods[name].statistics, candidate.drivers, step)
+        for name, entry in simulated.items()
+    }
+    if keep_drivers:
+        return Candidate(candidate.drivers, demands)
+    waves = [np.log(site.periods[name].statistics.wave_mps / entry.wave_mps) for name, entry in simulated.items()]
+    missing = float(np.nan_to_num(np.clip(fmean(waves), -0.3, 0.3)))
+    length_m = Equilibrium().vehicle_length_m
+    gap_m = candidate.drivers.minimum_gap_m + GAP_GAIN * step * missing * (length_m + candidate.drivers.minimum_gap_m)
+    mean = fmean(factor for demand in demands.values() for _, factor in demand.headway_profile[:QUARTERS])
+    drivers = candidate.drivers.model_copy(
+        update={
+            "headway_s": round(candidate.drivers.headway_s * mean, 4),
+            "minimum_gap_m": round(float(np.clip(gap_m, *GAP_RANGE_M)), 3),
+        }
+    )
+    return Candidate(drivers, {name: _scaled(demand, 1.0 / mean) for name, demand in demands.items()})
+
+
+def _improved_demand(
+    demand: DemandFile, simulated: PeriodStatistics, measured: PeriodStatistics, drivers: Drivers, step: float
+) -> DemandFile:
+    relation = Equilibrium.of(drivers)
+    ratios = [
+        wished / found
+        for wished, found in zip(
+            _quarter_headways_s(measured, relation), _quarter_headways_s(simulated, relation), strict=True
+        )
+    ]
+    profile = tuple(
+        (place, round(float(np.clip(factor * ratio**step, *FACTOR_RANGE)), 4))
+        for (place, factor), ratio in zip(demand.headway_profile, [*ratios, 1.0], strict=True)
+    )
+    density = (measured.density_veh_per_km_lane / simulated.density_veh_per_km_lane) ** step
+    slow = measured.share_below_4mps - simulated.share_below_4mps
+    amplitude = (demand.exit_wave_amplitude or FIRST_AMPLITUDE) + AMPLITUDE_GAIN * step * slow
+    return demand.model_copy(
+        update={
+            "density_veh_per_km_lane": _bounded_density(demand.density_veh_per_km_lane * density),
+            "schedule": tuple(
+                (from_s, _bounded_density(entry * density), waves) for from_s, entry, waves in demand.schedule
+            ),
+            "headway_profile": profile,
+            "exit_wave_amplitude": round(float(np.clip(amplitude, *AMPLITUDE_RANGE)), 4),
+        }
+    )
+
+
+def _scaled(demand: DemandFile, scale: float) -> DemandFile:
+    profile = tuple(
+        (place, round(scale * factor, 4) if k < QUARTERS else factor)
+        for k, (place, factor) in enumerate(demand.headway_profile)
+    )
+    return demand.model_copy(update={"headway_profile": profile})
+
+
+def _bounded_density(density: float) -> float:
+    return round(float(np.clip(density, *DENSITY_RANGE)), 2)
+
+
+def _headway_s(statistics: PeriodStatistics, relation: Equilibrium) -> float:
+    spacing_m = 1000.0 / statistics.density_veh_per_km_lane
+    return (spacing_m - relation.standing_spacing_m) / statistics.mean_speed_mps
+
+
+def _quarter_headways_s(statistics: PeriodStatistics, relation: Equilibrium) -> list[float]:
+    spacings_m = [
+        3600.0 * MAIN_LANES * speed / flow
+        for speed, flow in zip(statistics.quarter_speed_mps, statistics.quarter_flow_veh_per_h, strict=True)
+    ]
+    return [
+        max(0.1, spacing_m - relation.standing_spacing_m) / speed
+        for spacing_m, speed in zip(spacings_m, statistics.quarter_speed_mps, strict=True)
+    ]
+
+
+def _profile_places(network: Network) -> list[float]:
+    """Return the middles of the quarters and the place behind the section where headways are back to normal."""
+    start_m, end_m = network.section_m
+    middles = [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
+    return [*middles, end_m + BACK_WITHIN_M]

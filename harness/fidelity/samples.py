@@ -1,0 +1,143 @@
+"""What single vehicles do, as samples: the same code takes them from recorded and from simulated frames.
+
+Counted are vehicles on lanes, away from the ends of the stretch that is on record. A headway is the distance, or the
+time at the follower's speed, between the fronts of two vehicles in a row on one lane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.truth.frame import Frame
+from mmpf.road import NO_LANE, FloatArray
+
+SAMPLE_EVERY_S = 1.0
+END_M = 20.0
+# A follower that creeps has no meaningful time headway.
+SLOWEST_WITH_HEADWAY_MPS = 2.0
+LONGEST_HEADWAY_M = 100.0
+# A lane change lasts while the vehicle drifts at least this fast towards its new lane.
+DRIFT_MPS = 0.15
+
+UNITS = {
+    "speed": "m/s",
+    "acceleration": "m/s²",
+    "space_headway": "m",
+    "time_headway": "s",
+    "lateral_speed": "m/s",
+    "lane_change_duration": "s",
+    "vehicle_length": "m",
+    "vehicle_width": "m",
+}
+RATE, RATE_UNIT = "lane_change_rate", "changes per vehicle and km"
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of each quantity of ``UNITS``, and how many lane changes there were on how many kilometres.
+
+    Attributes:
+        values: Samples by quantity, each of shape (n,).
+        lane_changes: Lane changes between lanes.
+        vehicle_km: Distance that all vehicles travelled.
+    """
+
+    values: dict[str, FloatArray]
+    lane_changes: int
+    vehicle_km: float
+
+    @property
+    def changes_per_km(self) -> float:
+        """Lane changes per vehicle and kilometre; nan if nobody travelled."""
+        return self.lane_changes / self.vehicle_km if self.vehicle_km > 0.0 else float("nan")
+
+
+def merged(parts: Iterable[Samples]) -> Samples:
+    """Return the samples of several runs or recordings as one."""
+    listed = list(parts)
+    return Samples(
+        values={name: np.concatenate([part.values[name] for part in listed]) for name in UNITS},
+        lane_changes=sum(part.lane_changes for part in listed),
+        vehicle_km=sum(part.vehicle_km for part in listed),
+    )
+
+
+class Sampler:
+    """Takes samples from frames that pass by."""
+
+    def __init__(self, window_m: tuple[float, float], step_s: float) -> None:
+        """Take the stretch of road that is on record."""
+        self._start_m, self._end_m = window_m[0] + END_M, window_m[1] - END_M
+        self._step_s = step_s
+        self._every = max(1, round(SAMPLE_EVERY_S / step_s))
+        self._values: dict[str, list[FloatArray]] = {name: [] for name in UNITS}
+        self._sizes: dict[str, tuple[float, float]] = {}
+        self._paths: list[tuple[FloatArray, ...]] = []
+        self._numbers: dict[str, int] = {}
+        self._travelled_m = 0.0
+
+    def tap(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Yield frames on, and take samples from them."""
+        for number, frame in enumerate(frames):
+            self._take(frame, number % self._every == 0)
+            yield frame
+
+    def samples(self) -> Samples:
+        """Return all samples taken."""
+        durations = np.array(list(self._lane_changes()), dtype=np.float64)
+        values = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in self._values.items()}
+        sizes = np.array(list(self._sizes.values()), dtype=np.float64).reshape(-1, 2)
+        values |= {"lane_change_duration": durations, "vehicle_length": sizes[:, 0], "vehicle_width": sizes[:, 1]}
+        return Samples(values, len(durations), self._travelled_m / 1000.0)
+
+    def _take(self, frame: Frame, sampled: bool) -> None:
+        inside = (frame.lane != NO_LANE) & (frame.lon_m >= self._start_m) & (frame.lon_m < self._end_m)
+        rows = np.flatnonzero(inside)
+        names = [str(name) for name in frame.vehicle_id[rows]]
+        for name in names:
+            self._numbers.setdefault(name, len(self._numbers))
+        self._travelled_m += self._step_s * float(frame.speed_mps[rows].sum())
+        vehicle = np.array([self._numbers[name] for name in names], dtype=np.float64)
+        when = np.full(len(rows), frame.step, dtype=np.float64)
+        self._paths.append((vehicle, when, frame.lane[rows].astype(np.float64), frame.lat_speed_mps[rows]))
+        if not sampled:
+            return
+        self._sizes |= dict(zip(names, zip(frame.length_m[rows], frame.width_m[rows], strict=True), strict=True))
+        self._values["speed"].append(frame.speed_mps[rows])
+        self._values["acceleration"].append(frame.accel_mps2[rows])
+        self._values["lateral_speed"].append(frame.lat_speed_mps[rows])
+        distance_m, speed_mps = _headways(frame, rows)
+        self._values["space_headway"].append(distance_m)
+        moving = speed_mps >= SLOWEST_WITH_HEADWAY_MPS
+        self._values["time_headway"].append(distance_m[moving] / speed_mps[moving])
+
+    def _lane_changes(self) -> Iterator[float]:
+        """Yield the duration of each lane change between lanes that was seen from begin to end."""
+        if not self._paths:
+            return
+        vehicle, step, lane, drift = (np.concatenate(parts) for parts in zip(*self._paths, strict=True))
+        order = np.lexsort((step, vehicle))
+        vehicle, step, lane, drift = vehicle[order], step[order], lane[order], drift[order]
+        joined = (np.diff(vehicle) == 0) & (np.diff(step) == 1)
+        for row in np.flatnonzero(joined & (np.abs(np.diff(lane)) == 1)):
+            # Lane 1 is the leftmost, and drift is positive to the left.
+            towards = drift * np.sign(lane[row] - lane[row + 1])
+            first, last = int(row), int(row) + 1
+            while first > 0 and joined[first - 1] and towards[first] > DRIFT_MPS:
+                first -= 1
+            while last < len(joined) and joined[last] and towards[last] > DRIFT_MPS:
+                last += 1
+            yield (last - first) * self._step_s
+
+
+def _headways(frame: Frame, rows: np.ndarray[tuple[int], np.dtype[np.intp]]) -> tuple[FloatArray, FloatArray]:
+    """Return distances between fronts in each lane and the followers' speeds."""
+    front = frame.lon_m[rows] + 0.5 * frame.length_m[rows]
+    lane = frame.lane[rows]
+    order = np.lexsort((front, lane))
+    distance = np.diff(front[order])
+    paired = (np.diff(lane[order]) == 0) & (distance < LONGEST_HEADWAY_M)
+    return distance[paired], frame.speed_mps[rows][order][:-1][paired]

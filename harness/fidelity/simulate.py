@@ -1,0 +1,67 @@
+"""Simulated traffic laid on the cells of the recorded one, and what its vehicles do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+from harness.fidelity.fields import Fields, fields_from_frames
+from harness.fidelity.samples import Sampler, Samples
+from harness.truth.network import Network
+from harness.truth.sumo import open_traffic
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a simulated run leaves.
+
+    Attributes:
+        fields: Its fields.
+        samples: What its vehicles did.
+    """
+
+    fields: Fields
+    samples: Samples
+
+
+@dataclass(frozen=True)
+class RunJob:
+    """A run to be made, without an ego.
+
+    Attributes:
+        network: The network.
+        demand: Name of its demand.
+        duration_s: Simulated time.
+        seed: Seed of all randomness.
+    """
+
+    network: Network
+    demand: str
+    duration_s: float
+    seed: int
+
+    def run(self) -> Run:
+        """Make the run in this process."""
+        truth = open_traffic(self.network, demand=self.demand, duration_s=self.duration_s, seed=self.seed, ego=False)
+        sampler = Sampler(self.network.section_m, truth.step_s)
+        try:
+            fields = fields_from_frames(sampler.tap(truth.frames()), truth.step_s)
+        finally:
+            truth.close()
+        return Run(fields, sampler.samples())
+
+
+def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[Run]:
+    """Make runs in processes of their own, since a process holds one simulation; return them in order."""
+    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn")) as pool:
+        futures = [pool.submit(job.run) for job in jobs]
+        try:
+            for future in as_completed(futures):
+                future.result()
+                on_done()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        return [future.result() for future in futures]
