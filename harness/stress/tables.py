@@ -20,7 +20,7 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
         lines += [
             f"## Over {axis}",
             "",
-            *_markdown_table(["tracker", axis, *HEADINGS, "seeds"], _rows(points, axis, True)),
+            *markdown_table(["tracker", axis, *HEADINGS, "seeds"], _rows(points, axis, True)),
             "",
         ]
     if broken:
@@ -97,7 +97,9 @@ def _cell(point: Point, with_interval: bool) -> str:
     return text
 
 
-def _markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of a Markdown table."""
+
     def line(cells: Sequence[str]) -> str:
         return "| " + " | ".join(cells) + " |"
 
