@@ -33,6 +33,7 @@ def hidden_figure(pooled: Pooled) -> Figure:
         axes.plot(time_s, means, "o-", color=colour, markersize=4, linewidth=1.8)
         ends.append((float(means[-1]), label, colour))
     axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0)
     label_ends(axes, ends, axes.get_xlim()[1])
     axes.set_xlabel("time since the last detection, s")
     axes.set_ylabel("MAE of longitudinal position while followed, m")
