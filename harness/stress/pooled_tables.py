@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from harness.markdown import markdown_table
 from harness.stress.pooled import QUANTITIES, HiddenError, Mean, Pooled
-from harness.stress.tables import markdown_table
 
 TITLE = "Recorded traffic"
 

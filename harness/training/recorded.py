@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.errors import UserError
-from harness.training.following import Following, following_windows
+from harness.training.following import BoolArray, Following, following_windows
 from harness.training.recording import Recording
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LANE_WIDTH_M = 3.66
+# So much of both ends of a pair's record is left out: there the smoothing that the source applied swings in, which
+# shows as a common acceleration of followers, and braking of leaders, of 2 m/s² that the source's headways contradict.
+EDGE_S = 4.0
+FRAME_S = 0.1
 # Rows of a pair: the follower's columns and the leader's.
 FOLLOWER = ("local_y", "v_vel", "v_length")
 LEADER = ("preceding_local_y", "preceding_vel", "preceding_length")
@@ -66,8 +70,8 @@ def pairs_recording(path: Path) -> Recording:
 
     Position is that of the front bumper in the file and that of the centre here. The gap is the difference of the
     positions, which agree with the speeds; the file's own headways jump. Accelerations are the slopes of the speeds,
-    as everywhere in recorded traffic. Sideways a vehicle counts from where the vehicles of its lane drive in the
-    median.
+    as everywhere in recorded traffic. The first and last four seconds of every stretch are left out. Sideways a
+    vehicle counts from where the vehicles of its lane drive in the median.
 
     Raises:
         UserError: The file is missing, broken, or lacks a column.
@@ -77,6 +81,10 @@ def pairs_recording(path: Path) -> Recording:
     frame = np.round(table["frame_id"].to_numpy(dtype=np.float64)).astype(np.int64)
     order = np.lexsort((frame, code))
     table, code, frame = table.iloc[order], code[order], frame[order]
+    inside = _off_the_edges(code, frame)
+    table, code, frame = table[inside], np.unique(code[inside], return_inverse=True)[1], frame[inside]
+    if not len(table):
+        raise UserError(f"{path} has no pair on record for more than {2 * EDGE_S:g} s")
     first = np.flatnonzero(np.diff(code, prepend=-1))
     # Pairs were not there at the same time: each has steps of its own.
     since_first = frame - frame[first][code]
@@ -89,6 +97,15 @@ def pairs_recording(path: Path) -> Recording:
         _one_of_the_pair(table, LEADER, step, 2 * code + 1, stay, np.full(len(step), pairs_road().lanes[0].centre_m)),
     ]
     return Recording(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _off_the_edges(code: IntArray, frame: IntArray) -> BoolArray:
+    """Return which rows, sorted by pair and frame, are not near an end of a stretch on record, shape (n,)."""
+    begins = np.flatnonzero((np.diff(code, prepend=-1) != 0) | (np.diff(frame, prepend=-9) != 1))
+    length = np.diff(np.append(begins, len(frame)))
+    since = np.arange(len(frame)) - np.repeat(begins, length)
+    edge = round(EDGE_S / FRAME_S)
+    return (since >= edge) & (since < np.repeat(length, length) - edge)
 
 
 def _one_of_the_pair(

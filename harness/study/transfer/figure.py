@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.study.figures import COLOURS, label_ends
+from harness.study.figures import COLOURS
 from harness.study.transfer.models import ON_BOTH, ON_REAL
 
 if TYPE_CHECKING:
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 DASHES = {ON_REAL: "--", ON_BOTH: ":"}
 # Those that the question is about; the table has all.
 SHOWN = ("gmm", "gmm-short", "cvm", "cam", "idm")
-RUNAWAY = 1.6
+LEAST_SHOWN_M = 0.02
+LABEL_HEIGHT = 0.042
 
 
 def errors_figure(outcomes: Sequence[Outcome]) -> Figure:
@@ -54,16 +55,25 @@ def _panel(axis: Axes, outcomes: Sequence[Outcome]) -> None:
         axis.annotate("beyond: fewer,\nlonger stretches", (_length_s(first) * 1.03, 0.99), va="top", color="0.4",
                       xycoords=("data", "axes fraction"), fontsize=8)  # fmt: skip
     axis.spines[["top", "right"]].set_visible(False)
-    axis.set_ylim(0.0, _highest(ends.values()))
+    axis.set_yscale("log")
+    axis.set_ylim(LEAST_SHOWN_M, 1.25 * max(end for end, _, _ in ends.values()))
+    axis.yaxis.set_major_formatter("{x:g}")
     axis.set_xlim(0.0, _length_s(last))
-    label_ends(axis, list(ends.values()), _length_s(last))
+    _label_ends(axis, sorted(ends.values()), _length_s(last))
 
 
 def _length_s(part: HeldOutPart) -> float:
     return (part.cases.steps - 1) * part.cases.step_s
 
 
-def _highest(ends: Iterable[tuple[float, str, str]]) -> float:
-    """Return an upper end of the axis that leaves the others room where one model runs away."""
-    highest = sorted(end for end, _, _ in ends)
-    return 1.08 * (highest[-1] if highest[-1] < RUNAWAY * highest[-2] else RUNAWAY * highest[-2])
+def _label_ends(axis: Axes, ends: Sequence[tuple[float, str, str]], at_s: float) -> None:
+    """Write each model's name beside its line's end, from the lowest up, apart from each other and joined to it."""
+    bottom, top = axis.get_ylim()
+    apart = (top / bottom) ** LABEL_HEIGHT
+    place = 0.0
+    for end, label, colour in ends:
+        place = max(end, place * apart)
+        axis.annotate(
+            label, (at_s, end), (at_s * 1.06, place), color=colour, fontsize=8, va="center", annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0},
+        )  # fmt: skip

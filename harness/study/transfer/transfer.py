@@ -15,7 +15,6 @@ from harness.study.cases import Cases, following_cases
 from harness.study.filtering import Cloud, follow
 from harness.study.scores import Scores, score
 from harness.study.study import COMPLETE, HORIZONS_S, LABELS, score_row
-from harness.study.targets import Target
 from harness.study.transfer.inputs import input_rows
 from harness.study.transfer.models import (
     COMPONENTS,
@@ -42,7 +41,7 @@ from harness.study.transfer.traffic import (
     snippet_windows,
     split_pairs,
 )
-from harness.study.transfer.verdicts import transfer_targets
+from harness.study.transfer.verdicts import Comparison, compare_transfer
 from harness.training.following import Following, following_windows, join
 from harness.training.recorded import pair_windows
 from harness.training.recording import load_all, record_all
@@ -56,7 +55,7 @@ from harness.training.scenarios import (
 )
 from harness.truth.network import Network
 from mmpf.road import FloatArray
-from mmpf.state import LON
+from mmpf.state import ACCEL, LON
 
 STUDY = "transfer"
 MODELS = 12
@@ -93,6 +92,21 @@ class TransferPlan:
 
 
 @dataclass(frozen=True)
+class Trend:
+    """Where errors come from; arrays over the steps after the start.
+
+    Attributes:
+        bias_m: Mean of estimated minus true position.
+        accel_kept: How much of the acceleration at the start the estimate still has: regression through the origin.
+        accel_kept_true: How much of it the true vehicles still have.
+    """
+
+    bias_m: FloatArray
+    accel_kept: FloatArray
+    accel_kept_true: FloatArray
+
+
+@dataclass(frozen=True)
 class Outcome:
     """How one model did on the cases of one length of one test set.
 
@@ -101,14 +115,14 @@ class Outcome:
         tested_on: Name of the test set.
         part: The cases.
         scores: Errors, coverage and sharpness.
-        bias_m: Mean of estimated minus true position after each step, shape (steps - 1,).
+        trend: What the mean estimate does over time.
     """
 
     model: TrainedModel
     tested_on: str
     part: HeldOutPart
     scores: Scores
-    bias_m: FloatArray
+    trend: Trend
 
 
 @dataclass(frozen=True)
@@ -119,14 +133,14 @@ class TransferResult:
         outcomes: In the order of the table.
         rows: What ``--json`` prints under ``results``.
         inputs: How the test traffic lies in the ranges that the learned drivers were trained on.
-        targets: What was hoped for, and what came of it.
+        targets: The models trained on simulated traffic held against the others.
         setting: How the study was made.
     """
 
     outcomes: Sequence[Outcome]
     rows: Sequence[Mapping[str, Any]]
     inputs: Sequence[Mapping[str, Any]]
-    targets: Sequence[Target]
+    targets: Sequence[Comparison]
     setting: Mapping[str, Any]
 
 
@@ -170,7 +184,7 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         outcomes,
         [row for outcome in outcomes for row in _rows(outcome)],
         [row for tested in sets for row in input_rows(models, tested)],
-        transfer_targets(outcomes),
+        compare_transfer(outcomes),
         _setting(plan, network, sets, training, both),
     )
 
@@ -183,16 +197,20 @@ def _in_order(models: Sequence[TrainedModel]) -> list[TrainedModel]:
 
 
 def _outcome(model: TrainedModel, tested_on: str, part: HeldOutPart, plan: TransferPlan) -> Outcome:
-    bias: list[float] = []
+    trend: list[tuple[float, float, float]] = []
     clouds = follow(model.model, part.cases, plan.particles, np.random.default_rng([plan.seed, 2]))
-    scores = score(_keeping_bias(clouds, part.cases, bias), part.cases)
-    return Outcome(model, tested_on, part, scores, np.array(bias))
+    scores = score(_keeping_trend(clouds, part.cases, trend), part.cases)
+    return Outcome(model, tested_on, part, scores, Trend(*np.array(trend).T))
 
 
-def _keeping_bias(clouds: Iterator[Cloud], cases: Cases, kept: list[float]) -> Iterator[Cloud]:
+def _keeping_trend(clouds: Iterator[Cloud], cases: Cases, kept: list[tuple[float, float, float]]) -> Iterator[Cloud]:
+    start = cases.truth[0, ACCEL]
     for cloud in clouds:
-        mean = (cloud.weight * cloud.state[LON]).sum(axis=1)
-        kept.append(float((mean - cases.truth[cloud.step, LON]).mean()))
+        lon_m, accel = ((cloud.weight * cloud.state[row]).sum(axis=1) for row in (LON, ACCEL))
+        true_accel = cases.truth[cloud.step, ACCEL]
+        bias = float((lon_m - cases.truth[cloud.step, LON]).mean())
+        share, true_share = (float(start @ after) / max(float(start @ start), 1e-9) for after in (accel, true_accel))
+        kept.append((bias, share, true_share))
         yield cloud
 
 
@@ -211,7 +229,12 @@ def _rows(outcome: Outcome) -> list[dict[str, Any]]:
     for horizon in part.horizons_s:
         step = round(horizon / part.cases.step_s) - 1
         row = score_row(outcome.scores, step, horizon, part.vehicle)
-        rows.append({**head, **row, "lon_bias_m": float(outcome.bias_m[step]), "vehicles": vehicles})
+        trend = {
+            "lon_bias_m": float(outcome.trend.bias_m[step]),
+            "accel_kept": float(outcome.trend.accel_kept[step]),
+            "accel_kept_true": float(outcome.trend.accel_kept_true[step]),
+        }
+        rows.append({**head, **row, **trend, "vehicles": vehicles})
     return rows
 
 

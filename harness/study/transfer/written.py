@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from harness.study.targets import Target
+import numpy as np
+
+from harness.markdown import markdown_table
 from harness.study.transfer.figure import errors_figure
+from harness.study.transfer.models import ON_REAL
 from harness.study.transfer.transfer import TransferResult
+from harness.study.transfer.verdicts import Comparison
 from harness.study.written import rounded, setting_line, target_lines
 
 Row = Mapping[str, Any]
@@ -45,7 +49,7 @@ def as_markdown(result: TransferResult) -> str:
             "",
             setting_line(result.setting),
             "",
-            *_table(result.rows),
+            *_table(result.rows, _error),
             "",
             f"![errors]({FIGURE})",
             "",
@@ -55,13 +59,19 @@ def as_markdown(result: TransferResult) -> str:
             "",
             "## Every comparison",
             "",
-            *target_lines(result.targets),
+            *target_lines([target.as_target() for target in result.targets]),
             "",
             "## Bias and coverage",
             "",
             "Mean of estimated minus true position, m; share of true positions inside the 95 % particle interval.",
             "",
-            *_bias_table(result.rows),
+            *_table(result.rows, _bias, least_s=5.0),
+            "",
+            "## How long an acceleration lasts",
+            "",
+            "Share of the acceleration at the start that the model still has; in brackets what the true vehicles have.",
+            "",
+            *_table(result.rows, _kept, most_s=2.0),
             "",
             "## Inputs against the training range",
             "",
@@ -73,54 +83,37 @@ def as_markdown(result: TransferResult) -> str:
     )
 
 
-def summary_lines(targets: Sequence[Target]) -> list[str]:
-    """Return one line for each test set and model that was trained on simulated traffic: whom it loses to, and when."""
-    lost: dict[str, list[str]] = {}
-    for target in targets:
-        own, _, rival = target.text.partition(" below ")
-        lost.setdefault(own, [])
-        if not target.met:
-            unclear = ", not clear" if target.measured.endswith("not clear") else ""
-            name, _, when = rival.rpartition(" at ")
-            lost[own].append(f"{name} at {when}{unclear}")
-    return [f"- {own} " + (f"LOSES to {'; '.join(to)}" if to else "loses to none") + "." for own, to in lost.items()]
-
-
-def _table(rows: Sequence[Row]) -> list[str]:
-    heads = list(dict.fromkeys((row["tested_on"], row["horizon_s"]) for row in rows))
-    lines = [_line(["model", "trained on", *(f"{tested_on}, {horizon:g} s" for tested_on, horizon in heads)])]
-    lines.append("|---" * (len(heads) + 2) + "|")
-    for (model, trained_on), cells in _by_model(rows).items():
-        lines.append(_line([model, trained_on, *(_error(cells[head]) for head in heads)]))
+def summary_lines(targets: Sequence[Comparison]) -> list[str]:
+    """Return one line for each test set and model trained on simulated traffic: whom it loses to, and when."""
+    lines = []
+    for own in dict.fromkeys((target.tested_on, target.own) for target in targets):
+        lost = [target for target in targets if (target.tested_on, target.own) == own and not target.met]
+        rivals = [target for target in lost if target.rival_trained_on != ON_REAL]
+        kin = [target for target in lost if target.rival_trained_on == ON_REAL]
+        told = f"LOSES to {_by_rival(rivals)}" if rivals else "loses to no rival"
+        behind = f"; behind {_by_rival(kin)}" if kin else ""
+        lines.append(f"- on {own[0]}, {own[1]} {told}{behind}.")
     return lines
 
 
-def _bias_table(rows: Sequence[Row]) -> list[str]:
-    heads = [head for head in dict.fromkeys((row["tested_on"], row["horizon_s"]) for row in rows) if head[1] >= 5.0]
-    lines = [_line(["model", "trained on", *(f"{tested_on}, {horizon:g} s" for tested_on, horizon in heads)])]
-    lines.append("|---" * (len(heads) + 2) + "|")
-    for (model, trained_on), cells in _by_model(rows).items():
-        words = [f"{cells[head]['lon_bias_m']:+.2f}; {100 * cells[head]['coverage95_lon_m']:.0f} %" for head in heads]
-        lines.append(_line([model, trained_on, *words]))
-    return lines
+def _by_rival(lost: Sequence[Comparison]) -> str:
+    times: dict[str, list[str]] = {}
+    for target in lost:
+        times.setdefault(target.rival, []).append(f"{target.horizon_s:g} s{'' if target.clear else ' (not clear)'}")
+    return ", ".join(f"{rival} at {' and '.join(when)}" for rival, when in times.items())
 
 
-def _input_table(inputs: Sequence[Row]) -> list[str]:
-    lines = [_line(["tested on", "trained on", "input", "test traffic", "std", "training range", "outside"])]
-    lines.append("|---" * 7 + "|")
-    for row in inputs:
-        spread = f"{row['from_5_percent']:.2f} to {row['to_95_percent']:.2f}"
-        trained = f"{row['trained_from']:.2f} to {row['trained_to']:.2f}"
-        words = [row["tested_on"], row["trained_on"], row["input"], spread, f"{row['std']:.2f}", trained]
-        lines.append(_line([*words, f"{row['outside_percent']:.1f} %"]))
-    return lines
-
-
-def _by_model(rows: Sequence[Row]) -> dict[tuple[str, str], dict[tuple[str, float], Row]]:
-    found: dict[tuple[str, str], dict[tuple[str, float], Row]] = {}
-    for row in rows:
-        found.setdefault((row["model"], row["trained_on"]), {})[row["tested_on"], row["horizon_s"]] = row
-    return found
+def _table(rows: Sequence[Row], cell: Callable[[Row], str], least_s: float = 0.0, most_s: float = np.inf) -> list[str]:
+    """Return a line for each model and a column for each test set and horizon from ``least_s`` to ``most_s``."""
+    shown = [row for row in rows if least_s <= row["horizon_s"] <= most_s]
+    heads = list(dict.fromkeys((row["tested_on"], row["horizon_s"]) for row in shown))
+    models: dict[tuple[str, str], dict[tuple[str, float], Row]] = {}
+    for row in shown:
+        models.setdefault((row["model"], row["trained_on"]), {})[row["tested_on"], row["horizon_s"]] = row
+    return markdown_table(
+        ["model", "trained on", *(f"{tested_on}, {horizon:g} s" for tested_on, horizon in heads)],
+        [[*model, *(cell(found[head]) for head in heads)] for model, found in models.items()],
+    )
 
 
 def _error(row: Row) -> str:
@@ -128,5 +121,24 @@ def _error(row: Row) -> str:
     return f"{row['lon_m']:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+def _bias(row: Row) -> str:
+    return f"{row['lon_bias_m']:+.2f}; {100 * row['coverage95_lon_m']:.0f} %"
+
+
+def _kept(row: Row) -> str:
+    return f"{row['accel_kept']:.2f} ({row['accel_kept_true']:.2f})"
+
+
+def _input_table(inputs: Sequence[Row]) -> list[str]:
+    rows = [
+        [
+            *(row[name] for name in ("tested_on", "trained_on", "input")),
+            f"{row['from_5_percent']:.2f} to {row['to_95_percent']:.2f}",
+            f"{row['std']:.2f}",
+            f"{row['trained_from']:.2f} to {row['trained_to']:.2f}",
+            f"{row['outside_percent']:.1f} %",
+        ]
+        for row in inputs
+    ]
+    heads = ["tested on", "trained on", "input", "test traffic", "std", "training range", "outside"]
+    return markdown_table(heads, rows)

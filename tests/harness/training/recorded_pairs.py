@@ -41,6 +41,6 @@ def pair_rows(name: str, seconds: float, gap_m: float = 15.0, swing_mps: float =
 
 
 def write_pairs(path: Path, pairs: Sequence[pd.DataFrame] | None = None, count: int = 8) -> Path:
-    pairs = [pair_rows(f"{k}-{k + 1}", 31.0, 12.0 + k) for k in range(count)] if pairs is None else pairs
+    pairs = [pair_rows(f"{k}-{k + 1}", 39.0, 12.0 + k) for k in range(count)] if pairs is None else pairs
     pd.concat(list(pairs), ignore_index=True).to_parquet(path)
     return path

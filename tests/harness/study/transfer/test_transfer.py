@@ -18,8 +18,8 @@ from harness.study.transfer import transfer
 from harness.study.transfer.inputs import INPUTS, input_rows
 from harness.study.transfer.models import ON_NOTHING, ON_SUMO, TrainedModel, committed_models
 from harness.study.transfer.traffic import held_out_set, mixed, snippet_windows, split_pairs
-from harness.study.transfer.transfer import Outcome, TransferPlan, make_transfer_study
-from harness.study.transfer.verdicts import transfer_targets
+from harness.study.transfer.transfer import Outcome, TransferPlan, Trend, make_transfer_study
+from harness.study.transfer.verdicts import compare_transfer
 from harness.study.transfer.written import as_json, summary_lines, write_transfer
 from harness.training import driver_fit
 from harness.training.recorded import pair_windows
@@ -96,7 +96,9 @@ def outcome(windows, name, trained_on, model) -> Outcome:
     tested = held_out_set("real pairs", [(windows, (1.0, 10.0))])
     (part,) = tested.parts
     scores = score(follow(model, part.cases, 2, np.random.default_rng(0)), part.cases)
-    return Outcome(TrainedModel(name, trained_on, model), tested.name, part, scores, np.zeros(part.cases.steps - 1))
+    return Outcome(
+        TrainedModel(name, trained_on, model), tested.name, part, scores, Trend(*np.zeros((3, part.cases.steps - 1)))
+    )
 
 
 def test_where_a_simulated_model_loses_the_study_says_so(windows):
@@ -105,7 +107,7 @@ def test_where_a_simulated_model_loses_the_study_says_so(windows):
         outcome(windows, "gmm", ON_SUMO, ConstantAcceleration(STILL)),
         outcome(windows, "cvm", ON_NOTHING, ConstantVelocity(STILL)),
     ]
-    targets = transfer_targets(outcomes)
+    targets = compare_transfer(outcomes)
     assert [target.met for target in targets] == [True, False]
     (line,) = [line for line in summary_lines(targets) if "LOSES" in line]
     assert line.startswith("- on real pairs, gmm, sumo LOSES to cvm at 10 s")
@@ -116,9 +118,10 @@ def test_a_model_held_against_itself_is_neither_better_nor_clearly_worse(windows
         outcome(windows, "gmm", ON_SUMO, ConstantVelocity(STILL)),
         outcome(windows, "cvm", ON_NOTHING, ConstantVelocity(STILL)),
     ]
-    for target in transfer_targets(outcomes):
+    for target in compare_transfer(outcomes):
         assert not target.met
-        assert "not clear" in target.measured
+        assert not target.clear
+        assert "not clear" in target.as_target().measured
 
 
 def test_inputs_beyond_the_training_range_are_counted(windows):
