@@ -31,10 +31,12 @@ def hidden_figure(pooled: Pooled) -> Figure:
             if error.lon_m_ci95 is not None:
                 axes.vlines(time, *error.lon_m_ci95, color=colour, linewidth=1.2, alpha=0.7)
         axes.plot(time_s, means, "o-", color=colour, markersize=4, linewidth=1.8)
-        ends.append((float(means[-1]), label, colour))
+        ends.append((shown[-1].from_s, time_s[-1], float(means[-1]), label, colour))
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(left=0.0)
-    label_ends(axes, ends, axes.get_xlim()[1])
+    for from_s in {end[0] for end in ends}:
+        here = [end for end in ends if end[0] == from_s]
+        label_ends(axes, [(mean, label, colour) for _, _, mean, label, colour in here], max(end[1] for end in here))
     axes.set_xlabel("time since the last detection, s")
     axes.set_ylabel("MAE of longitudinal position while followed, m")
     axes.set_title(
