@@ -74,6 +74,15 @@ def _label_ends(axis: Axes, ends: Sequence[tuple[float, str, str]], at_s: float)
     for end, label, colour in ends:
         place = max(end, place * apart)
         axis.annotate(
-            label, (at_s, end), (at_s * 1.06, place), color=colour, fontsize=8, va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.5, "shrinkA": 0.0, "shrinkB": 0.0},
-        )  # fmt: skip
+            label,
+            (at_s, end),
+            (at_s * 1.06, place),
+            color=colour,
+            fontsize=8,
+            va="center",
+            annotation_clip=False,
+            arrowprops={
+                **{"arrowstyle": "-", "color": colour, "linewidth": 0.5},
+                **{"relpos": (0.0, 0.5), "shrinkA": 1.0, "shrinkB": 0.0},
+            },
+        )

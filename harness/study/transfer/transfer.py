@@ -43,7 +43,7 @@ from harness.study.transfer.traffic import (
 )
 from harness.study.transfer.verdicts import Comparison, compare_transfer
 from harness.training.following import Following, following_windows, join
-from harness.training.recorded import pair_windows
+from harness.training.recorded import EDGE_S, pair_windows
 from harness.training.recording import load_all, record_all
 from harness.training.scenarios import (
     FIRST_TRAINING_SEED,
@@ -273,6 +273,7 @@ def _setting(
         "tested_on": tested,
         "simulated_test_seeds": f"{plan.first_traffic_seed} to {last}",
         "real_training": f"{len(training)} windows of {len(np.unique(training.vehicle))} pairs",
+        "left_out_at_both_ends_of_a_pair": f"{EDGE_S:g} s, where the source's smoothing swings in",
         "training_on_both": f"{len(both)} windows, half of them real, each real one repeated; simulated ones of seeds "
         f"{FIRST_TRAINING_SEED} to {FIRST_TRAINING_SEED + plan.training_recordings - 1}",
         "components": COMPONENTS,
