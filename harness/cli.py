@@ -63,7 +63,7 @@ COMMANDS = (
     CommandEntry("export", "Turn a run into another program's format."),
     CommandEntry("compare", "Tell whether one run is better or worse than another.", "Compare"),
     CommandEntry("stress", "Run many densities, models and seeds.", "Compare"),
-    CommandEntry("study", "Repeat the published lane-keeping and lane-change cases.", "Compare"),
+    CommandEntry("study", "Repeat the published cases; ask whether the models carry over to real roads.", "Compare"),
     CommandEntry("bench", "Measure how long trackers take.", "Compare"),
     CommandEntry("train", "Fit and select the behaviour model.", "Models and traffic"),
     CommandEntry("fidelity", "Tell how real the simulated traffic is.", "Models and traffic"),

@@ -57,7 +57,7 @@ def command(
     ego: Annotated[
         str | None,
         typer.Option(
-            help="Recorded vehicle that carries the sensor: its ID, auto, or each in turn. (default: auto)",
+            help="Recorded vehicle that carries the sensor: its ID, auto, each in turn, or each:N. (default: auto)",
             rich_help_panel=TRAFFIC,
         ),
     ] = None,

@@ -20,8 +20,11 @@ GRID, RESULT = "The grid", "How it is run"
 
 def command(
     net: Annotated[
-        str, typer.Option(help="Network by name, or your own: a folder or .sumocfg file.", rich_help_panel=GRID)
-    ] = "us101",
+        str | None,
+        typer.Option(
+            help="Network by name, or your own: a folder or .sumocfg file. (default: us101)", rich_help_panel=GRID
+        ),
+    ] = None,
     densities: Annotated[
         str | None,
         typer.Option(
@@ -32,6 +35,20 @@ def command(
     demands: Annotated[
         str | None, typer.Option(help="Named demands in place of densities: A,B,C; see 'nets'.", rich_help_panel=GRID)
     ] = None,
+    replay: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Recorded traffic in place of densities: a file, or a folder of files; repeatable.",
+            rich_help_panel=GRID,
+        ),
+    ] = None,
+    ego: Annotated[
+        str | None,
+        typer.Option(
+            help="Recorded vehicles that carry the sensor: each in turn, each:N, auto, or an ID. (default: each)",
+            rich_help_panel=GRID,
+        ),
+    ] = None,
     trackers: Annotated[
         str,
         typer.Option(
@@ -41,7 +58,12 @@ def command(
     models: Annotated[
         str | None, typer.Option(help="Motion models of mmpf: A,B,C. (default: as in 'run')", rich_help_panel=GRID)
     ] = None,
-    seeds: Annotated[str, typer.Option(help="How many seeds, or seeds A:B, B excluded.", rich_help_panel=GRID)] = "10",
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            help="How many seeds, or seeds A:B, B excluded. (default: 10; recorded traffic: 1)", rich_help_panel=GRID
+        ),
+    ] = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY=VALUES", help="One more axis; repeatable.", rich_help_panel=GRID),
@@ -92,12 +114,14 @@ def command(
     Truth and detections of one density and seed are made once, for all
     trackers. Leaves runs.parquet (one row per run, failed ones too),
     summary.json, table.md and figures. Exit code 3 if a run failed.
+    Recorded traffic gives one table over all files instead of curves.
 
     Examples:
       python -m harness stress --models gmm,idm,cvm,cam --seeds 10
       python -m harness stress --trackers mmpf,mmpf+update=max_likelihood,stonesoup-jpda
       python -m harness stress --densities 30 --vary sensor.range_m=40:160:20
       python -m harness stress --densities 20,40 --duration 20 --resume
+      python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
       python -m harness stress --scheduler tcp://host:8786
     """
     from harness.config import brings_its_own_demand  # noqa: PLC0415
@@ -105,19 +129,23 @@ def command(
     from harness.stress.grid import GridRequest  # noqa: PLC0415
     from harness.stress.stress import run_stress  # noqa: PLC0415
 
+    files = _files_of(replay or [])
+    given = densities is not None or demands is not None or bool(files)
     own_demand = brings_its_own_demand(net or "us101")
     request = GridRequest(
-        net=net,
-        densities=densities if densities is not None or demands is not None or own_demand else "5:65:10",
+        net=net if files else net or "us101",
+        densities=densities if given or own_demand else "5:65:10",
         demands=demands,
         trackers=trackers,
         models=models,
-        seeds=seeds,
+        seeds=seeds or ("1" if files else "10"),
         duration_s=duration,
         particles=particles,
         sensor=sensor,
         settings=tuple(setting or ()),
         vary=tuple(vary or ()),
+        replay=tuple(map(str, files)),
+        ego=ego,
     )
     if scheduler is not None and workers is not None:
         raise UserError("--workers: the cluster has its own workers; leave it out with --scheduler tcp://host:8786")
@@ -130,15 +158,20 @@ def command(
             retry_failed=retry_failed,
             quiet=quiet,
             warn=lambda line: typer.echo(f"warning: {line}", err=True),
+            tell=lambda text: None if quiet else typer.echo(text, err=True),
             command=shlex.join(["harness", *sys.argv[1:]]),
         )
     from harness.report.folderpage import write_page  # noqa: PLC0415
 
     write_page(finished.folder)
-    if not quiet:
+    if files and not quiet:
+        typer.echo((finished.folder / "table.md").read_text(encoding="utf-8"), err=True)
+    elif not quiet:
         from harness.stress.tables import print_result  # noqa: PLC0415
 
-        print_result(f"Stress test on {net}", finished.points, finished.breaks, finished.failures, str(finished.folder))
+        print_result(
+            f"Stress test on {request.net}", finished.points, finished.breaks, finished.failures, str(finished.folder)
+        )
     if as_json:
         import json  # noqa: PLC0415
 
@@ -148,6 +181,22 @@ def command(
             f"{len(finished.failures)} of {finished.summary['runs']} runs failed, the first: {finished.failures[0]}; "
             f"all rows are in {finished.folder}"
         )
+
+
+def _files_of(replay: list[Path]) -> list[Path]:
+    """Return the files of recorded traffic; of a folder that is no recording itself, all that it holds."""
+    from harness.errors import UserError  # noqa: PLC0415
+
+    files: list[Path] = []
+    for path in replay:
+        if path.is_dir() and not any(path.glob("*_tracks.csv")) and not (path / "manifest.json").is_file():
+            inside = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
+            if not inside:
+                raise UserError(f"--replay: {path} has no files; give files of recorded traffic, or their folder")
+            files += inside
+        else:
+            files.append(path)
+    return files
 
 
 @contextmanager

@@ -1,16 +1,24 @@
-"""``study``: the published lane-keeping and lane-change cases on held-out traffic."""
+"""``study``: the published lane-keeping and lane-change cases on held-out traffic, and transfer to real roads."""
 
 from __future__ import annotations
 
+import json
 import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+if TYPE_CHECKING:
+    from harness.study.published import StudyPlan
+    from harness.study.transfer.transfer import TransferPlan
+    from harness.truth.network import Network
+
 
 def command(
-    case: Annotated[str, typer.Argument(help="lane-keeping or lane-change.")],
+    case: Annotated[str, typer.Argument(help="lane-keeping, lane-change or transfer.")],
     net: Annotated[str, typer.Option(help="Network by name, or your own: a folder or .sumocfg file.")] = "us101",
     models: Annotated[
         str | None, typer.Option(help="Models by name, with commas between. (default: all that suit the case)")
@@ -19,7 +27,9 @@ def command(
         Path | None, typer.Option(help="A fitted model of your own in place of the gmm that comes along.")
     ] = None,
     cases: Annotated[int, typer.Option(help="Held-out cases.", min=2)] = 240,
-    particles: Annotated[int, typer.Option(help="Particles per case.", min=2)] = 1000,
+    particles: Annotated[
+        int | None, typer.Option(help="Particles per case. (default: 1000; transfer: 200)", min=2)
+    ] = None,
     seed: Annotated[int, typer.Option(help="Root of all randomness.", min=0)] = 0,
     seeds: Annotated[
         str, typer.Option(help="Seeds A:B of the traffic, B excluded; below 100 none was trained on.")
@@ -27,11 +37,18 @@ def command(
     cache: Annotated[
         Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET-...)")
     ] = None,
+    real_data: Annotated[
+        Path | None,
+        typer.Option(help="transfer: folder of real recordings. (default: $MMPF_REALDATA, or shared/realdata beside)"),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write. (default: results/study-CASE)")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json on stdout, nothing else there.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
-    """Predict through partial and complete occlusion with every motion model, as the paper's two cases do.
+    """Predict through occlusion with every motion model: the paper's two cases, and transfer to real roads.
+
+    transfer: models trained on SUMO, on real pairs and on both, tested on
+    real pairs and recordings that no model has seen, and on SUMO.
 
     Writes results.json, results.md (tables with 95 % intervals, targets met
     and missed), figures, and all of it as one page, report.html.
@@ -39,39 +56,78 @@ def command(
     Examples:
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
+      python -m harness study transfer --real-data ../shared/realdata
     """
-    from harness.errors import UserError  # noqa: PLC0415
-    from harness.progress import progress_bar  # noqa: PLC0415
-    from harness.report.folderpage import write_page  # noqa: PLC0415
-    from harness.study.published import StudyPlan, make_study  # noqa: PLC0415
     from harness.study.seeds import seed_range  # noqa: PLC0415
-    from harness.study.written import as_json as json_of  # noqa: PLC0415
-    from harness.study.written import as_markdown, write_study  # noqa: PLC0415
     from harness.truth.network import load_network  # noqa: PLC0415
 
     first, count = seed_range(seeds)
-    chosen = tuple(name.strip() for name in models.split(",")) if models else ()
-    plan = StudyPlan(case, chosen, model_file, cases, particles, seed, first, count, cache)
-    network = load_network(net)
+    folder = out or Path("results") / f"study-{case}"
 
     def say(line: str) -> None:
         if not quiet:
             typer.echo(line, err=True)
 
+    if case == "transfer":
+        from harness.realdata import real_data_folder  # noqa: PLC0415
+        from harness.study.transfer.transfer import TransferPlan  # noqa: PLC0415
+
+        _refuse_for("the transfer study", {"--models": models, "--model-file": model_file})
+        transfer = TransferPlan(real_data_folder(real_data), cases, particles or 200, seed, first, count, cache=cache)
+        told = _make_transfer(transfer, load_network(net), folder, say, quiet)
+    else:
+        from harness.study.published import StudyPlan  # noqa: PLC0415
+
+        _refuse_for("a study of simulated traffic", {"--real-data": real_data})
+        chosen = tuple(name.strip() for name in models.split(",")) if models else ()
+        published = StudyPlan(case, chosen, model_file, cases, particles or 1000, seed, first, count, cache)
+        told = _make_published(published, load_network(net), folder, say, quiet)
+    from harness.report.folderpage import write_page  # noqa: PLC0415
+
+    write_page(folder)
+    typer.echo(json.dumps(told.numbers) if as_json else told.text)
+    print(f"written to {folder}", file=sys.stderr)  # noqa: T201
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a study says on stdout, for programs and for people."""
+
+    numbers: dict[str, Any]
+    text: str
+
+
+def _refuse_for(study: str, options: Mapping[str, object]) -> None:
+    from harness.errors import UserError  # noqa: PLC0415
+
+    for option, value in options.items():
+        if value is not None:
+            raise UserError(f"{option}: {study} has no such choice; leave it out")
+
+
+def _make_transfer(
+    plan: TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
+) -> _Told:
+    from harness.progress import progress_bar  # noqa: PLC0415
+    from harness.study.transfer.transfer import MODELS, TEST_SETS, make_transfer_study  # noqa: PLC0415
+    from harness.study.transfer.written import as_json, as_markdown, write_transfer  # noqa: PLC0415
+
+    with progress_bar("study transfer", MODELS * TEST_SETS, quiet) as advance:
+        result = make_transfer_study(plan, network, say, advance)
+    write_transfer(result, folder)
+    return _Told(as_json(result), as_markdown(result))
+
+
+def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool) -> _Told:
+    from harness.errors import UserError  # noqa: PLC0415
+    from harness.progress import progress_bar  # noqa: PLC0415
+    from harness.study.published import MODELS, make_study  # noqa: PLC0415
+    from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
+
     try:
-        with progress_bar(
-            f"study {case}", plan.runs if case in ("lane-keeping", "lane-change") else 1, quiet
-        ) as advance:
+        with progress_bar(f"study {plan.study}", plan.runs if plan.study in MODELS else 1, quiet) as advance:
             result, targets, setting = make_study(plan, network, say, advance)
     except ValueError as error:
-        raise UserError(f"--model-file {model_file}: {error}") from error
-    folder = out or Path("results") / f"study-{case}"
+        raise UserError(f"--model-file {plan.model_file}: {error}") from error
     write_study(result, targets, setting, folder)
-    write_page(folder)
-    if as_json:
-        import json  # noqa: PLC0415
-
-        typer.echo(json.dumps(json_of(result, targets, setting)))
-    else:
-        typer.echo(as_markdown(result, targets, setting))
-    print(f"written to {folder}", file=sys.stderr)  # noqa: T201
+    return _Told(as_json(result, targets, setting), as_markdown(result, targets, setting))

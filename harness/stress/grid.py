@@ -14,15 +14,17 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from harness.config import DEFAULT_TRACKER, RunConfig, TrackerConfig
-from harness.configfile import resolve_config
 from harness.errors import UserError
+from harness.replay_config import resolve_run_config
 from harness.stress.values import names, numbers, seed_values
+from harness.truth.recorded.egos import EACH
 
 MOST_RUNS = 100_000
-DENSITY, DEMAND, SEED = "density", "demand", "seed"
+DENSITY, DEMAND, SEED, RECORDING = "density", "demand", "seed", "replay"
 NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
 VARY_EXAMPLE = "sensor.range_m=40:160:20"
 TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
@@ -33,7 +35,7 @@ class GridRequest:
     """A grid as the user wrote it.
 
     Attributes:
-        net: Network by name, or a path.
+        net: Network by name, or a path. Of recorded traffic ``None`` is the one that its format has.
         densities: Vehicles per km and lane, a range or list; None with ``demands`` or a network with its own demand.
         demands: Named demands, a list; None with ``densities``.
         trackers: Trackers, a list.
@@ -44,9 +46,11 @@ class GridRequest:
         sensor: Sensor profile.
         settings: ``KEY=VALUE`` words that hold for all runs.
         vary: ``KEY=VALUES`` words; each is one more axis.
+        replay: Files of recorded traffic in place of simulated traffic.
+        ego: Which recorded vehicles carry the sensor, as in ``run --ego``.
     """
 
-    net: str = "us101"
+    net: str | None = "us101"
     densities: str | None = None
     demands: str | None = None
     trackers: str = DEFAULT_TRACKER
@@ -57,6 +61,8 @@ class GridRequest:
     sensor: str | None = None
     settings: tuple[str, ...] = ()
     vary: tuple[str, ...] = ()
+    replay: tuple[str, ...] = ()
+    ego: str | None = None
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,7 @@ class PlannedRun:
             "net": traffic.net,
             DENSITY: traffic.density,
             DEMAND: traffic.demand,
+            **({RECORDING: Path(self.config.replay).name} if self.config.replay is not None else {}),
             "tracker": tracker.name,
             "variant": self.variant,
             "model": tracker.model,
@@ -135,6 +142,11 @@ class Grid:
     def runs(self) -> tuple[PlannedRun, ...]:
         """All runs, in the order of the rows."""
         return tuple(run for cell in self.cells for run in cell.runs)
+
+    @property
+    def is_replay(self) -> bool:
+        """Whether the traffic was recorded, not simulated."""
+        return self.cells[0].config.replay is not None
 
 
 def plan_grid(request: GridRequest) -> Grid:
@@ -216,10 +228,18 @@ def _full_key(setting: str) -> str:
 def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
     if request.densities is not None and request.demands is not None:
         raise UserError("--demands: give either densities or demands, not both; for example --densities 5:65:10")
+    if request.replay and (request.densities is not None or request.demands is not None):
+        raise UserError("--replay: recorded traffic is as it was; leave densities and demands out")
+    if request.ego is not None and not request.replay:
+        raise UserError("--ego: simulated traffic has no such choice; add --replay FILE of recorded traffic")
     if request.demands is not None:
         return [{DEMAND: name} for name in names(request.demands, "--demands", "us101-0750,us101-0805")]
     if request.densities is not None:
         return [{DENSITY: value} for value in numbers(request.densities, "--densities", "5:65:10")]
+    if request.replay:
+        if len({Path(path).name for path in request.replay}) < len(request.replay):
+            raise UserError("--replay: two of the files have the same name; results are told apart by it")
+        return [{RECORDING: path, "ego": request.ego or EACH} for path in request.replay]
     return [{}]
 
 
@@ -263,7 +283,7 @@ def _config(
     settings = [word for word in request.settings if variant.takes_settings or not word.startswith("tracker.")]
     words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
     try:
-        return resolve_config(None, options, [*settings, *variant.settings, *words])
+        return resolve_run_config(None, options, [*settings, *variant.settings, *words])
     except UserError as error:
         if "traffic.density" in str(error):
             raise UserError(
@@ -285,6 +305,8 @@ def _kept(variant: _Variant, varied: Mapping[str, float]) -> dict[str, float]:
 
 def _traffic_word(config: RunConfig) -> str:
     traffic = config.traffic
+    if config.replay is not None:
+        return Path(config.replay).stem
     return f"d{traffic.density:g}" if traffic.density is not None else traffic.demand or ""
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.config import RunConfig
-from harness.cosim import Streams
+from harness.cosim import StageTimes, Streams, co_simulate
 from harness.errors import RunError
 from harness.inputs import open_inputs
 from harness.sensor.observation import Observation
 from harness.truth.frame import Frame
 from mmpf.road import Road
 from mmpf.scan import SensorModel
+
+if TYPE_CHECKING:
+    from harness.recorder import RunTables
 
 
 @dataclass
@@ -27,6 +31,7 @@ class ObservedTraffic:
         sensor: The sensor's data sheet.
         looks: Each frame with what the sensor made of it, in order of their steps.
         expected_steps: How many frames there are.
+        about: Tables about the traffic for the metrics, by name.
     """
 
     road: Road
@@ -34,6 +39,7 @@ class ObservedTraffic:
     sensor: SensorModel
     looks: tuple[tuple[Frame, Observation], ...]
     expected_steps: int
+    about: Mapping[str, object] = field(default_factory=dict)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames."""
@@ -68,4 +74,34 @@ def observe_traffic(config: RunConfig) -> ObservedTraffic:
         inputs.truth.close()
     if not looks:
         raise RunError("the traffic has no ego vehicle in the section")
-    return ObservedTraffic(truth.road, truth.step_s, inputs.sensor.model(), looks, len(looks))
+    return ObservedTraffic(truth.road, truth.step_s, inputs.sensor.model(), looks, len(looks), inputs.about)
+
+
+def track(
+    traffic: ObservedTraffic,
+    config: RunConfig,
+    times: StageTimes,
+    on_first_step: Callable[[], None] = lambda: None,
+) -> RunTables:
+    """Play observed traffic to a tracker and return what a run records.
+
+    Args:
+        traffic: Truth and observations.
+        config: Names the tracker, and the seed of its randomness.
+        times: Filled with the wall times of the stages.
+        on_first_step: Called once the first step is done.
+    """
+    from harness.recorder import ColumnRecorder  # noqa: PLC0415
+    from harness.trackers.catalogue import build_tracker  # noqa: PLC0415
+
+    recorder = ColumnRecorder()
+    co_simulate(
+        traffic,
+        traffic,
+        lambda setting: build_tracker(config.tracker.name, setting, config.tracker.all_options()),
+        recorder,
+        Streams.from_seed(config.seed),
+        lambda *_: on_first_step() if recorder.steps == 1 else None,
+        times,
+    )
+    return recorder.tables()

@@ -8,14 +8,17 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.stress.grid import DENSITY, Grid, PlannedRun
+from harness.stress.grid import DENSITY, RECORDING, Grid, PlannedRun
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Row = dict[str, Any]
 
-TEXT_COLUMNS = ("net", "demand", "tracker", "variant", "model", "update", "error")
+TEXT_COLUMNS = (
+    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error"),
+    *(f"recording.{name}" for name in ("file", "format", "ego")),
+)
 FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")
 OUTCOME_COLUMNS = ("succeeded", "error", "total_s")
 TEMPORARY = ".partial"

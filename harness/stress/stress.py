@@ -6,19 +6,22 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness import runfolder
 from harness.errors import RunInterruptedError, UserError
 from harness.manifest import write_manifest
 from harness.metrics import without_nan
 from harness.progress import progress_bar
-from harness.stress.grid import Cell, Grid, GridRequest, distinct_trackers, plan_grid, with_example
+from harness.stress.grid import RECORDING, Cell, Grid, GridRequest, distinct_trackers, plan_grid, with_example
 from harness.stress.pool import OnRow
 from harness.stress.rows import TEMPORARY, Row, assemble, read_rows, write_row
 from harness.stress.summary import Break, Point, breaks, curve_points
 
 ROWS, RUNS, SUMMARY, TABLE, FIGURES, GRID = "runs", "runs.parquet", "summary.json", "table.md", "figures", "grid.json"
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RunCells = Callable[[list[Cell], OnRow], None]
 
@@ -54,6 +57,7 @@ def run_stress(
     retry_failed: bool = False,
     quiet: bool = True,
     warn: Callable[[str], object] = str,
+    tell: Callable[[str], object] = str,
     command: str = "",
 ) -> FinishedGrid:
     """Run a grid and write its folder.
@@ -66,6 +70,7 @@ def run_stress(
         retry_failed: Whether those of them that failed are made again.
         quiet: Whether to leave out the progress bar.
         warn: Called with a line that the user should read.
+        tell: Called with what was read of each file of recorded traffic.
         command: What the user typed, for the manifest.
 
     Raises:
@@ -73,7 +78,7 @@ def run_stress(
         RunInterruptedError: The user stopped it; finished runs are kept.
     """
     grid = plan_grid(request)
-    check_grid(grid)
+    check_grid(grid, tell)
     rows_folder = _open_folder(out, resume)
     done = read_rows(rows_folder, (run.key for run in grid.runs))
     if retry_failed:
@@ -107,22 +112,44 @@ def run_stress(
     return finished
 
 
-def check_grid(grid: Grid) -> None:
-    """Find a wrong network, sensor or tracker before any run is made.
+def check_grid(grid: Grid, tell: Callable[[str], object] = str) -> None:
+    """Find a wrong network, recording, sensor or tracker before any run is made.
+
+    Args:
+        grid: The grid.
+        tell: Called with what was read of each recording.
 
     Raises:
         UserError: One is wrong.
     """
-    from harness.run import check_tracker  # noqa: PLC0415
-    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
     from harness.truth.network import load_network  # noqa: PLC0415
 
     traffic = grid.cells[0].config.traffic
+    if grid.is_replay:
+        _check_sensors_and_trackers(grid)
+        _check_recordings(grid, tell)
+        return
     network = load_network(traffic.net)
     if network.configuration is not None and (traffic.density is not None or traffic.demand is not None):
         raise UserError(f"--densities: {network.name} brings its own demand; leave densities and demands out")
     for demand in {cell.config.traffic.demand for cell in grid.cells} - {None}:
         network.demand(str(demand))
+    _check_sensors_and_trackers(grid)
+
+
+def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
+    """Read every file once, so that a broken one is told before hours of runs over the others."""
+    from harness.cosim import Streams  # noqa: PLC0415
+    from harness.inputs import open_inputs  # noqa: PLC0415
+
+    for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
+        tell(open_inputs(config, Streams.from_seed(config.seed)).report)
+
+
+def _check_sensors_and_trackers(grid: Grid) -> None:
+    from harness.run import check_tracker  # noqa: PLC0415
+    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
+
     for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
         try:
             sensor_settings(config.sensor.profile, config.sensor.overrides)
@@ -184,12 +211,15 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
     from harness.stress.tables import as_markdown  # noqa: PLC0415
 
     table = assemble(grid, rows)
-    points, broken = curve_points(table, grid.axes), breaks(table)
     failures = [
         {"key": run.key, "run": _in_words(rows[run.key]), "error": rows[run.key]["error"]}
         for run in grid.runs
         if not rows[run.key]["succeeded"]
     ]
+    if grid.is_replay:
+        return _write_pooled(grid, request, out, table, failures)
+    title = f"Stress test on {request.net}"
+    points, broken = curve_points(table, grid.axes), breaks(table)
     summary: dict[str, Any] = without_nan(
         {
             "grid": asdict(request),
@@ -200,15 +230,48 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
             "curves": [asdict(point) for point in points],
         }
     )
-    title = f"Stress test on {request.net}"
     (out / FIGURES).mkdir(exist_ok=True)
     for axis in dict.fromkeys(point.axis for point in points):
         curves_figure(points, axis, title).savefig(out / FIGURES / f"over_{axis.replace('.', '_')}.png")
-    lines = [failure["run"] + ": " + failure["error"] for failure in failures]
-    _replace(out / TABLE, lambda path: path.write_text(as_markdown(title, points, broken, lines), encoding="utf-8"))
+    _replace(
+        out / TABLE,
+        lambda path: path.write_text(as_markdown(title, points, broken, _lines(failures)), encoding="utf-8"),
+    )
     _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
     _replace(out / RUNS, lambda path: write_table(table, path))
     return FinishedGrid(out, summary, points, broken)
+
+
+def _write_pooled(
+    grid: Grid, request: GridRequest, out: Path, table: pd.DataFrame, failures: Sequence[Mapping[str, str]]
+) -> FinishedGrid:
+    """Write what recorded traffic tells: one table over all files."""
+    from harness.recorder import write_table  # noqa: PLC0415
+    from harness.stress.pooled import pool_files  # noqa: PLC0415
+    from harness.stress.pooled_figure import hidden_figure  # noqa: PLC0415
+    from harness.stress.pooled_tables import pooled_markdown  # noqa: PLC0415
+
+    pooled = pool_files(table)
+    summary: dict[str, Any] = without_nan(
+        {
+            "grid": asdict(request),
+            "runs": len(grid.runs),
+            "failed": len(failures),
+            "failures": list(failures),
+            **asdict(pooled),
+        }
+    )
+    (out / FIGURES).mkdir(exist_ok=True)
+    hidden_figure(pooled).savefig(out / FIGURES / "hidden.png")
+    text = pooled_markdown(pooled, _lines(failures))
+    _replace(out / TABLE, lambda path: path.write_text(text, encoding="utf-8"))
+    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
+    _replace(out / RUNS, lambda path: write_table(table, path))
+    return FinishedGrid(out, summary, (), ())
+
+
+def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:
+    return [failure["run"] + ": " + failure["error"] for failure in failures]
 
 
 def _replace(final: Path, write: Callable[[Path], object]) -> None:
@@ -220,7 +283,7 @@ def _replace(final: Path, write: Callable[[Path], object]) -> None:
 
 def _in_words(row: Mapping[str, Any]) -> str:
     """Return in words which run a row is of."""
-    names = ("net", "density", "demand", "variant", "model", "seed")
+    names = ("net", "density", "demand", RECORDING, "variant", "model", "seed")
     words = [f"{name} {row[name]}" for name in names if row.get(name) is not None]
     return ", ".join(
         [*words, *(f"{key}={row[key]:g}" for key in row if key.startswith(("sensor.", "tracker.", "traffic.")))]

@@ -8,6 +8,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.markdown import markdown_table
 from harness.stress.summary import BREAK_PERCENT, CURVES, Break, Point
 
 HEADINGS = tuple(metric.label for metric in CURVES)
@@ -20,7 +21,7 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
         lines += [
             f"## Over {axis}",
             "",
-            *_markdown_table(["tracker", axis, *HEADINGS, "seeds"], _rows(points, axis, True)),
+            *markdown_table(["tracker", axis, *HEADINGS, "seeds"], _rows(points, axis, True)),
             "",
         ]
     if broken:
@@ -95,10 +96,3 @@ def _cell(point: Point, with_interval: bool) -> str:
     if with_interval and point.ci95 is not None:
         text += f" [{point.ci95[0]:.{decimals}f}, {point.ci95[1]:.{decimals}f}]"
     return text
-
-
-def _markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cells) + " |"
-
-    return [line(headings), line(["---"] * len(headings)), *(line(row) for row in rows)]

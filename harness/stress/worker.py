@@ -15,10 +15,17 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 from time import perf_counter
+from typing import TYPE_CHECKING
 
+from harness.cosim import StageTimes
+from harness.scoring import score_run
+from harness.stress.coasting import against_coasting, coasting_errors
 from harness.stress.grid import Cell, PlannedRun
-from harness.stress.observed import ObservedTraffic, observe_traffic
+from harness.stress.observed import ObservedTraffic, observe_traffic, track
 from harness.stress.rows import Row, failed_row, finished_row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CELL, RUN, STEPPING = "cell", "run", "stepping"
 
@@ -69,52 +76,55 @@ def work_on_cell(cell: Cell, report: Report) -> None:
     begin = perf_counter()
     try:
         traffic = observe_traffic(cell.config)
+        coasting = coasting_errors(traffic, cell.config) if cell.config.replay is not None else None
     except Exception as error:
         for run in cell.runs:
             report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
     else:
         for run in cell.runs:
             report(Started(RUN, run.key))
-            report(Finished(run.key, run_over(traffic, run, partial(report, Started(STEPPING, run.key)))))
+            report(Finished(run.key, run_over(traffic, run, partial(report, Started(STEPPING, run.key)), coasting)))
     report(CellDone())
 
 
-def run_over(traffic: ObservedTraffic, run: PlannedRun, on_first_step: Callable[[], None] = lambda: None) -> Row:
+def run_over(
+    traffic: ObservedTraffic,
+    run: PlannedRun,
+    on_first_step: Callable[[], None] = lambda: None,
+    coasting: pd.DataFrame | None = None,
+) -> Row:
     """Run one tracker over observed traffic, score it, and return its row.
 
     Args:
         traffic: Truth and observations.
         run: The run.
         on_first_step: Called once the first step is done.
+        coasting: Errors of constant-velocity coasting over the same traffic, to compare hidden vehicles with.
     """
     begin = perf_counter()
     try:
-        return _scored_row(traffic, run, on_first_step, begin)
+        return _scored_row(traffic, run, on_first_step, begin, coasting)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)
 
 
-def _scored_row(traffic: ObservedTraffic, run: PlannedRun, on_first_step: Callable[[], None], begin: float) -> Row:
-    from harness.cosim import StageTimes, Streams, co_simulate  # noqa: PLC0415
+def _scored_row(
+    traffic: ObservedTraffic,
+    run: PlannedRun,
+    on_first_step: Callable[[], None],
+    begin: float,
+    coasting: pd.DataFrame | None,
+) -> Row:
     from harness.metrics import assemble_metrics  # noqa: PLC0415
-    from harness.recorder import ColumnRecorder  # noqa: PLC0415
-    from harness.scoring import score_run  # noqa: PLC0415
-    from harness.trackers.catalogue import build_tracker  # noqa: PLC0415
 
-    config, recorder, times = run.config, ColumnRecorder(), StageTimes()
-    co_simulate(
-        traffic,
-        traffic,
-        lambda setting: build_tracker(config.tracker.name, setting, config.tracker.all_options()),
-        recorder,
-        Streams.from_seed(config.seed),
-        lambda *_: on_first_step() if recorder.steps == 1 else None,
-        times,
-    )
-    tables = recorder.tables()
-    scored = score_run(tables.truth, tables.detections, tables.tracks, config.seed)
+    times = StageTimes()
+    tables = track(traffic, run.config, times, on_first_step)
+    scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
     total_s = perf_counter() - begin
-    metrics = assemble_metrics(config, scored.metrics, times, traffic.step_s, total_s, tables.truth, traffic.road)
+    scores = scored.metrics | dict(traffic.about)
+    if coasting is not None:
+        scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
+    metrics = assemble_metrics(run.config, scores, times, traffic.step_s, total_s, tables.truth, traffic.road)
     return finished_row(run, metrics, total_s)
 
 

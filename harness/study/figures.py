@@ -131,13 +131,13 @@ def _errors(axis: Axes, result: StudyResult, occlusion: str, quantity: str) -> N
         axis.fill_between(time_s[shown], band[:, 0], band[:, 1], color=colour, alpha=0.18, linewidth=0)
         axis.plot(time_s, mean, color=colour, linewidth=2.0 if model.startswith("gmm") else 1.3)
         ends.append((float(mean[-1]), model, colour))
-    _label_ends(axis, ends, time_s[-1])
+    label_ends(axis, ends, time_s[-1])
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_ylim(bottom=0.0)
     axis.set_xlim(0.0, time_s[-1])
 
 
-def _label_ends(axis: Axes, ends: list[tuple[float, str, str]], at: float) -> None:
+def label_ends(axis: Axes, ends: list[tuple[float, str, str]], at: float) -> None:
     """Write each model's name at its line's end, pushed apart where they would overlap."""
     bottom, top = 0.0, axis.get_ylim()[1]
     least = 0.055 * (top - bottom)

@@ -108,7 +108,7 @@ def make_study(
         UserError: An unknown study or model.
     """
     if plan.study not in MODELS:
-        raise UserError(f"study {plan.study}: no such study; give {LANE_KEEPING} or {LANE_CHANGE}")
+        raise UserError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
     models = {name: _model(plan, name) for name in plan.model_names}
     cases = _cases(plan, network, say)
     result = run_study(

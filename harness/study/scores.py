@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from harness.scoring.statistics import bootstrap_ci
 from harness.study.cases import Cases
 from harness.study.filtering import Cloud
-from mmpf.road import FloatArray
+from mmpf.road import FloatArray, IntArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 QUANTITIES = {"lon_m": LON, "lat_m": LAT, "speed_mps": SPEED, "lat_speed_mps": LAT_SPEED}
@@ -70,8 +71,19 @@ def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> F
     return np.asarray((weight * np.abs(values - true[:, None])).sum(axis=1) - half_mean_distance)
 
 
-def mean_with_interval(values: FloatArray, rng: np.random.Generator) -> tuple[float, tuple[float, float]]:
-    """Return the mean over cases and its 95 % bootstrap interval."""
+def mean_with_interval(
+    values: FloatArray, rng: np.random.Generator, vehicle: IntArray | None = None
+) -> tuple[float, tuple[float, float]]:
+    """Return the mean over cases and its 95 % bootstrap interval.
+
+    Args:
+        values: One for each case, shape (m,).
+        rng: Source of the resamples.
+        vehicle: Vehicle of each case, shape (m,), where several cases are of one: whole vehicles are resampled then.
+    """
+    if vehicle is not None:
+        interval = bootstrap_ci(values, rng, vehicle, draws=RESAMPLES)
+        return float(values.mean()), (interval.low, interval.high)
     resampled = rng.choice(values, size=(RESAMPLES, len(values))).mean(axis=1)
     low, high = np.quantile(resampled, INTERVAL)
     return float(values.mean()), (float(low), float(high))

@@ -12,7 +12,7 @@ from harness.study.cases import Cases
 from harness.study.filtering import Cloud, MeasurementNoise, follow, measure
 from harness.study.scores import QUANTITIES, Scores, mean_with_interval, score
 from mmpf.motion.protocol import MotionModel
-from mmpf.road import FloatArray
+from mmpf.road import FloatArray, IntArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 PARTIAL, COMPLETE = "partial", "complete"
@@ -107,14 +107,24 @@ def horizons_within(steps: int, step_s: float) -> list[float]:
 def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float) -> list[dict[str, Any]]:
     """Return one row for each horizon and one, without a horizon, for the mean over all steps."""
     at_horizon = [
-        _row(scores, round(horizon / step_s) - 1, horizon)
+        score_row(scores, round(horizon / step_s) - 1, horizon)
         for horizon in horizons_within(len(scores.crps_m) + 1, step_s)
     ]
     head = {"study": study, "occlusion": occlusion, "model": model, "label": LABELS.get(model, "rival")}
-    return [{**head, **row} for row in [*at_horizon, _row(scores, slice(None), None)]]
+    return [{**head, **row} for row in [*at_horizon, score_row(scores, slice(None), None)]]
 
 
-def _row(scores: Scores, steps: int | slice, horizon_s: float | None) -> dict[str, Any]:
+def score_row(
+    scores: Scores, steps: int | slice, horizon_s: float | None, vehicle: IntArray | None = None
+) -> dict[str, Any]:
+    """Return the numbers of one horizon, or of the mean over several steps.
+
+    Args:
+        scores: Errors, coverage and sharpness.
+        steps: Which steps, counted from the first one after the start.
+        horizon_s: What is written for the horizon.
+        vehicle: Vehicle of each case where several are of one, shape (m,).
+    """
     rng = np.random.default_rng(0)
 
     def by_case(values: FloatArray) -> FloatArray:
@@ -122,7 +132,7 @@ def _row(scores: Scores, steps: int | slice, horizon_s: float | None) -> dict[st
 
     row: dict[str, Any] = {"horizon_s": horizon_s}
     for name in QUANTITIES:
-        mean, interval = mean_with_interval(by_case(scores.abs_error[name]), rng)
+        mean, interval = mean_with_interval(by_case(scores.abs_error[name]), rng, vehicle)
         row[name] = mean
         row[f"{name}_ci95"] = list(interval)
     for name in ("lon_m", "speed_mps"):

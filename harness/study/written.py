@@ -34,14 +34,14 @@ def as_json(result: StudyResult, targets: Sequence[Target], setting: Mapping[str
     """Return what ``--json`` prints."""
     return {
         "setting": dict(setting),
-        "results": [_rounded(row) for row in result.rows],
+        "results": [rounded(row) for row in result.rows],
         "targets": [vars(target) for target in targets],
     }
 
 
 def as_markdown(result: StudyResult, targets: Sequence[Target], setting: Mapping[str, Any]) -> str:
     """Return the tables and the verdicts as Markdown."""
-    parts = [f"# Study: {result.study}", "", _setting_line(setting), ""]
+    parts = [f"# Study: {result.study}", "", setting_line(setting), ""]
     for occlusion in result.occlusions():
         rows = [row for row in result.rows if row["occlusion"] == occlusion]
         parts += [f"## {occlusion.capitalize()} occlusion", "", *_table(rows, result.study == "lane-change"), ""]
@@ -56,7 +56,8 @@ def target_lines(targets: Sequence[Target]) -> list[str]:
     return [f"- {'met' if target.met else 'MISSED'}: {target.text}: {target.measured}" for target in ordered]
 
 
-def _setting_line(setting: Mapping[str, Any]) -> str:
+def setting_line(setting: Mapping[str, Any]) -> str:
+    """Return the setting in one sentence."""
     return "; ".join(f"{name.replace('_', ' ')}: {_plain(value)}" for name, value in setting.items()) + "."
 
 
@@ -103,7 +104,8 @@ def _sharpness(row: Row) -> str:
     return f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}"
 
 
-def _rounded(row: Row) -> dict[str, Any]:
+def rounded(row: Row) -> dict[str, Any]:
+    """Return a row with its numbers rounded to 1e-5."""
     return {name: _round(value) for name, value in row.items()}
 
 

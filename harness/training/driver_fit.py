@@ -47,19 +47,35 @@ def fit_driver(
         step_s: Time between steps.
         progress: Told one line per stage.
     """
+    following, habit = fit_follower(windows, components, seed, step_s, progress)
+    return DriverModel(
+        following=following,
+        habit=habit,
+        free=_fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s),
+        keeper=_fit_keeper(windows, step_s),
+        accel_bias_mps2=ACCEL_BIAS_MPS2,
+    )
+
+
+def fit_follower(
+    windows: Following, components: int, seed: int, step_s: float, progress: Callable[[str], None]
+) -> tuple[ScaledGmm, ScaledGmm]:
+    """Fit the learned driver's following mixture and its drivers' habits.
+
+    Args:
+        windows: Training windows; those without a leader are left out.
+        components: Components of the following mixture.
+        seed: Seed of sampling and of the fits.
+        step_s: Time between steps.
+        progress: Told one line per stage.
+    """
     rng = np.random.default_rng(seed)
     led = windows.take(np.flatnonzero(windows.has_leader))
     habit = driver_habit(led)
     records = following_records(led, habit, step_s)
     progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
     following = fit_following(records, components, seed, rng, progress)
-    return DriverModel(
-        following=following,
-        habit=_fit_habit(led, habit, seed, rng),
-        free=_fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s),
-        keeper=_fit_keeper(windows, step_s),
-        accel_bias_mps2=ACCEL_BIAS_MPS2,
-    )
+    return following, _fit_habit(led, habit, seed, rng)
 
 
 def fit_following(

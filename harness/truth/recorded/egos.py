@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.road import IntArray
 
 AUTO, EACH = "auto", "each"
+# each:12 is twelve of them, evenly spaced.
+SOME_OF_EACH = re.compile(rf"{EACH}:([1-9]\d*)")
 SHORTEST_EGO_S = 3.0
 
 
@@ -41,20 +44,21 @@ def plan_egos(traffic: RecordedTraffic, ego: str) -> tuple[EgoStay, ...]:
     Args:
         traffic: The traffic.
         ego: Name of a vehicle; ``auto``: at every time one that stays longest, and the next one when it is gone;
-            ``each``: every vehicle that is in the window for 3 s or more, in turn.
+            ``each``: every vehicle that is in the window for 3 s or more, in turn; ``each:N``: at most N of those,
+            evenly spaced in their order.
 
     Raises:
         UserError: There is no such vehicle, or none that stays long enough.
     """
     stays = _stays_in_window(traffic)
-    if ego == EACH:
+    if ego == EACH or SOME_OF_EACH.fullmatch(ego):
         shortest = round(SHORTEST_EGO_S / STEP_S)
         chosen = tuple(stay for stay in stays if stay.steps >= shortest)
         if not chosen:
             raise UserError(
                 f"--ego {EACH}: no vehicle is driven for {SHORTEST_EGO_S:g} s; take --ego {AUTO} or a longer --duration"
             )
-        return chosen
+        return _evenly_spaced(chosen, ego)
     if ego == AUTO:
         return _relay(traffic, stays)
     chosen = tuple(stay for stay in stays if str(traffic.names[stay.stay]) == ego)
@@ -63,6 +67,13 @@ def plan_egos(traffic: RecordedTraffic, ego: str) -> tuple[EgoStay, ...]:
         known = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
         raise UserError(f"--ego {ego}: no vehicle of that name is on record within the first seconds driven: {known}")
     return chosen
+
+
+def _evenly_spaced(stays: tuple[EgoStay, ...], ego: str) -> tuple[EgoStay, ...]:
+    """Return as many of the stays as ``ego`` says, the first and the last among them where it says two or more."""
+    some = SOME_OF_EACH.fullmatch(ego)
+    count = min(int(some[1]), len(stays)) if some else len(stays)
+    return tuple(stays[round(place)] for place in np.linspace(0, len(stays) - 1, count))
 
 
 def _stays_in_window(traffic: RecordedTraffic) -> list[EgoStay]:

@@ -72,7 +72,7 @@ class RecordedTrafficTruth:
         counts = self.traffic.counts
         left_out = ", ".join(f"{count} {reason}" for reason, count in counts.left_out.items()) or "none"
         names = [str(self.traffic.names[ego.stay]) for ego in self.egos]
-        egos = f"{len(names)} in turn" if self._asked == EACH else ", then ".join(names[:6])
+        egos = f"{len(names)} in turn" if self._asked.startswith(EACH) else ", then ".join(names[:6])
         start_m, end_m = self.traffic.window_m
         lines = [
             f"{self._path.name} ({self._format}): {counts.vehicles_read} vehicles read, {counts.vehicles_kept} kept; "

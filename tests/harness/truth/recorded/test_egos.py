@@ -80,3 +80,10 @@ def test_a_window_without_comings_and_goings_is_as_long_as_the_traffic():
 def test_the_same_question_has_the_same_answer(tmp_path):
     truth = truth_of(tmp_path, "auto")
     assert plan_egos(truth.traffic, "auto") == truth.egos
+
+
+@pytest.mark.parametrize(("ego", "names"), [("each:1", ["1"]), ("each:2", ["1", "3"]), ("each:9", ["1", "2", "3"])])
+def test_some_of_each_are_evenly_spaced_and_never_more_than_there_are(ego, names, tmp_path):
+    truth = truth_of(tmp_path, ego)
+    assert [str(truth.traffic.names[stay.stay]) for stay in truth.egos] == names
+    assert f"{len(names)} in turn" in truth.report()

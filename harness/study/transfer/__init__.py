@@ -1,0 +1,1 @@
+"""Whether behaviour models carry over: trained on simulated and real traffic, tested on both."""

@@ -1,0 +1,76 @@
+"""The models of the transfer study: committed ones, and the same fitted to real and to mixed traffic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from harness.study.transfer.traffic import STEP_S, Say, as_one_vehicle_each
+from harness.training.driver_fit import fit_follower, fit_short
+from harness.training.following import Following
+from harness.training.idm_fit import fit_idm
+from mmpf.motion.idm import IntelligentDriver
+from mmpf.motion.learned_driver import LearnedDriver, without_lane_changes
+from mmpf.motion.process_noise import process_noise
+from mmpf.motion.protocol import MotionModel, motion_models
+from mmpf.motion.short_driver import ShortTermDriver
+
+COMPONENTS = 28
+ON_SUMO, ON_REAL, ON_BOTH, ON_NOTHING = "sumo", "real", "sumo+real", "nothing"
+LEARNED = ("gmm", "gmm-short", "idm-fitted")
+UNTRAINED = ("cvm", "cam", "idm")
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """A model and where it has it from.
+
+    Attributes:
+        name: Name of the kind of model.
+        trained_on: What its parameters were fitted to.
+        model: The model; it keeps its lane, as the cases' vehicles do.
+    """
+
+    name: str
+    trained_on: str
+    model: MotionModel
+
+    @property
+    def label(self) -> str:
+        """Name for tables and pictures."""
+        return self.name if self.trained_on == ON_NOTHING else f"{self.name}, {self.trained_on}"
+
+
+def committed_models() -> list[TrainedModel]:
+    """Return the models that travel with the package: trained on simulated traffic, or on nothing."""
+    learned = [TrainedModel(name, ON_SUMO, _lane_keeping(motion_models[name]())) for name in LEARNED]
+    return [*learned, *(TrainedModel(name, ON_NOTHING, motion_models[name]()) for name in UNTRAINED)]
+
+
+def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> list[TrainedModel]:
+    """Fit every learned kind of model to the same windows.
+
+    Of ``gmm`` the following mixture and the drivers' habits are fitted; driving without a leader and motion across the
+    lane, in which pairs give no samples and which touch no longitudinal error here, remain the committed ones.
+
+    Args:
+        windows: Training windows with leaders.
+        trained_on: What they are.
+        seed: Seed of samples and fits.
+        say: Told one line a stage.
+    """
+    say(f"{trained_on}: {len(windows)} windows of 10 s")
+    following, habit = fit_follower(windows, COMPONENTS, seed, STEP_S, say)
+    committed = LearnedDriver().model
+    learned = LearnedDriver(replace(committed, following=following, habit=habit))
+    say(f"{trained_on}: fitting gmm-short")
+    short = ShortTermDriver(fit_short(windows, COMPONENTS, seed))
+    say(f"{trained_on}: fitting idm")
+    driver = IntelligentDriver(
+        fit_idm(as_one_vehicle_each(windows), seed, STEP_S), process_noise("idm-fitted"), "idm-fitted"
+    )
+    models = zip(LEARNED, (_lane_keeping(learned), short, driver), strict=True)
+    return [TrainedModel(name, trained_on, model) for name, model in models]
+
+
+def _lane_keeping(model: MotionModel) -> MotionModel:
+    return without_lane_changes(model) if isinstance(model, LearnedDriver) else model

@@ -1,0 +1,112 @@
+"""What simulated training is worth on other traffic, said in so many words: won, lost, or neither."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.scoring.statistics import bootstrap_ci
+from harness.study.scores import RESAMPLES
+from harness.study.targets import Target
+from harness.study.transfer.models import ON_NOTHING, ON_REAL, ON_SUMO, UNTRAINED
+from mmpf.road import FloatArray
+
+if TYPE_CHECKING:
+    from harness.study.transfer.transfer import Outcome
+
+OURS = ("gmm", "gmm-short")
+RIVALS = (*((name, ON_NOTHING) for name in UNTRAINED), ("idm-fitted", ON_SUMO))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A model that knows simulated traffic alone held against another one, case by case.
+
+    Attributes:
+        tested_on: Name of the test set.
+        horizon_s: Time without a measurement.
+        own: The model.
+        rival: The other one.
+        rival_trained_on: What that was trained on.
+        lon_m: The model's mean absolute longitudinal error.
+        rival_lon_m: The other one's.
+        difference_m: One minus the other.
+        difference_m_ci95: Its interval over vehicles.
+        met: Whether the model's is smaller.
+    """
+
+    tested_on: str
+    horizon_s: float
+    own: str
+    rival: str
+    rival_trained_on: str
+    lon_m: float
+    rival_lon_m: float
+    difference_m: float
+    difference_m_ci95: tuple[float, float]
+    met: bool
+
+    @property
+    def clear(self) -> bool:
+        """Whether the interval leaves no doubt which is better."""
+        low, high = self.difference_m_ci95
+        return low > 0.0 or high < 0.0
+
+    def as_target(self) -> Target:
+        """Return the comparison in words."""
+        low, high = self.difference_m_ci95
+        return Target(
+            f"on {self.tested_on}, {self.own} below {self.rival} at {self.horizon_s:g} s",
+            self.met,
+            f"{self.lon_m:.2f} against {self.rival_lon_m:.2f} m, difference {self.difference_m:+.2f} "
+            f"[{low:+.2f}, {high:+.2f}], {'clear' if self.clear else 'not clear'}",
+        )
+
+
+def compare_transfer(outcomes: Sequence[Outcome]) -> list[Comparison]:
+    """Hold the learned models that know simulated traffic alone against the rivals, and against real training.
+
+    Every comparison is made case by case; its interval is over vehicles.
+    """
+    by_key = {
+        (outcome.tested_on, outcome.model.name, outcome.model.trained_on, horizon): outcome
+        for outcome in outcomes
+        for horizon in outcome.part.horizons_s
+    }
+    places = list(dict.fromkeys((tested_on, horizon) for tested_on, _, _, horizon in by_key))
+    targets = []
+    for tested_on, horizon in places:
+        for own in OURS:
+            against = [*RIVALS, (own, ON_REAL)]
+            targets += [
+                _below(by_key[tested_on, own, ON_SUMO, horizon], by_key[tested_on, name, trained_on, horizon], horizon)
+                for name, trained_on in against
+                if (tested_on, own, ON_SUMO, horizon) in by_key and (tested_on, name, trained_on, horizon) in by_key
+            ]
+    return targets
+
+
+def _below(own: Outcome, rival: Outcome, horizon_s: float) -> Comparison:
+    own_m, rival_m = (_errors_at(outcome, horizon_s) for outcome in (own, rival))
+    interval = bootstrap_ci(own_m - rival_m, np.random.default_rng(0), own.part.vehicle, draws=RESAMPLES)
+    difference = float((own_m - rival_m).mean())
+    return Comparison(
+        tested_on=own.tested_on,
+        horizon_s=horizon_s,
+        own=own.model.label,
+        rival=rival.model.label,
+        rival_trained_on=rival.model.trained_on,
+        lon_m=float(own_m.mean()),
+        rival_lon_m=float(rival_m.mean()),
+        difference_m=difference,
+        difference_m_ci95=(interval.low, interval.high),
+        met=difference < 0.0,
+    )
+
+
+def _errors_at(outcome: Outcome, horizon_s: float) -> FloatArray:
+    step = round(horizon_s / outcome.part.cases.step_s) - 1
+    return np.asarray(outcome.scores.abs_error["lon_m"][step])

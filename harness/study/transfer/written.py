@@ -1,0 +1,144 @@
+"""The transfer study's folder: one table 'model x trained on x tested on', what it means, and the picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.markdown import markdown_table
+from harness.study.transfer.figure import errors_figure
+from harness.study.transfer.models import ON_REAL
+from harness.study.transfer.transfer import TransferResult
+from harness.study.transfer.verdicts import Comparison
+from harness.study.written import rounded, setting_line, target_lines
+
+Row = Mapping[str, Any]
+FIGURE = "transfer-errors.png"
+
+
+def write_transfer(result: TransferResult, folder: Path) -> None:
+    """Write ``results.json``, ``results.md`` and the picture into a folder, which is made if missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "results.json").write_text(json.dumps(as_json(result), indent=1) + "\n", encoding="utf-8")
+    (folder / "results.md").write_text(as_markdown(result), encoding="utf-8")
+    errors_figure(result.outcomes).savefig(folder / FIGURE, dpi=110)
+
+
+def as_json(result: TransferResult) -> dict[str, Any]:
+    """Return what ``--json`` prints."""
+    return {
+        "setting": dict(result.setting),
+        "results": [rounded(row) for row in result.rows],
+        "inputs": [rounded(row) for row in result.inputs],
+        "targets": [vars(target) for target in result.targets],
+    }
+
+
+def as_markdown(result: TransferResult) -> str:
+    """Return table, verdicts and ranges as Markdown."""
+    return "\n".join(
+        [
+            "# Study: transfer",
+            "",
+            "Complete occlusion: the true state at the start, the true leader throughout, nothing measured. "
+            "Mean absolute error of the longitudinal position, m, with 95 % intervals over vehicles.",
+            "",
+            setting_line(result.setting),
+            "",
+            *_table(result.rows, _error),
+            "",
+            f"![errors]({FIGURE})",
+            "",
+            "## What was found",
+            "",
+            *summary_lines(result.targets),
+            "",
+            "## Every comparison",
+            "",
+            *target_lines([target.as_target() for target in result.targets]),
+            "",
+            "## Bias and coverage",
+            "",
+            "Mean of estimated minus true position, m; share of true positions inside the 95 % particle interval.",
+            "",
+            *_table(result.rows, _bias, least_s=5.0),
+            "",
+            "## How long an acceleration lasts",
+            "",
+            "Share of the acceleration at the start that the model still has; in brackets what the true vehicles have.",
+            "",
+            *_table(result.rows, _kept, most_s=2.0),
+            "",
+            "## Inputs against the training range",
+            "",
+            "True situations of the test traffic (5 to 95 %), the range of `gmm`'s training data, the share beyond.",
+            "",
+            *_input_table(result.inputs),
+            "",
+        ]
+    )
+
+
+def summary_lines(targets: Sequence[Comparison]) -> list[str]:
+    """Return one line for each test set and model trained on simulated traffic: whom it loses to, and when."""
+    lines = []
+    for own in dict.fromkeys((target.tested_on, target.own) for target in targets):
+        lost = [target for target in targets if (target.tested_on, target.own) == own and not target.met]
+        rivals = [target for target in lost if target.rival_trained_on != ON_REAL]
+        kin = [target for target in lost if target.rival_trained_on == ON_REAL]
+        told = f"LOSES to {_by_rival(rivals)}" if rivals else "loses to no rival"
+        behind = f"; behind {_by_rival(kin)}" if kin else ""
+        lines.append(f"- on {own[0]}, {own[1]} {told}{behind}.")
+    return lines
+
+
+def _by_rival(lost: Sequence[Comparison]) -> str:
+    times: dict[str, list[str]] = {}
+    for target in lost:
+        times.setdefault(target.rival, []).append(f"{target.horizon_s:g} s{'' if target.clear else ' (not clear)'}")
+    return ", ".join(f"{rival} at {' and '.join(when)}" for rival, when in times.items())
+
+
+def _table(rows: Sequence[Row], cell: Callable[[Row], str], least_s: float = 0.0, most_s: float = np.inf) -> list[str]:
+    """Return a line for each model and a column for each test set and horizon from ``least_s`` to ``most_s``."""
+    shown = [row for row in rows if least_s <= row["horizon_s"] <= most_s]
+    heads = list(dict.fromkeys((row["tested_on"], row["horizon_s"]) for row in shown))
+    models: dict[tuple[str, str], dict[tuple[str, float], Row]] = {}
+    for row in shown:
+        models.setdefault((row["model"], row["trained_on"]), {})[row["tested_on"], row["horizon_s"]] = row
+    return markdown_table(
+        ["model", "trained on", *(f"{tested_on}, {horizon:g} s" for tested_on, horizon in heads)],
+        [[*model, *(cell(found[head]) for head in heads)] for model, found in models.items()],
+    )
+
+
+def _error(row: Row) -> str:
+    low, high = row["lon_m_ci95"]
+    return f"{row['lon_m']:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def _bias(row: Row) -> str:
+    return f"{row['lon_bias_m']:+.2f}; {100 * row['coverage95_lon_m']:.0f} %"
+
+
+def _kept(row: Row) -> str:
+    return f"{row['accel_kept']:.2f} ({row['accel_kept_true']:.2f})"
+
+
+def _input_table(inputs: Sequence[Row]) -> list[str]:
+    rows = [
+        [
+            *(row[name] for name in ("tested_on", "trained_on", "input")),
+            f"{row['from_5_percent']:.2f} to {row['to_95_percent']:.2f}",
+            f"{row['std']:.2f}",
+            f"{row['trained_from']:.2f} to {row['trained_to']:.2f}",
+            f"{row['outside_percent']:.1f} %",
+        ]
+        for row in inputs
+    ]
+    heads = ["tested on", "trained on", "input", "test traffic", "std", "training range", "outside"]
+    return markdown_table(heads, rows)
