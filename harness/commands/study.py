@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+ABLATION_S = 60.0
+
 if TYPE_CHECKING:
     from harness.study.published import StudyPlan
     from harness.study.transfer.transfer import TransferPlan
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    case: Annotated[str, typer.Argument(help="lane-keeping, lane-change or transfer.")],
+    case: Annotated[str, typer.Argument(help="lane-keeping, lane-change, transfer or ablation.")],
     net: Annotated[str, typer.Option(help="Network by name, or your own: a folder or .sumocfg file.")] = "us101",
     models: Annotated[
         str | None, typer.Option(help="Models by name, with commas between. (default: all that suit the case)")
@@ -32,8 +34,11 @@ def command(
     ] = None,
     seed: Annotated[int, typer.Option(help="Root of all randomness.", min=0)] = 0,
     seeds: Annotated[
-        str, typer.Option(help="Seeds A:B of the traffic, B excluded; below 100 none was trained on.")
-    ] = "0:16",
+        str | None,
+        typer.Option(
+            help="Seeds A:B of the traffic, B excluded; below 100 none was trained on. (default: 0:16; ablation: 0:4)"
+        ),
+    ] = None,
     cache: Annotated[
         Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET-...)")
     ] = None,
@@ -49,6 +54,8 @@ def command(
 
     transfer: models trained on SUMO, on real pairs and on both, tested on
     real pairs and recordings that no model has seen, and on SUMO.
+    ablation: the tracker with one of its departures from the paper taken
+    back at a time, in dense traffic.
 
     Writes results.json, results.md (tables with 95 % intervals, targets met
     and missed), figures, and all of it as one page, report.html.
@@ -57,18 +64,22 @@ def command(
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
       python -m harness study transfer --real-data ../shared/realdata
+      python -m harness study ablation
     """
     from harness.study.seeds import seed_range  # noqa: PLC0415
     from harness.truth.network import load_network  # noqa: PLC0415
 
-    first, count = seed_range(seeds)
+    first, count = seed_range(seeds or ("0:4" if case == "ablation" else "0:16"))
     folder = out or Path("results") / f"study-{case}"
 
     def say(line: str) -> None:
         if not quiet:
             typer.echo(line, err=True)
 
-    if case == "transfer":
+    if case == "ablation":
+        _refuse_for("the ablation study", {"--models": models, "--model-file": model_file, "--real-data": real_data})
+        told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
+    elif case == "transfer":
         from harness.realdata import real_data_folder  # noqa: PLC0415
         from harness.study.transfer.transfer import TransferPlan  # noqa: PLC0415
 
@@ -103,6 +114,29 @@ def _refuse_for(study: str, options: Mapping[str, object]) -> None:
     for option, value in options.items():
         if value is not None:
             raise UserError(f"{option}: {study} has no such choice; leave it out")
+
+
+def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
+    import os  # noqa: PLC0415
+
+    import pandas as pd  # noqa: PLC0415
+
+    from harness.stress.pool import run_cells  # noqa: PLC0415
+    from harness.stress.stress import RUNS, run_stress  # noqa: PLC0415
+    from harness.study.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
+
+    request = ablation_request(net, seeds, ABLATION_S)
+    finished = run_stress(
+        request,
+        folder,
+        lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
+        resume=(folder / RUNS).exists() or (folder / "grid.json").exists(),
+        quiet=quiet,
+        command="harness study ablation",
+    )
+    rows = ablation_rows(pd.read_parquet(finished.folder / RUNS))
+    setting = f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, gmm."
+    return _Told(write_ablation(rows, setting, folder), as_markdown(rows, setting))
 
 
 def _make_transfer(
