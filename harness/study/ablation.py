@@ -100,7 +100,7 @@ def ablation_rows(runs: pd.DataFrame) -> list[dict[str, Any]]:
         row: dict[str, Any] = {"variant": ablation.variant, "what": ablation.what, "runs": len(own)}
         for measure in MEASURES:
             values = own[measure.key].astype(float)
-            difference = (values - default[measure.key].astype(float)).dropna().to_numpy(dtype=np.float64)
+            difference = np.asarray((values - default[measure.key].astype(float)).dropna(), dtype=np.float64)
             row[measure.key] = {
                 "mean": _number(values.mean()),
                 "difference": _number(difference.mean()) if len(difference) else None,
