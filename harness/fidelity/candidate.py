@@ -24,6 +24,8 @@ BACK_WITHIN_M = 60.0
 # Change of the waves' amplitude per share of slow cells that is missing.
 AMPLITUDE_GAIN = 0.8
 AMPLITUDE_RANGE = (0.05, 0.9)
+RAMP_GAIN = 0.5
+RAMP_RANGE_VEH_PER_H = (0.0, 900.0)
 FACTOR_RANGE = (0.6, 1.6)
 GAP_RANGE_M = (2.0, 5.5)
 GAP_GAIN = 0.5
@@ -109,9 +111,9 @@ def improved(
     """Return the next candidate of the fixed-point iteration.
 
     Each parameter has one figure that answers to it: the headway factor of a quarter of the road its effective headway
-    (spacing beyond the standing one over speed), the densities the mean density, the waves' amplitude the share of slow
-    cells, the minimum gap the speed of the waves. Each is moved towards the measured figure by ``step`` of what is
-    missing. Drivers' mean headway is then set so that the factors' mean over all periods and quarters is one.
+    (spacing beyond the standing one over speed), the ramps what flow is gained along the road, the densities the mean
+    density, the waves' amplitude the share of slow cells, the minimum gap the speed of the waves. Each is moved towards
+    the measured figure by ``step`` of what is missing. Drivers' mean headway is then set so that the factors' mean over all periods and quarters is one.
 
     Args:
         candidate: The candidate that was simulated.
@@ -157,8 +159,11 @@ def _improved_demand(
     density = (measured.density_veh_per_km_lane / simulated.density_veh_per_km_lane) ** step
     slow = measured.share_below_4mps - simulated.share_below_4mps
     amplitude = (demand.exit_wave_amplitude or FIRST_AMPLITUDE) + AMPLITUDE_GAIN * step * slow
+    on_ramp, off_ramp = _improved_ramps(demand, simulated, measured, step)
     return demand.model_copy(
         update={
+            "on_ramp_veh_per_h": on_ramp,
+            "off_ramp_veh_per_h": off_ramp,
             "density_veh_per_km_lane": _bounded_density(demand.density_veh_per_km_lane * density),
             "schedule": tuple(
                 (from_s, _bounded_density(entry * density), waves) for from_s, entry, waves in demand.schedule
@@ -166,6 +171,20 @@ def _improved_demand(
             "headway_profile": profile,
             "exit_wave_amplitude": round(float(np.clip(amplitude, *AMPLITUDE_RANGE)), 4),
         }
+    )
+
+
+def _improved_ramps(
+    demand: DemandFile, simulated: PeriodStatistics, measured: PeriodStatistics, step: float
+) -> tuple[float | None, float | None]:
+    """Return ramp flows that bring the last quarter's flow, less the first one's, nearer to the measured."""
+    if demand.on_ramp_veh_per_h is None or demand.off_ramp_veh_per_h is None:
+        return demand.on_ramp_veh_per_h, demand.off_ramp_veh_per_h
+    gains = [entry.quarter_flow_veh_per_h[-1] - entry.quarter_flow_veh_per_h[0] for entry in (measured, simulated)]
+    half = RAMP_GAIN * step * (gains[0] - gains[1]) / 2.0
+    return (
+        round(float(np.clip(demand.on_ramp_veh_per_h + half, *RAMP_RANGE_VEH_PER_H)), 1),
+        round(float(np.clip(demand.off_ramp_veh_per_h - half, *RAMP_RANGE_VEH_PER_H)), 1),
     )
 
 

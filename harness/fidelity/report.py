@@ -16,7 +16,7 @@ from harness.fidelity.figures import draw_figures
 from harness.fidelity.targets import Target
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "target")
-DISTANCE_HEADINGS = ("quantity", "distance", "unit", "simulated mean", "recorded mean", "simulated n", "recorded n")
+DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
 
 
 def write_fidelity(result: Fidelity, folder: Path) -> None:
@@ -128,7 +128,7 @@ def _markdown(headings: tuple[str, ...], rows: Iterator[tuple[str, ...]] | list[
 def _table(title: str, headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
     table = Table(title=title, box=None, title_justify="left", padding=(0, 2, 0, 0))
     for place, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if place < 2 else "right")
+        table.add_column(heading, justify="left" if place < 2 else "right", no_wrap=place < 2)
     for row in rows:
         table.add_row(*row)
     return table

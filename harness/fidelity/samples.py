@@ -19,7 +19,8 @@ END_M = 20.0
 # A follower that creeps has no meaningful time headway.
 SLOWEST_WITH_HEADWAY_MPS = 2.0
 LONGEST_HEADWAY_M = 100.0
-# A lane change lasts while the vehicle drifts at least this fast towards its new lane.
+# A lane change lasts while the vehicle drifts at least this fast towards its new lane; one that is slower on the line
+# is no change of lane but a vehicle between two.
 DRIFT_MPS = 0.15
 
 UNITS = {
@@ -125,6 +126,8 @@ class Sampler:
         for row in np.flatnonzero(joined & (np.abs(np.diff(lane)) == 1)):
             # Lane 1 is the leftmost, and drift is positive to the left.
             towards = drift * np.sign(lane[row] - lane[row + 1])
+            if max(towards[row], towards[row + 1]) <= DRIFT_MPS:
+                continue
             first, last = int(row), int(row) + 1
             while first > 0 and joined[first - 1] and towards[first] > DRIFT_MPS:
                 first -= 1
