@@ -14,7 +14,13 @@ def command(
     components: Annotated[
         int | None, typer.Option(help="Components of the mixture. (default: the paper's 28 or 60)", min=1)
     ] = None,
-    seeds: Annotated[str, typer.Option(help="Seeds A:B of the training traffic, B excluded.")] = "1000:1032",
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            help="Seeds A:B of the training traffic, B excluded. (default: 1000:1032; lane-change, which is rarer, "
+            "1000:1040)"
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of sampling and of the fit.", min=0)] = 0,
     sweep: Annotated[bool, typer.Option(help="Score other numbers of components by BIC, for the card.")] = True,
     cache: Annotated[
@@ -37,6 +43,7 @@ def command(
     from harness.training.train import TrainingPlan, train  # noqa: PLC0415
     from harness.truth.network import load_network  # noqa: PLC0415
 
+    seeds = seeds or ("1000:1040" if case == "lane-change" else "1000:1032")
     first, count = seed_range(seeds)
     if first < FIRST_TRAINING_SEED:
         raise UserError(
