@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -123,3 +124,16 @@ def test_a_written_configuration_reads_back_the_same(tmp_path_factory, seed, den
     file = tmp_path_factory.mktemp("config") / "config.toml"
     write_config(config, file)
     assert resolve_config(file) == config
+
+
+def test_where_no_traffic_is_asked_for_the_networks_default_demand_is_driven():
+    traffic = resolve_config().traffic
+    assert (traffic.net, traffic.demand, traffic.density) == ("us101", "us101-0805", None)
+
+
+def test_a_network_that_names_no_default_demand_is_driven_at_thirty_vehicles_per_km_and_lane(tmp_path):
+    source = Path(str(files("networks"))) / "us101"
+    text = (source / "network.toml").read_text()
+    (tmp_path / "network.toml").write_text(text.replace('default_demand = "us101-0805"', ""))
+    traffic = resolve_config(options={"net": str(tmp_path)}).traffic
+    assert (traffic.demand, traffic.density) == (None, 30.0)

@@ -3,6 +3,7 @@
 import itertools
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import fields, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from harness.truth.sumo import open_traffic
 
 
 def drive(density=12.0, duration_s=8.0, seed=1, **options):
+    density = None if "demand" in options else density
     truth = open_traffic(load_network("us101"), density=density, duration_s=duration_s, seed=seed, **options)
     try:
         return list(truth.frames())
@@ -48,6 +50,10 @@ def test_position_is_the_integral_of_speed_along_and_across_the_road(frames):
 
 
 def test_nothing_jumps(frames):
+    check_that_nothing_jumps(frames)
+
+
+def check_that_nothing_jumps(frames):
     for before, after, a, b in pairs(frames):
         assert np.abs(after.accel_mps2[b] - before.accel_mps2[a]).max() < 2.0
         assert np.abs(after.lat_speed_mps[b] - before.lat_speed_mps[a]).max() < 0.6
@@ -56,6 +62,10 @@ def test_nothing_jumps(frames):
 
 
 def test_vehicles_never_overlap(frames):
+    check_that_vehicles_never_overlap(frames)
+
+
+def check_that_vehicles_never_overlap(frames):
     for frame in frames[::5]:
         gap_lon = np.abs(frame.lon_m[:, None] - frame.lon_m) - 0.5 * (frame.length_m[:, None] + frame.length_m)
         gap_lat = np.abs(frame.lat_m[:, None] - frame.lat_m) - 0.5 * (frame.width_m[:, None] + frame.width_m)
@@ -129,6 +139,18 @@ def test_the_density_asked_for_is_met_within_a_tenth(density):
         np.sum((f.lon_m >= 0.0) & (f.lon_m < 640.0) & (f.lane > 0)) for f in drive(density, duration_s=60.0, seed=3)
     ]
     assert np.mean(inside) / 5 / 0.640 == pytest.approx(density, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("demand", ["us101-0750", "us101-0805", "us101-0820"])
+def test_in_the_calibrated_periods_nothing_jumps_or_overlaps_and_no_lane_is_closed(demand):
+    frames = drive(demand=demand, duration_s=90.0, seed=3)
+    check_that_nothing_jumps(frames)
+    check_that_vehicles_never_overlap(frames)
+    stood = Counter()
+    for frame in frames:
+        stood.update(str(name) for name in frame.vehicle_id[(frame.lane > 0) & (frame.speed_mps < 0.1)])
+    assert max(stood.values(), default=0) < 300  # of 900 steps
 
 
 @pytest.mark.slow
