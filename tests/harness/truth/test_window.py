@@ -123,16 +123,11 @@ def test_a_command_that_the_window_refuses_is_told_as_it_is():
 @pytest.fixture(scope="module")
 def environment() -> Iterator[dict[str, str]]:
     """Open a virtual screen and return an environment in which windows open on it."""
-    server = subprocess.Popen(
-        [str(XVFB), "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert server.stdout is not None
-    yield os.environ | {"DISPLAY": f":{server.stdout.readline().strip()}"}
-    server.terminate()
-    server.wait()
+    command = [str(XVFB), "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+        assert server.stdout is not None
+        yield os.environ | {"DISPLAY": f":{server.stdout.readline().strip()}"}
+        server.terminate()
 
 
 RUN = [sys.executable, "-m", "harness", "run", "--density", "10", "--seed", "3"]
