@@ -105,7 +105,8 @@ class SumoWindow:
 
     def __init__(self, connection: Connection, process: subprocess.Popen[bytes]) -> None:
         """Take over a process and the connection to it."""
-        from traci.exceptions import FatalTraCIError, TraCIException  # noqa: PLC0415
+        # libsumo puts a class of its own into traci.exceptions; what a connection raises is its module's.
+        from traci.connection import FatalTraCIError, TraCIException  # noqa: PLC0415
 
         self.TraCIException: type[Exception] = TraCIException
         self.FatalTraCIError: type[Exception] = FatalTraCIError
