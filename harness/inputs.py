@@ -15,18 +15,19 @@ if TYPE_CHECKING:
     from harness.truth.network import Network
 
 
-def open_inputs(config: RunConfig, streams: Streams) -> RunInputs:
+def open_inputs(config: RunConfig, streams: Streams, gui: bool = False) -> RunInputs:
     """Open what the configuration asks for.
 
     Args:
         config: The configuration.
         streams: The run's randomness, of which the traffic uses its part.
+        gui: Whether simulated traffic is shown in a window.
 
     Raises:
-        UserError: There is no such network, demand, sensor or recording, or it is broken.
+        UserError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """
     if config.replay is None:
-        return _open_live(config, streams)
+        return _open_live(config, streams, gui)
     path = Path(config.replay)
     if not runfolder.is_run_folder(path):
         return _open_recorded_traffic(path, config)
@@ -57,7 +58,7 @@ def _open_recorded_traffic(path: Path, config: RunConfig) -> RunInputs:
     )
 
 
-def _open_live(config: RunConfig, streams: Streams) -> RunInputs:
+def _open_live(config: RunConfig, streams: Streams, gui: bool) -> RunInputs:
     from harness.sensor.detector import build_sensor  # noqa: PLC0415
     from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
 
@@ -71,7 +72,12 @@ def _open_live(config: RunConfig, streams: Streams) -> RunInputs:
     if network.configuration is not None and traffic.density is not None:
         raise UserError(f"--density: {network.name} brings its own demand; leave --density out")
     truth = open_traffic(
-        network, density=traffic.density, demand=traffic.demand, duration_s=traffic.duration_s, seed=streams.truth
+        network,
+        density=traffic.density,
+        demand=traffic.demand,
+        duration_s=traffic.duration_s,
+        seed=streams.truth,
+        gui=gui,
     )
     return RunInputs(truth=truth, sensor=sensor, files=_network_files(network))
 

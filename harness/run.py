@@ -55,7 +55,13 @@ class FinishedRun:
 
 
 def run(
-    config: RunConfig, *, out: Path | None = None, force: bool = False, command: str = "", quiet: bool = True
+    config: RunConfig,
+    *,
+    out: Path | None = None,
+    force: bool = False,
+    command: str = "",
+    quiet: bool = True,
+    gui: bool = False,
 ) -> FinishedRun:
     """Simulate or replay, track, score, draw, and leave a run folder.
 
@@ -65,15 +71,18 @@ def run(
         force: Whether an earlier run in ``out`` may be replaced.
         command: What the user typed, for the manifest.
         quiet: Whether to leave out the progress bar.
+        gui: Whether the traffic is shown in a window of sumo-gui while it is simulated; the results are the same.
 
     Raises:
-        UserError: The input is wrong; nothing is left behind.
+        UserError: The input is wrong or no window can be opened; nothing is left behind.
         RunError: The run failed part-way; its finished steps lie in a folder that says so.
         RunInterruptedError: The user stopped the run; likewise.
     """
     check_tracker(config)
+    if gui:
+        check_gui(config)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
-    attempt = _Attempt(config, pending.path, command, Streams.from_seed(config.seed))
+    attempt = _Attempt(config, pending.path, command, Streams.from_seed(config.seed), gui)
     try:
         metrics = attempt.complete(quiet)
         return FinishedRun(folder=pending.finish(), metrics=metrics)
@@ -111,6 +120,21 @@ def check_tracker(config: RunConfig) -> None:
     _build_tracker(config, setting)
 
 
+def check_gui(config: RunConfig) -> None:
+    """Check that there is traffic to be shown, and a window to show it in.
+
+    Raises:
+        UserError: The traffic is recorded, there is no screen, or sumo-gui is not installed.
+    """
+    if config.replay is not None:
+        raise UserError(
+            "--gui: --replay uses recorded traffic, so no SUMO runs and there is nothing to open; leave it out"
+        )
+    from harness.truth.window import check_window  # noqa: PLC0415
+
+    check_window()
+
+
 def _build_tracker(config: RunConfig, setting: TrackerSetting) -> AnyTracker:
     try:
         return build_tracker(config.tracker.name, setting, config.tracker.all_options())
@@ -135,6 +159,7 @@ class _Attempt:
     folder: Path
     command: str
     streams: Streams
+    gui: bool
     recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
     moment: MomentKeeper = field(default_factory=MomentKeeper)
     diagnostics: DiagnosticsKeeper = field(default_factory=DiagnosticsKeeper)
@@ -148,7 +173,7 @@ class _Attempt:
         begin = perf_counter()
         write_config(self.config, self.folder / runfolder.CONFIG)
         with self._timed("open"):
-            self.inputs = open_inputs(self.config, self.streams)
+            self.inputs = open_inputs(self.config, self.streams, self.gui)
         if self.inputs.report and not quiet:
             sys.stderr.write(self.inputs.report + "\n")
         write_road(self.inputs.truth.road, self.folder / runfolder.ROAD)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import platform
+import re
 import shutil
 import tomllib
 from collections.abc import Collection
@@ -83,11 +85,12 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         raise UserError(f"--out: {final} exists; choose another folder or add --force to replace it")
     if final.exists() and not _may_be_replaced(final):
         raise UserError(f"--out: {final} is not a run's folder, so --force leaves it alone; choose another folder")
-    pending = final.with_name(f".{final.name}.running-{os.getpid()}")
+    pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
         pending.mkdir(parents=True)
     except OSError as error:
         raise UserError(f"--out: can't write in {final.parent}: {error.strerror}; choose another folder") from None
+    _remove_leftovers(final.parent)
     return PendingFolder(path=pending, final=final, force=force)
 
 
@@ -154,6 +157,29 @@ def _first_free(path: Path) -> Path:
         candidate = path.with_name(f"{path.name}-{number}")
         number += 1
     return candidate
+
+
+def _remove_leftovers(parent: Path) -> None:
+    """Remove the folders of runs that were killed: those whose process, of this machine, lives no more."""
+    ours = re.compile(rf"\..+\.running-([0-9]+)@{re.escape(platform.node())}")
+    for folder in parent.glob(".*.running-*"):
+        name = ours.fullmatch(folder.name)
+        if name is None or _lives(int(name.group(1))):
+            continue
+        if folder.is_dir() and not folder.is_symlink() and (is_run_folder(folder) or not any(folder.iterdir())):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _lives(process: int) -> bool:
+    if os.name != "posix":
+        return True  # elsewhere the question itself would end the process
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def _may_be_replaced(folder: Path) -> bool:

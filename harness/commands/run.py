@@ -61,6 +61,15 @@ def command(
             rich_help_panel=TRAFFIC,
         ),
     ] = None,
+    gui: Annotated[
+        bool,
+        typer.Option(
+            "--gui",
+            help="Watch the traffic in a window of sumo-gui while it runs; same results. Close it to stop. "
+            "(extra: networks)",
+            rich_help_panel=TRAFFIC,
+        ),
+    ] = False,
     tracker: Annotated[
         str | None, typer.Option(help="Tracker by name. (default: mmpf)", rich_help_panel=TRACKING)
     ] = None,
@@ -159,7 +168,9 @@ def command(
 
         check_film(video, force)
     with _only_results_on_stdout():
-        finished = run(resolved, out=out, force=force, command=shlex.join(["harness", *sys.argv[1:]]), quiet=quiet)
+        finished = run(
+            resolved, out=out, force=force, command=shlex.join(["harness", *sys.argv[1:]]), quiet=quiet, gui=gui
+        )
     if video is not None:
         write_video(finished.folder, video, force)
     if not quiet:

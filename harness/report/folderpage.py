@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from markdown_it import MarkdownIt
+from markdown_it.token import Token
 from markupsafe import Markup
 
 from harness import runfolder
+from harness.compare.verdicts import BETTER, SAME, UNTESTED, WORSE
 from harness.errors import UserError
 from harness.report.page import PAGE, PageFigure, embedded, render, write_run_page
 from harness.report.tables import html_table
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
+STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", SAME: "same", UNTESTED: "same"}
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
@@ -112,7 +116,17 @@ def _as_html(text: str) -> Markup:
     first = next((place for place, line in enumerate(lines) if line.startswith("#")), None)
     if first is not None:
         del lines[first]
-    return Markup(parser.render("\n".join(lines)))
+    tokens = parser.parse("\n".join(lines))
+    _colour_verdicts(tokens)
+    return Markup(parser.renderer.render(tokens, parser.options, {}))
+
+
+def _colour_verdicts(tokens: Sequence[Token]) -> None:
+    """Give the cells of tables that hold a verdict the style of that verdict."""
+    for cell, content in pairwise(tokens):
+        verdict = content.content.strip("*").partition(",")[0]
+        if cell.type == "td_open" and verdict in STYLE_OF_VERDICT:
+            cell.attrSet("class", f"verdict {STYLE_OF_VERDICT[verdict]}")
 
 
 def _figures(folder: Path) -> list[PageFigure]:

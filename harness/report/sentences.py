@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from harness.truth.recorded.formats import ROAD_OF_RECORDING
+
 Metrics = Mapping[str, Any]
 
 # Shares, in percent, between which 95 % intervals pass for honest; hidden vehicles are few and their errors alike.
@@ -38,6 +40,14 @@ def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
     parts = (_setting(metrics), _in_sight(metrics), _hidden(metrics), _occlusions(metrics), _trust(metrics))
     return [sentence for sentence in (*parts, _speed(metrics)) if sentence]
+
+
+def traffic_source(metrics: Metrics) -> str:
+    """Return where the traffic came from: the network's name, or the recording's file and the network if it has one."""
+    net, file = str(metrics["run"]["net"]), metrics.get("recording", {}).get("file")
+    if net == ROAD_OF_RECORDING:
+        return str(file or "a recording")
+    return f"{file} on {net}" if file else net
 
 
 def headlines(metrics: Metrics) -> list[Headline]:
@@ -92,8 +102,8 @@ def _setting(metrics: Metrics) -> str:
     run, traffic = metrics["run"], metrics["traffic"]
     tracker = f"tracker {run['tracker']}" + (f" with motion model {run['model']}" if run.get("model") else "")
     text = (
-        f"{tracker[0].upper()}{tracker[1:]} followed the traffic on {run['net']} for {run['duration_s']:g} s, seen by "
-        f"the {run['sensor']} of a car in it"
+        f"{tracker[0].upper()}{tracker[1:]} followed the traffic of {traffic_source(metrics)} for "
+        f"{run['duration_s']:g} s, seen by the {run['sensor']} of a car in it"
     )
     density, in_range = traffic["density_veh_per_km_lane"], traffic["vehicles_in_range"]
     if density is None or in_range is None:

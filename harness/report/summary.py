@@ -11,6 +11,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.report.sentences import traffic_source
 from harness.truth.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
@@ -33,7 +34,8 @@ def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
         folder: The run's folder.
     """
     run = metrics["run"]
-    title = " · ".join(str(run[key]) for key in ("net", "tracker", "model", "update") if run.get(key))
+    words = [traffic_source(metrics), *(str(run[key]) for key in ("tracker", "model", "update") if run.get(key))]
+    title = " · ".join(words)
     Console(stderr=True, highlight=False).print(
         Group(
             Text(f"\n{title} · seed {run['seed']}", style="bold"),

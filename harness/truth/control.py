@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import count
-from types import ModuleType
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from harness.truth.headways import LocalHeadways
 from harness.truth.network import Network
 from harness.truth.population import Vehicle, draw_vehicle
 from harness.truth.reading import Load
+from harness.truth.session import Sumo
 
 SLOWEST_MPS = 1.0
 CONTROL_EVERY_S = 0.5
@@ -34,11 +34,11 @@ INFLOW_GAIN = 4.0
 
 
 class TrafficControl:
-    """Fills the road, lets vehicles in, and sets the exit's speed, through SUMO's ``libsumo`` interface."""
+    """Fills the road, lets vehicles in, and sets the exit's speed, through SUMO's interface."""
 
     def __init__(
         self,
-        sumo: ModuleType,
+        sumo: Sumo,
         network: Network,
         demand: Demand,
         rng: np.random.Generator,

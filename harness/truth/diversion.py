@@ -6,14 +6,13 @@ closes it for all behind, which no recording shows.
 
 from __future__ import annotations
 
-from types import ModuleType
-
 from harness.truth.network import Network
+from harness.truth.session import Sumo
 
 GIVE_UP_WITHIN_M = 40.0
 
 
-def divert_late_vehicles(sumo: ModuleType, network: Network) -> None:
+def divert_late_vehicles(sumo: Sumo, network: Network) -> None:
     """Give vehicles that are on the wrong lane just before an exit the route that their lane leads to."""
     edges = network.corridor.edges
     for ramp in network.off_ramps:

@@ -6,18 +6,17 @@ observations and microscopic simulations, Physical Review E 62, 2000, section IV
 
 from __future__ import annotations
 
-from types import ModuleType
-
 import numpy as np
 
 from harness.truth.reading import front_positions
+from harness.truth.session import Sumo
 from mmpf.road import Road
 
 
 class LocalHeadways:
     """Sets each vehicle's time headway to its driver's own times the factor of the place."""
 
-    def __init__(self, sumo: ModuleType, road: Road, profile: tuple[tuple[float, float], ...]) -> None:
+    def __init__(self, sumo: Sumo, road: Road, profile: tuple[tuple[float, float], ...]) -> None:
         """Take positions along the road and the factors there, linear in between; none for 1 everywhere."""
         self._sumo = sumo
         self._road = road

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import ModuleType
 
 import numpy as np
 
 from harness.truth.ego import NO_EGO_INDEX
 from harness.truth.frame import Frame
+from harness.truth.session import Sumo
 from mmpf.road import NO_LANE, FloatArray, Road
 
 BESIDE_SECTION_M = 150.0
 OFF_ROAD_WITHIN_M = 15.0
 
 
-def read_frame(sumo: ModuleType, road: Road, step: int, time_s: float) -> Frame:
+def read_frame(sumo: Sumo, road: Road, step: int, time_s: float) -> Frame:
     """Return the vehicles within 150 m of the section, not smoothed; the frame has no ego yet.
 
     SUMO's lateral position is taken as the centre's, so that lateral speed is its derivative; on a ramp, which lies at
@@ -76,7 +76,7 @@ class Load:
     mean_speed_mps: float
 
 
-def read_load(sumo: ModuleType, road: Road) -> Load:
+def read_load(sumo: Sumo, road: Road) -> Load:
     """Count the vehicles before and in the section."""
     names = sumo.vehicle.getIDList()
     lon, lat = front_positions(sumo, road, names)
@@ -91,7 +91,7 @@ def read_load(sumo: ModuleType, road: Road) -> Load:
     )
 
 
-def front_positions(sumo: ModuleType, road: Road, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+def front_positions(sumo: Sumo, road: Road, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Return the front bumpers' longitudinal and lateral positions, each (n,)."""
     position = sumo.vehicle.getPosition
     xy = np.array([position(name) for name in names], dtype=np.float64).reshape(-1, 2)

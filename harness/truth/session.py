@@ -1,4 +1,4 @@
-"""The one libsumo simulation that a process may have: start, stop, and errors in our words."""
+"""The one simulation that a run drives, in this process or in a window: start, stop, and errors in our words."""
 
 from __future__ import annotations
 
@@ -6,26 +6,59 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from types import ModuleType
+from typing import Any, Protocol
 
 from harness.errors import RunError, UserError
+from harness.truth.window import SumoWindow, open_window
 
 QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")
 
 
-def start_sumo(arguments: Sequence[str], step_s: float, seed: int) -> ModuleType:
-    """Start SUMO in this process and return the ``libsumo`` module.
+class Sumo(Protocol):
+    """What is used of SUMO's interface: of the module ``libsumo``, or of a ``harness.truth.window.SumoWindow``.
+
+    Attributes:
+        vehicle: Commands on vehicles; so on with lanes, edges, routes and the simulation.
+        TraCIException: Raised where SUMO refuses a command.
+        FatalTraCIError: Raised where SUMO is gone.
+    """
+
+    vehicle: Any
+    lane: Any
+    edge: Any
+    route: Any
+    simulation: Any
+    TraCIException: type[Exception]
+    FatalTraCIError: type[Exception]
+
+    def simulationStep(self) -> object:  # noqa: N802  (SUMO's name)
+        """Advance by one step."""
+        ...
+
+    def isLoaded(self) -> bool:  # noqa: N802  (SUMO's name)
+        """Whether a simulation is open."""
+        ...
+
+    def close(self) -> None:
+        """End the simulation."""
+        ...
+
+
+def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = False) -> Sumo:
+    """Start SUMO in this process, or sumo-gui beside it, and return its interface.
 
     Raises:
-        UserError: SUMO refuses its input.
+        UserError: SUMO refuses its input, or no window can be opened.
         RunError: A simulation is already open in this process.
     """
+    fixed = ("--step-length", f"{step_s:g}", "--seed", str(seed), "--step-method.ballistic", "true")
+    if gui:
+        return open_window([*arguments, *fixed, *QUIET])
     with _silent_native_streams():
         import libsumo  # noqa: PLC0415  (heavy)
 
     if libsumo.isLoaded():
         raise RunError("a SUMO simulation is open already; a process can hold one at a time")
-    fixed = ("--step-length", f"{step_s:g}", "--seed", str(seed), "--step-method.ballistic", "true")
     try:
         with _silent_native_streams():
             libsumo.start(["sumo", *arguments, *fixed, *QUIET])
@@ -34,23 +67,32 @@ def start_sumo(arguments: Sequence[str], step_s: float, seed: int) -> ModuleType
         raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
     except libsumo.FatalTraCIError as error:
         raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
-    module: ModuleType = libsumo
-    return module
+    sumo: Sumo = libsumo
+    return sumo
 
 
-def step_sumo(sumo: ModuleType) -> None:
-    """Advance by one step.
+@contextmanager
+def sumo_errors_in_words(sumo: Sumo) -> Iterator[None]:
+    """Turn what SUMO raises inside into our own errors.
 
     Raises:
-        RunError: SUMO fails.
+        RunError: SUMO fails, or the user has closed its window.
     """
     try:
-        sumo.simulationStep()
-    except (sumo.TraCIException, sumo.FatalTraCIError) as error:
+        yield
+    except (sumo.TraCIException, sumo.FatalTraCIError, ConnectionError) as error:
+        if isinstance(sumo, SumoWindow) and not isinstance(error, sumo.TraCIException):
+            raise RunError(sumo.how_it_ended()) from error
         raise RunError(f"SUMO failed: {_one_line(error)}") from error
 
 
-def stop_sumo(sumo: ModuleType) -> None:
+def show_ego(sumo: Sumo, vehicle_id: str) -> None:
+    """Let the window, if there is one, follow a vehicle."""
+    if isinstance(sumo, SumoWindow):
+        sumo.follow(vehicle_id)
+
+
+def stop_sumo(sumo: Sumo) -> None:
     """Close the simulation; harmless where none is open."""
     with suppress(sumo.TraCIException, sumo.FatalTraCIError), _silent_native_streams():
         if sumo.isLoaded():

@@ -1,9 +1,8 @@
-"""Truth from SUMO, in this process, through libsumo."""
+"""Truth from SUMO, in this process through libsumo, or in a window beside it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from types import ModuleType
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from harness.truth.ego import NO_EGO, EgoChoice, choose_ego
 from harness.truth.frame import Frame
 from harness.truth.network import Network
 from harness.truth.reading import Load, read_frame, read_load
-from harness.truth.session import start_sumo, step_sumo, stop_sumo
+from harness.truth.session import Sumo, show_ego, start_sumo, stop_sumo, sumo_errors_in_words
 from harness.truth.smoothing import lead_frames, smoothed
 from mmpf.road import Road
 
@@ -34,6 +33,7 @@ def open_traffic(
     step_s: float = STEP_S,
     warm_up_s: float = WARM_UP_S,
     ego: bool = True,
+    gui: bool = False,
 ) -> SumoTruth:
     """Start SUMO on a network, run the warm-up and return the truth that follows.
 
@@ -47,9 +47,10 @@ def open_traffic(
         step_s: Time between frames.
         warm_up_s: How long the traffic runs before the first frame.
         ego: Whether an ego vehicle is chosen; without one a frame's ``ego`` is -1.
+        gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
 
     Raises:
-        UserError: The density, the demand or the network's files are wrong.
+        UserError: The density, the demand or the network's files are wrong, or no window can be opened.
         RunError: A simulation is open already, or no vehicle ever appears.
     """
     if density is not None and demand is not None:
@@ -57,14 +58,14 @@ def open_traffic(
     if network.configuration is not None:
         if demand is not None:
             raise UserError(f"--demand {demand}: {network.name} brings its own demand; leave --demand out")
-        return _open_own_demand(network, duration_s, seed, step_s, warm_up_s, ego)
+        return _open_own_demand(network, duration_s, seed, step_s, warm_up_s, ego, gui)
     if demand is None and density is None:
         demand = network.default_demand
     if demand is not None:
         held = network.demand(demand)
     else:
         held = network.demand_for_density(DEFAULT_DENSITY if density is None else density)
-    return _open_held_demand(network, held, duration_s, seed, step_s, warm_up_s, ego)
+    return _open_held_demand(network, held, duration_s, seed, step_s, warm_up_s, ego, gui)
 
 
 class SumoTruth:
@@ -77,7 +78,7 @@ class SumoTruth:
     """
 
     def __init__(
-        self, sumo: ModuleType, network: Network, steps: int, step_s: float, control: TrafficControl | None, ego: bool
+        self, sumo: Sumo, network: Network, steps: int, step_s: float, control: TrafficControl | None, ego: bool
     ) -> None:
         """Take over a simulation that has started."""
         self.road: Road = network.road
@@ -104,9 +105,11 @@ class SumoTruth:
         ego = EgoChoice(vehicle_id=NO_EGO, episode=-1)
         for frame in smoothed(self._raw_frames(), self.road, self.step_s):
             if self._wants_ego:
-                ego = choose_ego(frame, ego, self._network.ego_lanes, self.road.section_m)
+                previous, ego = ego, choose_ego(frame, ego, self._network.ego_lanes, self.road.section_m)
                 if ego.vehicle_id == NO_EGO:
                     return
+                if ego != previous:
+                    show_ego(self._sumo, ego.vehicle_id)
                 yield ego.apply(frame)
             else:
                 yield frame
@@ -115,7 +118,9 @@ class SumoTruth:
         for step in range(self.expected_steps + 2 * lead_frames(self.step_s)):
             if step:
                 self._advance()
-            yield read_frame(self._sumo, self.road, step, step * self.step_s)
+            with sumo_errors_in_words(self._sumo):
+                frame = read_frame(self._sumo, self.road, step, step * self.step_s)
+            yield frame
 
     def close(self) -> None:
         """End the simulation; harmless to call twice."""
@@ -124,9 +129,10 @@ class SumoTruth:
             stop_sumo(self._sumo)
 
     def _advance(self) -> None:
-        if self._control is not None:
-            self._control.before_step(self._sumo.simulation.getTime(), self._measure)
-        step_sumo(self._sumo)
+        with sumo_errors_in_words(self._sumo):
+            if self._control is not None:
+                self._control.before_step(self._sumo.simulation.getTime(), self._measure)
+            self._sumo.simulationStep()
 
     def _measure(self) -> Load:
         return read_load(self._sumo, self.road)
@@ -140,6 +146,7 @@ def _open_held_demand(
     step_s: float,
     warm_up_s: float,
     ego: bool,
+    gui: bool,
 ) -> SumoTruth:
     rng = np.random.default_rng(seed)
     arguments = (
@@ -147,26 +154,33 @@ def _open_held_demand(
         *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
         *("--time-to-teleport", "-1", "--collision.action", "warn"),
     )
-    sumo = start_sumo(arguments, step_s, int(rng.integers(2**31)))
+    sumo = start_sumo(arguments, step_s, int(rng.integers(2**31)), gui)
     control = TrafficControl(sumo, network, demand, rng, step_s, warm_up_s)
     truth = SumoTruth(sumo, network, round(duration_s / step_s), step_s, control, ego)
-    return _warmed_up(truth, warm_up_s, control.fill)
+    return _warmed_up(sumo, truth, warm_up_s, control.fill)
 
 
 def _open_own_demand(
-    network: Network, duration_s: float, seed: np.random.SeedSequence | int, step_s: float, warm_up_s: float, ego: bool
+    network: Network,
+    duration_s: float,
+    seed: np.random.SeedSequence | int,
+    step_s: float,
+    warm_up_s: float,
+    ego: bool,
+    gui: bool,
 ) -> SumoTruth:
     assert network.configuration is not None
     sumo_seed = int(np.random.default_rng(seed).integers(2**31))
-    sumo = start_sumo(("--configuration-file", str(network.configuration.path)), step_s, sumo_seed)
+    sumo = start_sumo(("--configuration-file", str(network.configuration.path)), step_s, sumo_seed, gui)
     truth = SumoTruth(sumo, network, round(duration_s / step_s), step_s, None, ego)
-    return _warmed_up(truth, warm_up_s, lambda: None)
+    return _warmed_up(sumo, truth, warm_up_s, lambda: None)
 
 
-def _warmed_up(truth: SumoTruth, warm_up_s: float, fill: Callable[[], None]) -> SumoTruth:
+def _warmed_up(sumo: Sumo, truth: SumoTruth, warm_up_s: float, fill: Callable[[], None]) -> SumoTruth:
     try:
-        fill()
-        truth.warm_up(warm_up_s)
+        with sumo_errors_in_words(sumo):
+            fill()
+            truth.warm_up(warm_up_s)
     except BaseException:
         truth.close()
         raise

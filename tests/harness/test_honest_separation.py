@@ -27,7 +27,7 @@ def recording(tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         _draw_nothing(patch)
         inputs = RunInputs(SteadyTraffic(steps=25, ego_stay=15), build_sensor(sensor_settings("lidar", {})))
-        patch.setattr("harness.inputs._open_live", lambda config, streams: inputs)
+        patch.setattr("harness.inputs._open_live", lambda config, streams, gui: inputs)
         config = resolve_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
         return run(config, out=tmp_path_factory.mktemp("separation") / "recording").folder
 

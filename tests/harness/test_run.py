@@ -28,7 +28,7 @@ def steady_traffic(monkeypatch) -> SteadyTraffic:
     """Put stand-in traffic in SUMO's place, and draw no figures: they take longer than the run."""
     traffic = SteadyTraffic(steps=12)
 
-    def open_live(config, streams):
+    def open_live(config, streams, gui):
         settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
         return RunInputs(traffic, build_sensor(settings))
 
@@ -217,7 +217,7 @@ def test_another_seed_is_another_drive(sumo_runs):
 
 @pytest.mark.slow
 def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams: pytest.fail("SUMO was opened"))
+    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams, gui: pytest.fail("SUMO was opened"))
     config = resolve_run_config(options={"replay": str(sumo_runs["one"]), "particles": 200})
     again = run(config, out=tmp_path / "again").folder
     for table in TABLES:

@@ -1,6 +1,11 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
+import signal
+import subprocess
+import sys
 
 import pandas as pd
 import pytest
@@ -24,6 +29,41 @@ def test_an_unfinished_folder_says_so(tmp_path):
     again = runfolder.open_folder(tmp_path / "run", "x", force=False)
     assert again.leave_incomplete().name == "run.incomplete"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
+
+
+def test_the_folder_of_a_killed_run_is_removed_by_the_next(tmp_path):
+    script = (
+        "import os, pathlib, signal; from harness import runfolder;"
+        f"folder = runfolder.open_folder(pathlib.Path({str(tmp_path / 'run')!r}), 'x', force=False).path;"
+        "(folder / runfolder.CONFIG).touch(); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    killed = subprocess.run([sys.executable, "-c", script], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == 1
+    runfolder.open_folder(tmp_path / "another", "x", force=False).finish()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["another"]
+
+
+def test_only_what_surely_is_a_dead_runs_folder_is_removed(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    here = platform.node()
+    kept = [
+        f".run.running-{os.getpid()}@{here}",  # a run in this process
+        f".run.running-{os.getppid()}@{here}",  # a run in another
+        f".run.running-{gone.pid}@another-machine",  # on a shared disk
+        f".run.running-{gone.pid}",
+        f"run.running-{gone.pid}@{here}",
+        f".mine.running-{gone.pid}@{here}",  # holds no run
+    ]
+    for name in kept:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / (runfolder.CONFIG if "mine" not in name else "precious")).touch()
+    left = tmp_path / f".left.running-{gone.pid}@{here}"
+    left.mkdir()
+    runfolder.open_folder(tmp_path / "new", "x", force=False).discard()
+    assert not left.exists()
+    assert {entry.name for entry in tmp_path.iterdir()} == set(kept)
 
 
 def test_default_names_never_collide(tmp_path, monkeypatch):

@@ -152,14 +152,16 @@ def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
 def echo_runs(monkeypatch, tmp_path) -> tuple[str, str, str]:
     """Make a run, its replay with other random numbers of the tracker, and a run on other traffic."""
     sensor = build_sensor(sensor_settings("lidar", {}))
-    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams: RunInputs(SteadyTraffic(steps=12), sensor))
+    monkeypatch.setattr(
+        "harness.inputs._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=12), sensor)
+    )
     monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
     first = run(resolve_config(options={"tracker": ECHO}), out=tmp_path / "first").folder
     again = run(
         resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
     ).folder
     traffic = SteadyTraffic(steps=12, cars_per_lane=4)
-    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams: RunInputs(traffic, sensor))
+    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams, gui: RunInputs(traffic, sensor))
     other = run(resolve_config(options={"tracker": ECHO}), out=tmp_path / "other").folder
     return str(first), str(again), str(other)
 
@@ -185,7 +187,9 @@ def small_suite(monkeypatch) -> None:
     request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
     sensor = build_sensor(sensor_settings("lidar", {}))
     monkeypatch.setattr("harness.compare.suite.SUITES", {"standard": request})
-    monkeypatch.setattr("harness.inputs._open_live", lambda config, streams: RunInputs(SteadyTraffic(steps=8), sensor))
+    monkeypatch.setattr(
+        "harness.inputs._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=8), sensor)
+    )
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
         for cell in cells:

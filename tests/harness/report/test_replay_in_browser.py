@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from harness.report.folderpage import text_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import GIVEN_UP, STEPS, write_recorded_scene
 
@@ -168,6 +169,42 @@ def test_every_control_has_a_name(page):
         ".map(e => e.outerHTML)"
     )
     assert unnamed == []
+
+
+FAINT_TEXTS = """
+const numbers = text => text.match(/[\\d.]+/g).map(Number);
+const linear = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+const opaque = c => c.length === 3 || c[3] > 0;
+const ground = e => { while (e) { const c = numbers(getComputedStyle(e).backgroundColor); if (opaque(c)) return c;
+  e = e.parentElement; } return [255, 255, 255]; };
+const contrast = e => { const [a, b] = [light(numbers(getComputedStyle(e).color)), light(ground(e))];
+  return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05); };
+const written = e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()) && e.offsetParent;
+const texts = [...document.body.querySelectorAll("*")].filter(e => written(e) && e.tagName !== "SCRIPT");
+return [texts.length, texts.filter(e => contrast(e) < 4.5).map(e => e.outerHTML.slice(0, 100)),
+  light(ground(document.body))];
+"""
+
+
+@pytest.mark.parametrize(("scheme", "is_dark"), [("light", False), ("dark", True)])
+def test_the_pages_follow_the_readers_scheme_and_stay_readable(browser, address, tmp_path, scheme, is_dark):
+    verdicts = "# Verdicts\n\n| b is |\n|---|\n| **better** |\n| **worse** |\n| no difference |\n\n`code`\n"
+    (tmp_path / "verdicts.html").write_text(text_page(verdicts), encoding="utf-8")
+    setting = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", setting)
+    try:
+        for page, least in ((address, 80), ((tmp_path / "verdicts.html").as_uri(), 6)):
+            browser.get(page)
+            count, faint, ground = browser.execute_script(FAINT_TEXTS)
+            assert count >= least
+            assert faint == []
+            assert (ground < 0.1) is is_dark
+        canvas = "return getComputedStyle(document.getElementById('chart')).backgroundColor"
+        browser.get(address)
+        assert browser.execute_script(canvas) == "rgb(255, 255, 255)", "pictures keep the ground that they are made for"
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
 def test_the_page_fits_a_phone(browser, address):

@@ -57,7 +57,7 @@ def opened(monkeypatch) -> list:
     """Put stand-in traffic in SUMO's place, draw no figures, and count how often traffic is opened."""
     sensor, calls = build_sensor(sensor_settings("lidar", {})), []
 
-    def open_live(config, streams) -> RunInputs:
+    def open_live(config, streams, gui) -> RunInputs:
         calls.append(config)
         return RunInputs(SteadyTraffic(steps=8), sensor)
 
@@ -162,7 +162,7 @@ def test_failed_runs_are_kept_unless_asked_to_be_made_again(opened, tmp_path):
 
 
 def test_failing_traffic_fails_every_run_of_its_cell(monkeypatch, opened, tmp_path):
-    def open_live(config, streams) -> RunInputs:
+    def open_live(config, streams, gui) -> RunInputs:
         fails = config.seed == 1
         return RunInputs(
             SteadyTraffic(steps=8, fail_at=5 if fails else None), build_sensor(sensor_settings("lidar", {}))

@@ -9,6 +9,8 @@ import pytest
 from harness import runfolder
 from harness.errors import UserError
 from harness.replay_config import resolve_run_config
+from harness.report.sentences import summary_sentences
+from harness.report.summary import print_summary
 from harness.run import run
 from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, write_ngsim_csv
 
@@ -69,6 +71,18 @@ def test_the_counts_are_printed_unless_the_run_is_to_be_quiet(recording, tmp_pat
     assert "4 vehicles read, 4 kept; left out: none" in capsys.readouterr().err
     run(configured(recording), out=tmp_path / "quiet", quiet=True)
     assert not capsys.readouterr().err
+
+
+def test_the_summary_names_the_recordings_file(recording, tmp_path, capsys):
+    on_us101 = run(configured(recording, duration=0.5), out=tmp_path / "on-us101")
+    print_summary(on_us101.metrics, on_us101.folder)
+    assert "scene.csv on us101 · " in capsys.readouterr().err
+    first = run(configured(write_commonroad(tmp_path / "scene.xml"), duration=0.5), out=tmp_path / "run")
+    print_summary(first.metrics, first.folder)
+    assert "scene.xml · " in capsys.readouterr().err
+    assert "the traffic of scene.xml for" in summary_sentences(first.metrics)[0]
+    print_summary(run(configured(first.folder), out=tmp_path / "again").metrics, tmp_path)
+    assert "a recording · " in capsys.readouterr().err
 
 
 def test_a_replay_of_a_run_refuses_another_ego(recording, tmp_path):
