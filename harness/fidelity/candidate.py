@@ -113,7 +113,8 @@ def improved(
     Each parameter has one figure that answers to it: the headway factor of a quarter of the road its effective headway
     (spacing beyond the standing one over speed), the ramps what flow is gained along the road, the densities the mean
     density, the waves' amplitude the share of slow cells, the minimum gap the speed of the waves. Each is moved towards
-    the measured figure by ``step`` of what is missing. Drivers' mean headway is then set so that the factors' mean over all periods and quarters is one.
+    the measured figure by ``step`` of what is missing. Drivers' mean headway is then set so that the factors' mean over
+    all periods and quarters is one.
 
     Args:
         candidate: The candidate that was simulated.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 
 from harness.fidelity.fields import Fields, fields_from_frames
 from harness.fidelity.samples import Sampler, Samples
@@ -55,7 +57,8 @@ class RunJob:
 
 def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[Run]:
     """Make runs in processes of their own, since a process holds one simulation; return them in order."""
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn")) as pool:
+    count, context = min(workers, len(jobs)), get_context("spawn")
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
         futures = [pool.submit(job.run) for job in jobs]
         try:
             for future in as_completed(futures):
@@ -65,3 +68,10 @@ def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], Non
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         return [future.result() for future in futures]
+
+
+def _end_with_parent() -> None:
+    """Let this worker end when the process that started it is killed; the pool itself would wait for ever."""
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
