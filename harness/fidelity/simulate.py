@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
+from multiprocessing.process import BaseProcess
 from threading import Thread
 
 from harness.fidelity.fields import Fields, fields_from_frames
@@ -73,5 +74,11 @@ def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], Non
 def _end_with_parent() -> None:
     """Let this worker end when the process that started it is killed; the pool itself would wait for ever."""
     parent = parent_process()
-    if parent is not None:
-        Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+    if parent is None:
+        return
+
+    def wait_for(process: BaseProcess) -> None:
+        process.join()
+        os._exit(1)
+
+    Thread(target=wait_for, args=(parent,), daemon=True).start()
