@@ -102,8 +102,9 @@ def run(
             pending.discard()
             raise
         folder = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
+        words = str(error) if isinstance(error, RunError) else f"{type(error).__name__}: {error}"
         raise RunError(
-            f"the run failed after {attempt.recorder.steps} steps: {type(error).__name__}: {error}; the finished steps "
+            f"the run failed after {attempt.recorder.steps} steps: {words}; the finished steps "
             f"and the traceback (manifest.json) are in {folder}"
         ) from error
     finally:

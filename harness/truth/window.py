@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Timer
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from harness.errors import UserError
 
@@ -22,21 +24,15 @@ if TYPE_CHECKING:
 # Twice as fast as the clock at a step of 0.1 s, if the tracker keeps up; the window has a slider for it.
 DELAY_MS = 50
 OPTIONS = (
-    "--start",
-    "true",
-    "--quit-on-end",
-    "true",
-    "--delay",
-    str(DELAY_MS),
-    "--window-size",
-    "1200,700",
-    "--window-pos",
-    "40,40",
+    *("--start", "true", "--quit-on-end", "true", "--delay", str(DELAY_MS)),
+    *("--window-size", "1200,700", "--window-pos", "40,40"),
 )
 CONNECT_EVERY_S, CONNECT_WITHIN_S = 0.2, 60.0
 CLOSE_WITHIN_S = 3.0
 SKY_BLUE, YELLOW = (86, 180, 233), (255, 255, 0)
 SHOWN_AROUND_EGO_M = 60.0
+# SUMO indents the further lines of a message.
+FIRST_ERROR = re.compile(r"^Error: (.*(?:\n .*)*)", re.MULTILINE)
 INSTALL = "pip install 'mmpf-harness[networks]'"
 
 
@@ -76,22 +72,58 @@ def open_window(arguments: Sequence[str]) -> SumoWindow:
     from traci.main import getFreeSocketPort  # noqa: PLC0415
 
     port = getFreeSocketPort()
-    with tempfile.TemporaryFile() as complaints:
+    complaints = Complaints(TemporaryDirectory(prefix="sumo-gui-"))
+    with complaints.stderr.open("wb") as stderr:
         process = subprocess.Popen(
-            [str(program), *arguments, *OPTIONS, "--remote-port", str(port)],
+            [str(program), *arguments, *OPTIONS, "--error-log", str(complaints.log), "--remote-port", str(port)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=complaints,
+            stderr=stderr,
             env={"SUMO_HOME": str(program.parents[1])} | os.environ,
             # A Ctrl-C is for the harness, which closes the window when it has saved what there is.
             start_new_session=True,
         )
-        try:
-            return SumoWindow(_connect(port, process, complaints), process)
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
+    try:
+        return SumoWindow(_connect(port, process, complaints), process, complaints)
+    except BaseException:
+        process.kill()
+        process.wait()
+        complaints.folder.cleanup()
+        raise
+
+
+@dataclass(frozen=True)
+class Complaints:
+    """What sumo-gui has written before it ended: to its log once it reads files, to its standard error before.
+
+    Attributes:
+        folder: Where both files are.
+    """
+
+    folder: TemporaryDirectory[str]
+
+    @property
+    def log(self) -> Path:
+        """The log of errors."""
+        return Path(self.folder.name) / "errors.log"
+
+    @property
+    def stderr(self) -> Path:
+        """What goes to standard error."""
+        return Path(self.folder.name) / "stderr"
+
+    def first_error(self) -> str:
+        """Return the first error, its further lines included, without the word; empty if there is none."""
+        found = FIRST_ERROR.search(self._text())
+        return " ".join(found.group(1).split()) if found else ""
+
+    def last_line(self) -> str:
+        """Return the last line; empty if there is none."""
+        return next(reversed(self._text().split("\n")), "")
+
+    def _text(self) -> str:
+        files = [path for path in (self.log, self.stderr) if path.is_file()]
+        return "\n".join(path.read_text(encoding="utf-8", errors="replace").rstrip() for path in files).strip()
 
 
 class SumoWindow:
@@ -103,8 +135,8 @@ class SumoWindow:
         FatalTraCIError: Raised where the window is gone.
     """
 
-    def __init__(self, connection: Connection, process: subprocess.Popen[bytes]) -> None:
-        """Take over a process and the connection to it."""
+    def __init__(self, connection: Connection, process: subprocess.Popen[bytes], complaints: Complaints) -> None:
+        """Take over a process, the connection to it, and what it complains of."""
         # libsumo puts a class of its own into traci.exceptions; what a connection raises is its module's.
         from traci.connection import FatalTraCIError, TraCIException  # noqa: PLC0415
 
@@ -117,6 +149,7 @@ class SumoWindow:
         self.simulation: Any = connection.simulation
         self._connection = connection
         self._process = process
+        self._complaints = complaints
         self._open = True
         self._ego = ""
 
@@ -136,11 +169,13 @@ class SumoWindow:
         force = Timer(CLOSE_WITHIN_S, self._process.kill)
         force.start()
         try:
-            with suppress(self.TraCIException, self.FatalTraCIError, OSError):
+            # After a Ctrl-C half an answer may be under way, over which TraCI stumbles with errors of any kind.
+            with suppress(Exception):
                 self._connection.close(False)
             self._process.wait()
         finally:
             force.cancel()
+            self._complaints.folder.cleanup()
 
     def follow(self, vehicle_id: str) -> None:
         """Move along with a vehicle, the ego, and paint it in a colour of its own."""
@@ -160,7 +195,7 @@ class SumoWindow:
         """Return in words why the window does not answer any more."""
         with suppress(subprocess.TimeoutExpired):
             if code := self._process.wait(CLOSE_WITHIN_S):
-                return f"sumo-gui ended with exit code {code}"
+                return f"sumo-gui ended with exit code {code}: {self._complaints.first_error()}".removesuffix(": ")
             return "the window of sumo-gui was closed"
         return "sumo-gui no longer answers"
 
@@ -170,7 +205,7 @@ def _program_in(package: Path) -> Path | None:
     return next((program for program in programs if program.is_file()), None)
 
 
-def _connect(port: int, process: subprocess.Popen[bytes], complaints: IO[bytes]) -> Connection:
+def _connect(port: int, process: subprocess.Popen[bytes], complaints: Complaints) -> Connection:
     """Return the connection to sumo-gui as soon as it takes one.
 
     Raises:
@@ -182,9 +217,12 @@ def _connect(port: int, process: subprocess.Popen[bytes], complaints: IO[bytes])
     try:
         # TraCI prints each vain attempt, and the first ones are always in vain.
         with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
-            return traci.connect(port, tries, proc=process, waitBetweenRetries=CONNECT_EVERY_S)
+            connection: Connection = traci.connect(port, tries, proc=process, waitBetweenRetries=CONNECT_EVERY_S)
+        connection.simulation.getTime()  # answers only when the network and the vehicles are read
     except (traci.TraCIException, traci.FatalTraCIError, OSError):
-        complaints.seek(0)
-        lines = complaints.read().decode(errors="replace").splitlines()
-        reason = next((line.strip() for line in lines if line.strip()), "it does not answer")
-        raise UserError(f"--gui: sumo-gui does not open: {reason}") from None
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(CLOSE_WITHIN_S)
+        if error := complaints.first_error():
+            raise UserError(f"--net: SUMO refuses the input: {error}") from None
+        raise UserError(f"--gui: sumo-gui does not open: {complaints.last_line() or 'it does not answer'}") from None
+    return connection

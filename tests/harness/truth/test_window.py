@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 
 import pytest
@@ -20,7 +21,7 @@ from harness.cli import run_command_line
 from harness.errors import RunError, UserError
 from harness.truth import window
 from harness.truth.session import sumo_errors_in_words
-from harness.truth.window import SumoWindow, check_window, has_screen
+from harness.truth.window import Complaints, SumoWindow, check_window, has_screen
 
 traci = pytest.importorskip("traci", reason="traci speaks to sumo-gui")
 XVFB = shutil.which("Xvfb")
@@ -95,11 +96,14 @@ def test_sumo_gui_of_another_version_is_refused_for_it_drives_other_traffic(scre
         check_window()
 
 
-def window_that_ended(exit_code: int) -> SumoWindow:
+def window_that_ended(exit_code: int, errors: str = "") -> SumoWindow:
+    complaints = Complaints(TemporaryDirectory())
+    complaints.log.write_text(errors)
     domains = dict.fromkeys(("vehicle", "lane", "edge", "route", "simulation", "gui"))
     return SumoWindow(
         SimpleNamespace(**domains, close=lambda wait: None),
         subprocess.Popen([sys.executable, "-c", f"raise SystemExit({exit_code})"]),
+        complaints,
     )
 
 
@@ -111,6 +115,12 @@ def test_a_window_that_is_gone_is_told_in_words(exit_code, words, error):
         raise error
     ended.close()
     assert not ended.isLoaded()
+
+
+def test_what_sumo_gui_wrote_before_it_ended_is_told():
+    ended = window_that_ended(1, "some warning\nError: The edge 'x'\n is unknown.\nQuitting (on error).\n")
+    assert ended.how_it_ended() == "sumo-gui ended with exit code 1: The edge 'x' is unknown."
+    ended.close()
 
 
 def test_a_command_that_the_window_refuses_is_told_as_it_is():
@@ -154,27 +164,8 @@ def test_the_window_changes_no_byte_of_the_results(environment, tmp_path):
 @pytest.mark.slow
 @on_a_virtual_screen
 def test_a_window_that_goes_away_leaves_the_finished_steps(environment, tmp_path):
-    command = [
-        *RUN,
-        "--gui",
-        "--duration",
-        "600",
-        "--tracker",
-        "tests.harness.stand_ins:herald_tracker",
-        "--out",
-        "run",
-    ]
-    root = str(Path(__file__).parents[3])
-    run = subprocess.Popen(
-        command, cwd=tmp_path, env=environment | {"PYTHONPATH": root}, stderr=subprocess.PIPE, text=True
-    )
-    deadline = time.monotonic() + 180.0
-    while not (tmp_path / "under-way").exists():
-        assert run.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
-    (gui,) = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
-    os.kill(int(gui), signal.SIGTERM)
+    run = run_until_it_tracks(environment, tmp_path)
+    os.kill(window_of(run), signal.SIGTERM)
     _, told = run.communicate(timeout=60)
     assert run.returncode == 3
     assert "sumo-gui ended" in told.splitlines()[-1]
@@ -183,12 +174,69 @@ def test_a_window_that_goes_away_leaves_the_finished_steps(environment, tmp_path
     assert manifest["steps"] > 0
 
 
+def run_until_it_tracks(environment: dict[str, str], folder: Path) -> subprocess.Popen[str]:
+    herald = "tests.harness.stand_ins:herald_tracker"
+    environment = environment | {"PYTHONPATH": str(Path(__file__).parents[3])}
+    run = subprocess.Popen(
+        [*RUN, "--gui", "--duration", "600", "--tracker", herald, "--out", "run"],
+        cwd=folder,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 180.0
+    while not (folder / "under-way").exists():
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    return run
+
+
+def window_of(run: subprocess.Popen[str]) -> int:
+    (gui,) = Path(f"/proc/{run.pid}/task/{run.pid}/children").read_text().split()
+    return int(gui)
+
+
 @pytest.mark.slow
 @on_a_virtual_screen
-def test_what_sumo_gui_refuses_is_told_in_one_line(environment, tmp_path):
+def test_a_screen_that_is_not_there_is_told_in_one_line(environment, tmp_path):
     command = [*RUN, "--gui", "--duration", "1", "--out", str(tmp_path / "run")]
     told = subprocess.run(command, env=environment | {"DISPLAY": ":64000"}, capture_output=True, text=True, check=False)
     assert told.returncode == 2
     assert len(told.stderr.splitlines()) == 1
     assert "--gui: sumo-gui does not open" in told.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@on_a_virtual_screen
+def test_input_that_sumo_refuses_is_told_in_the_same_words_with_and_without_the_window(environment, tmp_path):
+    net = Path(__file__).parents[3] / "networks" / "us101" / "us101.net.xml"
+    (tmp_path / "bad.rou.xml").write_text(
+        '<routes><vehicle id="v" depart="0"><route edges="nosuch edge"/></vehicle></routes>'
+    )
+    (tmp_path / "bad.sumocfg").write_text(
+        f'<configuration><net-file value="{net}"/><route-files value="bad.rou.xml"/></configuration>'
+    )
+    command = [sys.executable, "-m", "harness", "run", "--net", "bad.sumocfg", "--duration", "1", "--out", "run"]
+    plain, shown = (
+        subprocess.run([*command, *more], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        for more in ([], ["--gui"])
+    )
+    assert plain.returncode == shown.returncode == 2
+    assert "--net: SUMO refuses the input" in shown.stderr
+    assert "nosuch" in shown.stderr
+    assert shown.stderr == plain.stderr
+
+
+@pytest.mark.slow
+@on_a_virtual_screen
+def test_ctrl_c_closes_the_window_and_keeps_the_finished_steps(environment, tmp_path):
+    run = run_until_it_tracks(environment, tmp_path)
+    gui = window_of(run)
+    run.send_signal(signal.SIGINT)
+    _, told = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "interrupted after" in told.splitlines()[-1]
+    assert (tmp_path / "run.incomplete").is_dir()
+    assert not Path(f"/proc/{gui}").exists()
