@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-ABLATION_S = 60.0
+ABLATION_S = 30.0
 
 if TYPE_CHECKING:
     from harness.study.published import StudyPlan
