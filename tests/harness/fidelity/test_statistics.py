@@ -26,8 +26,10 @@ def fields(speed, density=0.2):
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(3.5, 9.0), st.floats(100.0, 200.0))
-def test_the_speed_of_waves_is_found(speed, period):
-    assert wave_speed([waves(speed, period)], CELL_M, BIN_S) == pytest.approx(speed, rel=0.05)
+def test_the_speed_of_waves_is_found_to_a_quarter_of_a_bin_between_the_farthest_cells(speed, period):
+    longest_lag_s = 195.0 / speed
+    found = wave_speed([waves(speed, period)], CELL_M, BIN_S)
+    assert found == pytest.approx(speed, rel=0.25 * BIN_S / longest_lag_s)
 
 
 @pytest.mark.parametrize("speed", [4.0, 5.5, 7.0])
