@@ -89,15 +89,9 @@ def run(
     except UserError:
         pending.discard()
         raise
-    except KeyboardInterrupt:
-        if not attempt.recorder.steps:
-            pending.discard()
-            raise RunInterruptedError("interrupted before the first step; nothing is kept") from None
-        folder = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
-        raise RunInterruptedError(
-            f"interrupted after {attempt.recorder.steps} steps; the finished steps are in {folder}"
-        ) from None
-    except Exception as error:
+    except (KeyboardInterrupt, Exception) as error:
+        if is_interrupt(error):
+            raise _interrupted(attempt, pending) from None
         if isinstance(error, RunError) and not attempt.recorder.steps:
             pending.discard()
             raise
@@ -109,6 +103,25 @@ def run(
         ) from error
     finally:
         attempt.close()
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Return whether Ctrl-C is behind an error: compiled code that it stops may raise a SystemError from it."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, KeyboardInterrupt):
+            return True
+        cause = cause.__cause__ or cause.__context__
+    return False
+
+
+def _interrupted(attempt: _Attempt, pending: runfolder.PendingFolder) -> RunInterruptedError:
+    """Keep what was finished and return the error that says where."""
+    if not attempt.recorder.steps:
+        pending.discard()
+        return RunInterruptedError("interrupted before the first step; nothing is kept")
+    folder = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
+    return RunInterruptedError(f"interrupted after {attempt.recorder.steps} steps; the finished steps are in {folder}")
 
 
 def check_tracker(config: RunConfig) -> None:

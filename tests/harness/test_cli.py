@@ -158,7 +158,7 @@ def test_ctrl_c_leaves_a_readable_folder_that_says_so(tmp_path):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60.0)
-    assert process.returncode == 130
+    assert process.returncode == 130, err
     assert "Traceback" not in err
     assert {entry.name for entry in tmp_path.iterdir()} == {"run.incomplete", "under-way"}
     steps = {

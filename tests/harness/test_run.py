@@ -155,6 +155,18 @@ def test_an_interrupt_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_p
         resolve_run_config(options={"replay": str(folder)})
 
 
+def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(steady_traffic, tmp_path, monkeypatch):
+    class Compiled(EchoTracker):
+        def step(self, scan):
+            if scan.time_s > 0.45:
+                raise SystemError("a result with an exception set") from KeyboardInterrupt()
+            return super().step(scan)
+
+    monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", lambda setting, options: Compiled(setting))
+    with pytest.raises(RunInterruptedError, match="after 5 steps"):
+        run(configured(), out=tmp_path / "run")
+
+
 def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):
     for options in ({"tracker": "mmpf", "model": "warp"}, {"tracker": "none"}, {"tracker": "mmpf", "update": "x"}):
         with pytest.raises(UserError):
