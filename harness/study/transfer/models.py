@@ -68,8 +68,8 @@ def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> l
     driver = IntelligentDriver(
         fit_idm(as_one_vehicle_each(windows), seed, STEP_S), process_noise("idm-fitted"), "idm-fitted"
     )
-    models = zip(LEARNED, (_lane_keeping(learned), short, driver), strict=True)
-    return [TrainedModel(name, trained_on, model) for name, model in models]
+    models: tuple[MotionModel, ...] = (_lane_keeping(learned), short, driver)
+    return [TrainedModel(name, trained_on, model) for name, model in zip(LEARNED, models, strict=True)]
 
 
 def _lane_keeping(model: MotionModel) -> MotionModel:
