@@ -21,7 +21,7 @@ from mmpf.likelihood import gated_likelihoods
 from mmpf.merging import merge_lasting_overlaps
 from mmpf.moments import component_moments, with_moments_of
 from mmpf.options import FilterOptions
-from mmpf.resampling import resample, resample_from_gaussian
+from mmpf.resampling import resample_smoothly
 from mmpf.road import FloatArray, IntArray
 from mmpf.shadows import (
     Bodies,
@@ -37,7 +37,7 @@ from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_ob
 
 NOMINAL_SCAN_S = 0.1
 HIDDEN_PROBABILITY_LIMIT = 0.3
-GAUSSIAN_RESAMPLE_BELOW = 0.9
+RESAMPLE_YOUNG_BELOW = 0.9
 HIT_PROBABILITY = 0.5
 SAME_PLACE = 0.75
 WELL_PLACED_M = 1.0
@@ -208,15 +208,14 @@ class JointUpdate:
     def _resample(
         self, posterior: Mixture, was_hit: npt.NDArray[np.bool_], rng: np.random.Generator
     ) -> tuple[Mixture, float]:
-        particles, components = self.options.particles, posterior.components
+        particles, joint = self.options.particles, self.options.joint
         if len(posterior) == 0:
             return posterior, 1.0
         effective_size = component_moments(posterior).effective_size
-        young = components.hits <= self.options.joint.young_hits
-        redraw = was_hit & young & (effective_size < GAUSSIAN_RESAMPLE_BELOW * particles)
-        posterior = resample_from_gaussian(posterior, redraw, effective_size, rng)
-        depleted = ~redraw & (effective_size < self.options.resample_below * particles)
-        posterior, _ = resample(posterior, depleted, particles, rng)
+        young = was_hit & (posterior.components.hits <= joint.young_hits)
+        resampled = effective_size < np.where(young, RESAMPLE_YOUNG_BELOW, joint.resample_below) * particles
+        kernel_width = np.where(young, 1.0, joint.kernel_width)
+        posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng)
         return posterior, float(effective_size.mean() / particles)
 
     def _worth_keeping(self, mixture: Mixture, situation: Situation) -> npt.NDArray[np.bool_]:

@@ -80,7 +80,8 @@ class MaxLikelihoodUpdate:
         posterior = replace(prior, cloud=cloud, components=components)
         effective_size = component_moments(posterior).effective_size
         size = np.diff(posterior.starts)
-        depleted = (effective_size < self.options.resample_below * size) | (size > 2 * self.options.particles)
+        depleted = effective_size < self.options.max_likelihood.resample_below * size
+        depleted |= size > 2 * self.options.particles
         posterior, _ = resample(posterior, depleted, self.options.particles, rng)
         votes = np.bincount(chosen[chosen >= 0], minlength=len(detections)) / self.options.particles
         return Updated(

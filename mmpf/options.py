@@ -49,10 +49,10 @@ class ModelErrorOptions(Settings):
         hidden_lat_share: Share of the last for them: they keep to their lanes.
     """
 
-    speed: Annotated[float, Field(ge=0.0)] = 0.4
-    accel: Annotated[float, Field(ge=0.0)] = 0.8
+    speed: Annotated[float, Field(ge=0.0)] = 0.0
+    accel: Annotated[float, Field(ge=0.0)] = 0.5
     lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
-    hidden_lon_share: Annotated[float, Field(ge=0.0)] = 1.0
+    hidden_lon_share: Annotated[float, Field(ge=0.0)] = 2.0
     hidden_lat_share: Annotated[float, Field(ge=0.0)] = 0.0
 
 
@@ -98,8 +98,11 @@ class JointOptions(Settings):
         unconfirmed_unseen_s: The same for one that was never confirmed.
         largest_std_lon_m: A component spread wider than this is removed.
         range_margin_m: A component further than this beyond the sensor's range is removed.
+        resample_below: A component is resampled when its effective sample size falls below this share.
+        kernel_width: Resampled particles are smoothed by a kernel as wide as this share of the component's spread
+            (Liu and West 2001), so that little process noise does not impoverish the cloud.
         young_hits: Up to this many hits a component is resampled from its weighted Gaussian, since its speed is
-            still uncertain and its cloud would impoverish.
+            still uncertain.
         hidden_after_s: Unseen for longer, a component counts as hidden, if it lies in shadow.
         exclusion_strength: How strongly a hidden particle inside a seen track's footprint is discounted each 0.1 s.
         merge_lon_m: Two components nearer than this and ``merge_lat_m`` for ``merge_scans`` scans become one.
@@ -135,6 +138,8 @@ class JointOptions(Settings):
     unconfirmed_unseen_s: Positive = 1.0
     largest_std_lon_m: Positive = 20.0
     range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
+    resample_below: Probability = 0.3
+    kernel_width: Probability = 0.4
     young_hits: Annotated[int, Field(ge=0)] = 30
     hidden_after_s: Positive = 0.25
     exclusion_strength: Annotated[float, Field(ge=0.0)] = 0.9
@@ -163,6 +168,7 @@ class MaxLikelihoodOptions(Settings):
             is removed.
         floor_component_weight: Keeps component weights from falling below this share of the mean; zero is the
             paper's equation (11), whose product over time starves components.
+        resample_below: A component is resampled when its effective sample size falls below this share.
         added_particles: a of the paper, as a share of one component's particles: a detection that fewer particles
             chose starts a component.
         merge_lon_m: Components whose means are nearer than this and ``merge_lat_m`` overlap significantly.
@@ -179,6 +185,7 @@ class MaxLikelihoodOptions(Settings):
     gate_std: Positive = float("inf")
     removal_weight: Probability = 0.0
     floor_component_weight: Probability = 0.0
+    resample_below: Probability = 0.5
     added_particles: Probability = 0.1
     merge_lon_m: Positive = 2.5
     merge_lat_m: Positive = 1.0
@@ -197,7 +204,6 @@ class FilterOptions(Settings):
     Attributes:
         particles: Particles per component.
         update: ``joint``, or ``max_likelihood`` for the rule of the paper.
-        resample_below: A component is resampled when its effective sample size falls below this share.
         vehicle: Size of a vehicle before it is measured.
         model_error: Noise added to the motion model's prediction.
         birth: How new components are drawn.
@@ -207,7 +213,6 @@ class FilterOptions(Settings):
 
     particles: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
     update: UpdateName = "joint"
-    resample_below: Probability = 0.5
     vehicle: Footprint = Footprint()
     model_error: ModelErrorOptions = ModelErrorOptions()
     birth: BirthOptions = BirthOptions()

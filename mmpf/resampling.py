@@ -1,4 +1,4 @@
-"""Systematic resampling within components, and the draw from a weighted Gaussian for young ones."""
+"""Systematic resampling within components, plain or smoothed by a kernel."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy.typing as npt
 from mmpf.moments import component_moments
 from mmpf.normals import Float32Array, standard_normals
 from mmpf.road import FloatArray, IntArray
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED, Mixture, ParticleCloud
+from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, Mixture, ParticleCloud
 from mmpf.threads import in_shares
 
-REDRAWN = (LON, LAT, SPEED, LAT_SPEED)
+SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL)
+SMALLEST_VARIANCE = 1e-9
 
 
 def resample(
@@ -61,43 +62,53 @@ def resample(
     return replace(mixture, cloud=cloud), ancestors
 
 
-def resample_from_gaussian(
-    mixture: Mixture, which: npt.NDArray[np.bool_], effective_size: FloatArray, rng: np.random.Generator
+def resample_smoothly(
+    mixture: Mixture,
+    which: npt.NDArray[np.bool_],
+    particles: int,
+    kernel_width: FloatArray,
+    rng: np.random.Generator,
 ) -> Mixture:
-    """Replace position and speed of the chosen components' particles by draws from their weighted Gaussian.
+    """Resample the chosen components and smooth their particles, which would be copies of few ancestors otherwise.
 
-    The regularised particle filter with a Gaussian kernel of near-optimal width (Musso, Oudjane and Le Gland 2001);
-    for components whose speed is still uncertain and whose cloud would impoverish.
+    A particle is drawn towards the component's mean by ``sqrt(1 - h^2)`` and then moved by ``h`` times a draw from the
+    component's covariance (Liu and West 2001), so that mean and covariance stay as they were, and what the latents
+    have to do with the state nearly so. A width of one draws states from the weighted Gaussian.
 
     Args:
-        mixture: The belief; all components have the same number of particles.
-        which: Components to redraw, shape (m,).
-        effective_size: Effective sample size of each component before resampling, shape (m,).
+        mixture: The belief; weights sum to one in each component.
+        which: Components to resample, shape (m,).
+        particles: Particles that each of them gets.
+        kernel_width: h of each component, from zero to one, shape (m,).
         rng: Source of randomness.
     """
     chosen = np.flatnonzero(which)
+    mean = component_moments(mixture).mean[list(SMOOTHED)][:, chosen]
+    factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
+    kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
+    mixture, _ = resample(mixture, which, particles, rng)
     if len(chosen) == 0:
         return mixture
-    size = len(mixture.cloud) // len(mixture)
-    covariance = np.zeros((len(chosen), len(REDRAWN), len(REDRAWN)))
-    mean = component_moments(mixture).mean[list(REDRAWN)][:, chosen]
-    old_state, old_log_weight, begins = mixture.cloud.state, mixture.cloud.log_weight, chosen * size
+    normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
+    state, begins = mixture.cloud.state, mixture.starts[chosen]
+
+    def smooth(begin: int, end: int) -> None:
+        _smooth(begin, end, state, begins, mean, kept, factor, normal)
+
+    in_shares(smooth, len(chosen), cost=particles)
+    return mixture
+
+
+def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) -> FloatArray:
+    """Return the Cholesky factors of the chosen components' covariances, shape (c, 5, 5)."""
+    covariance = np.zeros((len(chosen), len(SMOOTHED), len(SMOOTHED)))
+    state, log_weight, starts = mixture.cloud.state, mixture.cloud.log_weight, mixture.starts
 
     def accumulate(begin: int, end: int) -> None:
-        _accumulate_covariances(begin, end, old_state, old_log_weight, begins, size, mean, covariance)
+        _accumulate_covariances(begin, end, state, log_weight, starts, chosen, mean, covariance)
 
-    in_shares(accumulate, len(chosen), cost=size)
-    widening = 1.0 + effective_size[chosen, None, None] ** (-2.0 / 9.0)
-    widened = covariance * widening + 1e-9 * np.eye(len(REDRAWN))
-    factor = np.asarray(np.linalg.cholesky(widened), dtype=np.float64)
-    normal = standard_normals(rng, (len(chosen), len(REDRAWN), size))
-    state, log_weight = old_state.copy(), old_log_weight.copy()
-
-    def redraw(begin: int, end: int) -> None:
-        _redraw(begin, end, state, log_weight, begins, mean, factor, normal)
-
-    in_shares(redraw, len(chosen), cost=size)
-    return replace(mixture, cloud=replace(mixture.cloud, state=state, log_weight=log_weight))
+    in_shares(accumulate, len(chosen), cost=len(state[0]) / max(len(mixture), 1))
+    return np.asarray(np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(len(SMOOTHED))), dtype=np.float64)
 
 
 @numba.njit(cache=True)
@@ -137,55 +148,55 @@ def _accumulate_covariances(
     end: int,
     state: FloatArray,
     log_weight: FloatArray,
-    begins: IntArray,
-    size: int,
+    starts: IntArray,
+    chosen: IntArray,
     mean: FloatArray,
     covariance: FloatArray,
 ) -> None:
-    """Write the weighted covariance of the redrawn state variables of components that begin at ``begins``."""
-    weight = np.empty(size)
-    weighted = np.empty(size)
+    """Write the weighted covariance of the smoothed state variables of the chosen components."""
     for c in range(begin, end):
-        own = slice(begins[c], begins[c] + size)
-        weight[:] = np.exp(log_weight[own])
-        for i in range(len(REDRAWN)):
-            first = state[REDRAWN[i], own]
-            for n in range(size):
+        own = slice(starts[chosen[c]], starts[chosen[c] + 1])
+        weight = np.exp(log_weight[own])
+        weighted = np.empty_like(weight)
+        for i in range(len(SMOOTHED)):
+            first = state[SMOOTHED[i], own]
+            for n in range(len(weight)):
                 weighted[n] = weight[n] * (first[n] - mean[i, c])
             for j in range(i + 1):
-                second = state[REDRAWN[j], own]
+                second = state[SMOOTHED[j], own]
                 total = 0.0
-                for n in range(size):
+                for n in range(len(weight)):
                     total += weighted[n] * (second[n] - mean[j, c])
                 covariance[c, i, j] = covariance[c, j, i] = total
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
-def _redraw(
+def _smooth(
     begin: int,
     end: int,
     state: FloatArray,
-    log_weight: FloatArray,
     begins: IntArray,
     mean: FloatArray,
+    kept: FloatArray,
     factor: FloatArray,
     normal: Float32Array,
 ) -> None:
-    """Write mean plus Cholesky factor times normal numbers (c, 4, size), and even weights."""
+    """Move particles towards the mean and add the factor times normal numbers (c, 5, size); none drives in reverse."""
     size = normal.shape[2]
     for c in range(begin, end):
         own = slice(begins[c], begins[c] + size)
-        log_weight[own] = -np.log(size)
-        for i in range(len(REDRAWN)):
-            drawn = state[REDRAWN[i], own]
-            drawn[:] = mean[i, c]
+        for i in range(len(SMOOTHED)):
+            values = state[SMOOTHED[i], own]
+            centre = (1.0 - kept[c]) * mean[i, c]
+            for n in range(size):
+                values[n] = centre + kept[c] * values[n]
             for j in range(i + 1):
                 share, source = factor[c, i, j], normal[c, j]
                 for n in range(size):
-                    drawn[n] += share * source[n]
-            if REDRAWN[i] == SPEED:
+                    values[n] += share * source[n]
+            if SMOOTHED[i] == SPEED:
                 for n in range(size):
-                    drawn[n] = max(drawn[n], 0.0)
+                    values[n] = max(values[n], 0.0)
 
 
 @numba.njit(cache=True, nogil=True)

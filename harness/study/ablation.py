@@ -54,6 +54,7 @@ ABLATIONS = (
     Ablation("mmpf+joint.stitch=false", "no identity handed to a component confirmed near a hidden one"),
     Ablation("mmpf+joint.missed_detection_cap=0.95", "misses taken as independent in time (cap 0.95 for 0.6)"),
     Ablation("mmpf+joint.exclusion_strength=0", "hidden particles may lie on seen vehicles"),
+    Ablation("mmpf+joint.kernel_width=0", "resampled particles are copies, not smoothed by a kernel"),
     Ablation("mmpf+joint.young_hits=0", "young components resampled like all others, not from a Gaussian"),
     Ablation("mmpf+birth.other_speed_std_mps=2.5", "newborn speeds near the neighbours' only"),
     Ablation("mmpf+model_error.speed=0+model_error.accel=0+model_error.lat_speed=0", "no noise beside the model's own"),

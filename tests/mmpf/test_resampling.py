@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mmpf.moments import component_moments
-from mmpf.resampling import resample, resample_from_gaussian
-from mmpf.state import LON, SPEED, Components, Mixture, ParticleCloud
+from mmpf.resampling import resample, resample_smoothly
+from mmpf.state import ACCEL, LON, SPEED, Components, Mixture, ParticleCloud
 
 
 def mixture_of(weights: list[list[float]]) -> Mixture:
@@ -53,13 +55,40 @@ def test_components_that_are_not_chosen_keep_particles_and_weights() -> None:
     assert resampled.starts.tolist() == [0, 2, 8]
 
 
-def test_the_gaussian_draw_keeps_the_mean_and_never_reverses() -> None:
+@pytest.mark.parametrize("width", [0.0, 0.4, 1.0])
+def test_smoothing_keeps_mean_and_covariance_whatever_the_kernel(width: float) -> None:
     rng = np.random.default_rng(1)
     mixture = mixture_of([list(rng.uniform(size=4000)), list(rng.uniform(size=4000))])
-    before = component_moments(mixture)
-    after = component_moments(
-        resample_from_gaussian(mixture, np.array([True, False]), before.effective_size, np.random.default_rng(2))
-    )
-    assert after.mean[LON, 0] == pytest.approx(before.mean[LON, 0], abs=5.0 * before.std[LON, 0] / np.sqrt(4000))
+    state, weight = mixture.cloud.state, np.exp(mixture.cloud.log_weight)
+    state[ACCEL] = 0.3 * (state[SPEED] - 12.0) + rng.normal(size=8000)
+    smoothed = resample_smoothly(mixture, np.array([True, False]), 4000, np.full(2, width), np.random.default_rng(2))
+    expected = np.cov(state[[LON, SPEED, ACCEL], :4000], aweights=weight[:4000], ddof=0)
+    covariance = np.cov(smoothed.cloud.state[[LON, SPEED, ACCEL], :4000], ddof=0)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert covariance / scale == pytest.approx(expected / scale, abs=0.08)
+    before, after = component_moments(mixture), component_moments(smoothed)
+    assert (np.abs(after.mean - before.mean)[:, 0] <= 1e-5 + 5.0 * before.std[:, 0] / np.sqrt(4000)).all()
     assert after.mean[:, 1] == pytest.approx(before.mean[:, 1])
-    assert after.std[LON, 0] >= before.std[LON, 0]
+
+
+def test_smoothed_particles_are_no_copies_and_never_reverse() -> None:
+    mixture = mixture_of([[1.0] + [0.0] * 50 + [1.0] * 5])
+    mixture.cloud.state[SPEED] *= 0.02
+    smoothed = resample_smoothly(mixture, np.array([True]), 500, np.array([0.4]), np.random.default_rng(4))
+    assert len(np.unique(smoothed.cloud.state[LON])) == 500
+    assert (smoothed.cloud.state[SPEED] >= 0.0).all()
+
+
+def test_what_latents_have_to_do_with_the_state_survives_smoothing() -> None:
+    rng = np.random.default_rng(6)
+    mixture = mixture_of([list(rng.uniform(size=4000))])
+    habit = mixture.cloud.state[LON] / 1000.0 + rng.normal(size=4000)
+    mixture = replace(mixture, cloud=replace(mixture.cloud, latents=habit[None]))
+    smoothed = resample_smoothly(mixture, np.array([True]), 4000, np.array([0.4]), rng)
+    expected = np.corrcoef(mixture.cloud.state[LON], habit)[0, 1]
+    assert np.corrcoef(smoothed.cloud.state[LON], smoothed.cloud.latents[0])[0, 1] == pytest.approx(expected, rel=0.15)
+
+
+def test_nothing_to_resample_leaves_the_belief_as_it_is() -> None:
+    mixture = mixture_of([[1, 3], [2, 1]])
+    assert resample_smoothly(mixture, np.zeros(2, dtype=bool), 6, np.ones(2), np.random.default_rng(0)) is mixture
