@@ -1,10 +1,10 @@
-"""Fits the lane-change mixture to windows around recorded lane changes.
+"""Fits the lane-change mixtures to windows around recorded lane changes.
 
 Recorded states lie on the few paths that recorded vehicles take, and a mixture fitted to those alone ties the lateral
 speed to the place on the path: a particle that is drawn apart from it in resampling is led back to a path that its
-vehicle is not on. Most samples are therefore moved off the path sideways, and go on as was recorded from there: with
-the same lateral acceleration. They are moved in proportion to their lateral speed: one that is not yet under way hardly
-is, as drifting there would let hidden vehicles stray into the next lane.
+vehicle is not on. For vehicles that are known to change lanes, most samples are therefore moved off the path sideways,
+and go on as was recorded from there: with the same lateral acceleration. For the default driver, whose hidden particles
+may mean to change lanes while their vehicle does not, samples stay on the path: off it they drift into the next lane.
 """
 
 from __future__ import annotations
@@ -29,37 +29,35 @@ LINE_COLUMNS = (9, 10)
 
 @dataclass(frozen=True)
 class LateralScatter:
-    """How far samples are moved off the recorded path, in proportion to lateral speed and a little more.
+    """How far samples are moved off the recorded path, about as far as a filter's particles are apart.
 
     Attributes:
         share: Share of the samples that are moved.
-        position_s: Standard deviation of the lateral position per m/s of lateral speed.
-        speed: Of the lateral speed per m/s.
-        accel_per_s: Of the lateral acceleration per m/s.
-        at_rest_mps: What is added to the lateral speed for that.
+        lat_m: Standard deviation of the lateral position.
+        lat_speed_mps: Of the lateral speed.
+        lat_accel_mps2: Of the lateral acceleration.
         log_size: Standard deviation of the logarithm of each sample's own factor to position and speed.
     """
 
     share: float = 0.7
-    position_s: float = 0.15
-    speed: float = 0.2
-    accel_per_s: float = 0.2
-    at_rest_mps: float = 0.1
+    lat_m: float = 0.15
+    lat_speed_mps: float = 0.15
+    lat_accel_mps2: float = 0.15
     log_size: float = 0.5
 
 
-SCATTER = LateralScatter()
-AS_RECORDED = LateralScatter(share=0.0)
+AS_RECORDED: LateralScatter | None = None
+SCATTERED = LateralScatter()
 
 
-def fit_change(changes: LaneChanges, components: int, seed: int) -> ScaledGmm:
-    """Fit table I's mixture to all samples of the windows."""
-    x, y = change_samples(changes, np.random.default_rng(seed))
+def fit_change(changes: LaneChanges, components: int, seed: int, scatter: LateralScatter | None) -> ScaledGmm:
+    """Fit table I's mixture to all samples of the windows; ``scatter`` as in ``change_samples``."""
+    x, y = change_samples(changes, np.random.default_rng(seed), scatter)
     return fit_mixture(x, y, components, seed)
 
 
 def change_samples(
-    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter = SCATTER
+    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return inputs (n, 14) and outputs (n, 6) of table I.
 
@@ -72,10 +70,10 @@ def change_samples(
     Args:
         changes: Windows around lane changes.
         rng: Source of all scatter.
-        scatter: How far samples are moved off the recorded path.
+        scatter: How far samples are moved off the recorded path; none to leave them on it.
     """
     now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
-    astray = _astray(scatter, np.abs(now[LAT_SPEED]), rng)
+    astray = _astray(scatter, now.shape[1:], rng)
     flat = (now + astray).reshape(len(now), -1)
     steps = now.shape[2]
     half_width = np.repeat(0.5 * changes.lane_width_m, steps)
@@ -90,15 +88,16 @@ def change_samples(
     return x, np.stack([column.ravel() for column in outputs], axis=1)
 
 
-def _astray(scatter: LateralScatter, lat_speed_mps: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return how far each sample is moved, shape (6, *shape of the lateral speeds)."""
-    shape = lat_speed_mps.shape
-    reach = (rng.random(shape) < scatter.share) * (lat_speed_mps + scatter.at_rest_mps)
-    size = reach * np.exp(scatter.log_size * rng.standard_normal(shape))
+def _astray(scatter: LateralScatter | None, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return how far each sample is moved, shape (6, *shape)."""
     astray = np.zeros((STATE_SIZE, *shape))
-    astray[LAT] = scatter.position_s * size * rng.standard_normal(shape)
-    astray[LAT_SPEED] = scatter.speed * size * rng.standard_normal(shape)
-    astray[LAT_ACCEL] = scatter.accel_per_s * reach * rng.standard_normal(shape)
+    if scatter is None:
+        return astray
+    moved = rng.random(shape) < scatter.share
+    size = moved * np.exp(scatter.log_size * rng.standard_normal(shape))
+    astray[LAT] = scatter.lat_m * size * rng.standard_normal(shape)
+    astray[LAT_SPEED] = scatter.lat_speed_mps * size * rng.standard_normal(shape)
+    astray[LAT_ACCEL] = scatter.lat_accel_mps2 * moved * rng.standard_normal(shape)
     return astray
 
 

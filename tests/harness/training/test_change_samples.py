@@ -35,7 +35,7 @@ def test_inputs_in_training_and_in_use_are_the_same():
 
 def test_a_missing_neighbour_scatters_about_the_furthest_distance():
     changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
-    x, _ = change_samples(changes, np.random.default_rng(0))
+    x, _ = change_samples(changes, np.random.default_rng(0), AS_RECORDED)
     assert abs(x[:, 6].mean() - FURTHEST_NEIGHBOUR_M) < 5.0
     assert x[:, 6].std() > 1.0
 
@@ -45,16 +45,14 @@ def test_a_sample_moved_sideways_goes_on_with_the_recorded_acceleration():
     state = recorded_without_speed.state.copy()
     state[LAT_SPEED] = np.gradient(state[LAT], STEP_S, axis=1)
     changes = replace(recorded_without_speed, state=state)
-    scatter = LateralScatter(share=1.0, position_s=0.3, speed=0.2, accel_per_s=0.1)
+    scatter = LateralScatter(share=1.0, lat_m=0.3, lat_speed_mps=0.2, lat_accel_mps2=0.1)
     x, y = change_samples(changes, np.random.default_rng(0), scatter)
     recorded = changes.state[:, 0]
     np.testing.assert_allclose(y[:, 2] - x[:, 2], np.diff(recorded[LAT_SPEED]), atol=1e-9)
     np.testing.assert_allclose(y[:, 4], recorded[LAT_ACCEL, 1:], atol=1e-9)
     faster = x[:, 2] - recorded[LAT_SPEED, :-1]
     np.testing.assert_allclose(y[:, 0] - np.diff(recorded[LAT]), STEP_S * faster, atol=1e-9)
-    sideways, crossing = np.abs(x[:, 0] - recorded[LAT, :-1]), np.abs(recorded[LAT_SPEED, :-1]) > 0.5
-    assert (sideways > 0.0).all()
-    assert sideways[crossing].mean() > 3.0 * sideways[~crossing].mean()
+    assert (x[:, 0] != recorded[LAT, :-1]).all()
 
 
 def test_only_the_asked_share_of_the_samples_is_moved_and_none_of_them_forward():
