@@ -1,15 +1,25 @@
-"""Fits the lane-change mixture to windows around recorded lane changes."""
+"""Fits the lane-change mixtures to windows around recorded lane changes.
+
+Recorded states lie on the few paths that recorded vehicles take, and a mixture fitted to those alone ties the lateral
+speed to the place on the path: a particle that is drawn apart from it in resampling is led back to a path that its
+vehicle is not on. For vehicles that are known to change lanes, most samples are therefore moved off the path sideways,
+and go on as was recorded from there: with the same lateral acceleration. For the default driver, whose hidden particles
+may mean to change lanes while their vehicle does not, samples stay on the path: off it they drift into the next lane.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from harness.training.changing import LaneChanges, Others
 from mmpf.learning.fit import fit_mixture
+from mmpf.motion.change_kernel import TRAINED_STEP_S
 from mmpf.motion.lane_changer import FURTHEST_NEIGHBOUR_M, BoolArray, ChangeView, change_inputs
 from mmpf.motion.scaled_gmm import ScaledGmm
 from mmpf.road import FloatArray
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 MISSING_GAP_SPREAD_M = 10.0
 MISSING_SPEED_SPREAD_MPS = 1.0
@@ -17,24 +27,54 @@ LINE_SPREAD_M = 0.1
 LINE_COLUMNS = (9, 10)
 
 
-def fit_change(changes: LaneChanges, components: int, seed: int) -> ScaledGmm:
-    """Fit table I's mixture to all samples of the windows."""
-    x, y = change_samples(changes, np.random.default_rng(seed))
+@dataclass(frozen=True)
+class LateralScatter:
+    """How far samples are moved off the recorded path, about as far as a filter's particles are apart.
+
+    Attributes:
+        share: Share of the samples that are moved.
+        lat_m: Standard deviation of the lateral position.
+        lat_speed_mps: Of the lateral speed.
+        lat_accel_mps2: Of the lateral acceleration.
+        log_size: Standard deviation of the logarithm of each sample's own factor to position and speed.
+    """
+
+    share: float = 0.7
+    lat_m: float = 0.15
+    lat_speed_mps: float = 0.15
+    lat_accel_mps2: float = 0.15
+    log_size: float = 0.5
+
+
+AS_RECORDED: LateralScatter | None = None
+SCATTERED = LateralScatter()
+
+
+def fit_change(changes: LaneChanges, components: int, seed: int, scatter: LateralScatter | None) -> ScaledGmm:
+    """Fit table I's mixture to all samples of the windows; ``scatter`` as in ``change_samples``."""
+    x, y = change_samples(changes, np.random.default_rng(seed), scatter)
     return fit_mixture(x, y, components, seed)
 
 
-def change_samples(changes: LaneChanges, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def change_samples(
+    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter | None
+) -> tuple[FloatArray, FloatArray]:
     """Return inputs (n, 14) and outputs (n, 6) of table I.
+
+    A sample that is moved sideways keeps its recorded accelerations: its lateral speed after the step is off by as
+    much as before, its lateral advance by as much as that speed makes of it.
 
     Gaps of missing neighbours scatter about 100 m and the two distances to the line scatter by 10 cm: constants and
     copies among the inputs would leave the covariances singular.
 
     Args:
         changes: Windows around lane changes.
-        rng: Source of that scatter.
+        rng: Source of all scatter.
+        scatter: How far samples are moved off the recorded path; none to leave them on it.
     """
     now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
-    flat = now.reshape(len(now), -1)
+    astray = _astray(scatter, now.shape[1:], rng)
+    flat = (now + astray).reshape(len(now), -1)
     steps = now.shape[2]
     half_width = np.repeat(0.5 * changes.lane_width_m, steps)
     crossed = flat[LAT] > half_width
@@ -42,8 +82,23 @@ def change_samples(changes: LaneChanges, rng: np.random.Generator) -> tuple[Floa
     x = change_inputs(flat, np.ones(flat.shape[1]), np.zeros(flat.shape[1]), half_width, view)
     x[:, LINE_COLUMNS] += LINE_SPREAD_M * rng.standard_normal((len(x), 2))
     moved = then - now
-    outputs = (moved[LAT], moved[LON], then[LAT_SPEED], then[SPEED], then[LAT_ACCEL], then[ACCEL])
+    lat_advance = moved[LAT] + TRAINED_STEP_S * astray[LAT_SPEED]
+    next_lat_speed = then[LAT_SPEED] + astray[LAT_SPEED]
+    outputs = (lat_advance, moved[LON], next_lat_speed, then[SPEED], then[LAT_ACCEL], then[ACCEL])
     return x, np.stack([column.ravel() for column in outputs], axis=1)
+
+
+def _astray(scatter: LateralScatter | None, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return how far each sample is moved, shape (6, *shape)."""
+    astray = np.zeros((STATE_SIZE, *shape))
+    if scatter is None:
+        return astray
+    moved = rng.random(shape) < scatter.share
+    size = moved * np.exp(scatter.log_size * rng.standard_normal(shape))
+    astray[LAT] = scatter.lat_m * size * rng.standard_normal(shape)
+    astray[LAT_SPEED] = scatter.lat_speed_mps * size * rng.standard_normal(shape)
+    astray[LAT_ACCEL] = scatter.lat_accel_mps2 * moved * rng.standard_normal(shape)
+    return astray
 
 
 def _view(changes: LaneChanges, flat: FloatArray, crossed: BoolArray, rng: np.random.Generator) -> ChangeView:
