@@ -50,7 +50,7 @@ class ModelErrorOptions(Settings):
     """
 
     speed: Annotated[float, Field(ge=0.0)] = 0.0
-    accel: Annotated[float, Field(ge=0.0)] = 0.5
+    accel: Annotated[float, Field(ge=0.0)] = 0.6
     lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
     hidden_lon_share: Annotated[float, Field(ge=0.0)] = 2.0
     hidden_lat_share: Annotated[float, Field(ge=0.0)] = 0.0

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from mmpf.moments import component_moments
 from mmpf.normals import Float32Array, standard_normals
 from mmpf.road import FloatArray, IntArray
-from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, Mixture, ParticleCloud
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, Mixture, ParticleCloud
 from mmpf.threads import in_shares
 
-SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL)
+SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL, LAT_ACCEL)
 SMALLEST_VARIANCE = 1e-9
 
 
@@ -100,7 +100,7 @@ def resample_smoothly(
 
 
 def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) -> FloatArray:
-    """Return the Cholesky factors of the chosen components' covariances, shape (c, 5, 5)."""
+    """Return the Cholesky factors of the chosen components' covariances, shape (c, 6, 6)."""
     covariance = np.zeros((len(chosen), len(SMOOTHED), len(SMOOTHED)))
     state, log_weight, starts = mixture.cloud.state, mixture.cloud.log_weight, mixture.starts
 
@@ -181,7 +181,7 @@ def _smooth(
     factor: FloatArray,
     normal: Float32Array,
 ) -> None:
-    """Move particles towards the mean and add the factor times normal numbers (c, 5, size); none drives in reverse."""
+    """Move particles towards the mean and add the factor times normal numbers (c, 6, size); none drives in reverse."""
     size = normal.shape[2]
     for c in range(begin, end):
         own = slice(begins[c], begins[c] + size)

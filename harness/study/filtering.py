@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.study.cases import Cases
+from mmpf.moments import component_moments
 from mmpf.motion.protocol import MotionModel
-from mmpf.road import FloatArray, IntArray
-from mmpf.state import LAT, LON, SPEED
+from mmpf.options import JointOptions
+from mmpf.resampling import resample_smoothly
+from mmpf.road import FloatArray
+from mmpf.state import LAT, LON, SPEED, Components, Mixture, ParticleCloud
 
 MEASURED = (LON, LAT, SPEED)
-KERNEL_WIDTH = 0.1
+JOINT = JointOptions()
 
 
 @dataclass(frozen=True)
@@ -75,44 +78,31 @@ def follow(
         noise: Noise of the measurements.
     """
     state = np.repeat(cases.truth[0], particles, axis=1)
-    latents = model.draw_latents(state, rng)
-    log_weight = np.zeros((cases.count, particles))
+    belief = _belief(state, model.draw_latents(state, rng), np.zeros(state.shape[1]), cases.count)
     hidden = measurements is None
     for step in range(1, cases.steps):
-        around = cases.surroundings(state, step - 1, hidden)
-        state, latents = model.propagate(state, latents, around, cases.step_s, rng)
+        around = cases.surroundings(belief.cloud.state, step - 1, hidden)
+        state, latents = model.propagate(belief.cloud.state, belief.cloud.latents, around, cases.step_s, rng)
+        log_weight = belief.cloud.log_weight.reshape(cases.count, particles)
         if measurements is not None and noise is not None:
             away = state[list(MEASURED)].reshape(3, cases.count, particles) - measurements[step][:, :, None]
-            log_weight -= 0.5 * ((away / noise.as_column()[:, :, None]) ** 2).sum(axis=0)
+            log_weight = log_weight - 0.5 * ((away / noise.as_column()[:, :, None]) ** 2).sum(axis=0)
         weight = _normalised(log_weight)
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)
+        belief = _belief(state, latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
         if measurements is not None:
-            kept = _survivors(weight, rng)
-            state, latents = _spread_out(state[:, kept], cases.count, rng), latents[:, kept]
-            log_weight = np.zeros_like(log_weight)
+            depleted = component_moments(belief).effective_size < JOINT.resample_below * particles
+            width = np.full(cases.count, JOINT.kernel_width)
+            belief = resample_smoothly(belief, depleted, particles, width, rng)
 
 
-def _spread_out(state: FloatArray, cases: int, rng: np.random.Generator) -> FloatArray:
-    """Draw resampled copies apart without changing each case's mean and variance (Liu and West, 2001)."""
-    cloud = state.reshape(len(state), cases, -1)
-    mean, deviation = cloud.mean(axis=2, keepdims=True), cloud.std(axis=2, keepdims=True)
-    held = np.sqrt(1.0 - KERNEL_WIDTH**2) * (cloud - mean)
-    spread = mean + held + KERNEL_WIDTH * deviation * rng.standard_normal(cloud.shape)
-    spread[SPEED] = np.maximum(spread[SPEED], 0.0)
-    return np.asarray(spread.reshape(state.shape))
+def _belief(state: FloatArray, latents: FloatArray, log_weight: FloatArray, cases: int) -> Mixture:
+    """Return the particles as the tracker's belief with a component for each case."""
+    component = np.repeat(np.arange(cases), state.shape[1] // cases)
+    cloud = ParticleCloud(state, log_weight, log_weight, component, np.zeros(len(component)), latents)
+    return Mixture(cloud, Components.newborn(np.arange(cases), np.ones(cases)))
 
 
 def _normalised(log_weight: FloatArray) -> FloatArray:
     weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
     return np.asarray(weight / weight.sum(axis=1, keepdims=True))
-
-
-def _survivors(weight: FloatArray, rng: np.random.Generator) -> IntArray:
-    """Return indices into the flat particle axis by systematic resampling within each case, shape (m * p,)."""
-    cases, particles = weight.shape
-    cumulative = np.cumsum(weight, axis=1)
-    cumulative /= cumulative[:, -1:]
-    pointer = (rng.random((cases, 1)) + np.arange(particles)) / particles
-    row = np.arange(cases)[:, None]
-    flat = np.searchsorted((cumulative + 2.0 * row).ravel(), (pointer + 2.0 * row).ravel(), side="left")
-    return np.asarray(np.minimum(flat, np.repeat((np.arange(cases) + 1) * particles - 1, particles)))
