@@ -45,15 +45,14 @@ class ModelErrorOptions(Settings):
         speed: Of the longitudinal speed, m/s per root second.
         accel: Of the longitudinal acceleration, m/s² per root second.
         lat_speed: Of the lateral speed, m/s per root second.
-        hidden_lon_share: Share of the first two for components that are not seen, which only the model can place.
-        hidden_lat_share: Share of the last for them: they keep to their lanes.
+        hidden_factor: What all three are multiplied by for components that are not seen: there the model alone says
+            where they are.
     """
 
     speed: Annotated[float, Field(ge=0.0)] = 0.0
     accel: Annotated[float, Field(ge=0.0)] = 0.6
     lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
-    hidden_lon_share: Annotated[float, Field(ge=0.0)] = 2.0
-    hidden_lat_share: Annotated[float, Field(ge=0.0)] = 0.0
+    hidden_factor: Annotated[float, Field(ge=0.0)] = 2.5
 
 
 class BirthOptions(Settings):
@@ -140,7 +139,7 @@ class JointOptions(Settings):
     range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
     resample_below: Probability = 0.3
     kernel_width: Probability = 0.4
-    young_hits: Annotated[int, Field(ge=0)] = 30
+    young_hits: Annotated[int, Field(ge=0)] = 20
     hidden_after_s: Positive = 0.25
     exclusion_strength: Annotated[float, Field(ge=0.0)] = 0.9
     merge_lon_m: Positive = 2.5

@@ -2,9 +2,8 @@
 
 Recorded states lie on the few paths that recorded vehicles take, and a mixture fitted to those alone ties the lateral
 speed to the place on the path: a particle that is drawn apart from it in resampling is led back to a path that its
-vehicle is not on. For vehicles that are known to change lanes, most samples are therefore moved off the path sideways,
-and go on as was recorded from there: with the same lateral acceleration. For the default driver, whose hidden particles
-may mean to change lanes while their vehicle does not, samples stay on the path: off it they drift into the next lane.
+vehicle is not on. Most samples are therefore moved off the path sideways, and go on as was recorded from there: with
+the same lateral acceleration.
 """
 
 from __future__ import annotations
@@ -46,18 +45,18 @@ class LateralScatter:
     log_size: float = 0.5
 
 
-AS_RECORDED: LateralScatter | None = None
+AS_RECORDED = LateralScatter(share=0.0)
 SCATTERED = LateralScatter()
 
 
-def fit_change(changes: LaneChanges, components: int, seed: int, scatter: LateralScatter | None) -> ScaledGmm:
-    """Fit table I's mixture to all samples of the windows; ``scatter`` as in ``change_samples``."""
-    x, y = change_samples(changes, np.random.default_rng(seed), scatter)
+def fit_change(changes: LaneChanges, components: int, seed: int) -> ScaledGmm:
+    """Fit table I's mixture to all samples of the windows."""
+    x, y = change_samples(changes, np.random.default_rng(seed), SCATTERED)
     return fit_mixture(x, y, components, seed)
 
 
 def change_samples(
-    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter | None
+    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter
 ) -> tuple[FloatArray, FloatArray]:
     """Return inputs (n, 14) and outputs (n, 6) of table I.
 
@@ -70,7 +69,7 @@ def change_samples(
     Args:
         changes: Windows around lane changes.
         rng: Source of all scatter.
-        scatter: How far samples are moved off the recorded path; none to leave them on it.
+        scatter: How far samples are moved off the recorded path.
     """
     now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
     astray = _astray(scatter, now.shape[1:], rng)
@@ -88,11 +87,9 @@ def change_samples(
     return x, np.stack([column.ravel() for column in outputs], axis=1)
 
 
-def _astray(scatter: LateralScatter | None, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+def _astray(scatter: LateralScatter, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
     """Return how far each sample is moved, shape (6, *shape)."""
     astray = np.zeros((STATE_SIZE, *shape))
-    if scatter is None:
-        return astray
     moved = rng.random(shape) < scatter.share
     size = moved * np.exp(scatter.log_size * rng.standard_normal(shape))
     astray[LAT] = scatter.lat_m * size * rng.standard_normal(shape)

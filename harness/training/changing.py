@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -95,6 +95,23 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
         follower=_others(recording, _behind(ordering, step, on_target, lon)),
         target_leader=_others(recording, _ahead(ordering, step, on_target, lon)),
     )
+
+
+def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
+    """Return how often a driver on a lane of the road changes to the one side, and as often to the other, per second.
+
+    Args:
+        recordings: Recorded traffic.
+        step_s: Time between steps.
+    """
+    changes, steps = 0, 0
+    for recording in recordings:
+        by_vehicle = np.lexsort((recording.step, recording.vehicle))
+        lane, vehicle = recording.lane[by_vehicle], recording.vehicle[by_vehicle]
+        driven_on = (vehicle[1:] == vehicle[:-1]) & (lane[1:] != NO_LANE) & (lane[:-1] != NO_LANE)
+        changes += int((driven_on & (lane[1:] != lane[:-1])).sum())
+        steps += int(driven_on.sum())
+    return changes / (2.0 * steps * step_s) if steps else 0.0
 
 
 def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:

@@ -30,18 +30,22 @@ HABIT_SITUATIONS_PER_WINDOW = 5
 STEADY_CLOSING_MPS = 1.5
 STEADY_ACCEL_MPS2 = 0.7
 ACCEL_BIAS_MPS2 = 0.012
-CROSSING_MPS = 0.9
-UNSEEN_CHANGES_PER_S = 0.002
-SEEN_CHANGES_PER_S = 0.06
+PROPOSED_CHANGES = 10.0
 
 
 def fit_driver(
-    windows: Following, components: int, seed: int, step_s: float, progress: Callable[[str], None]
+    windows: Following,
+    changes_per_s: float,
+    components: int,
+    seed: int,
+    step_s: float,
+    progress: Callable[[str], None],
 ) -> DriverModel:
     """Fit the learned driver.
 
     Args:
         windows: Training windows with and without leaders.
+        changes_per_s: How often drivers change lanes to one side.
         components: Components of the following mixture.
         seed: Seed of sampling and of the fits.
         step_s: Time between steps.
@@ -52,7 +56,7 @@ def fit_driver(
         following=following,
         habit=habit,
         free=_fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s),
-        keeper=_fit_keeper(windows, step_s),
+        keeper=_fit_keeper(windows, changes_per_s, step_s),
         accel_bias_mps2=ACCEL_BIAS_MPS2,
     )
 
@@ -166,7 +170,7 @@ def _fit_free(free: Following, step_s: float) -> FreeDriver:
     return FreeDriver(lag, float(np.clip(pull / lag, 0.05, 2.0)), float(noise), per_accel, spread)
 
 
-def _fit_keeper(windows: Following, step_s: float) -> LaneKeeper:
+def _fit_keeper(windows: Following, changes_per_s: float, step_s: float) -> LaneKeeper:
     """Fit the pull to each window's mean place in the lane by least squares; what is left is the noise."""
     place = windows.offset_m.mean(axis=1)
     away, lat_speed = windows.offset_m[:, :-1] - place[:, None], windows.lat_speed_mps[:, :-1]
@@ -180,9 +184,8 @@ def _fit_keeper(windows: Following, step_s: float) -> LaneKeeper:
         damping_per_s=float(np.clip(damping, 0.1, 5.0)),
         speed_noise=float(noise),
         offset_spread_m=float(spread),
-        changes_per_s=UNSEEN_CHANGES_PER_S,
-        seen_changes_per_s=SEEN_CHANGES_PER_S,
-        crossing_mps=CROSSING_MPS,
+        changes_per_s=changes_per_s,
+        seen_changes_per_s=PROPOSED_CHANGES * changes_per_s,
     )
 
 

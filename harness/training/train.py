@@ -13,9 +13,16 @@ from harness.errors import UserError
 from harness.study.cases import cases_of, lane_change_cases
 from harness.training.card import write_card
 from harness.training.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
-from harness.training.changing import LaneChanges, join_changes, lane_change_windows
+from harness.training.changing import LaneChanges, changes_to_one_side_per_s, join_changes, lane_change_windows
 from harness.training.driver_files import save_change, save_driver, save_short
-from harness.training.driver_fit import driver_habit, fit_driver, fit_short, following_records, short_samples
+from harness.training.driver_fit import (
+    PROPOSED_CHANGES,
+    driver_habit,
+    fit_driver,
+    fit_short,
+    following_records,
+    short_samples,
+)
 from harness.training.evaluation import errors_by_regime
 from harness.training.following import Following, following_windows, join
 from harness.training.idm_fit import adaptive_toml, fit_adaptive, fit_idm, idm_toml
@@ -104,7 +111,8 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         return _train_change(plan, network.name, _changes(training, network), _changes(tuning, network), say)
     windows, held_out = _following(training, network), _following(tuning, network)
     _fit_rivals(plan, windows, held_out, _changes(tuning, network), say)
-    return _train_keeping(plan, network.name, windows, held_out, say)
+    changes_per_s = changes_to_one_side_per_s(load_all(training), STEP_S)
+    return _train_keeping(plan, network.name, windows, changes_per_s, held_out, say)
 
 
 def _fit_rivals(
@@ -121,13 +129,15 @@ def _fit_rivals(
     (plan.out / "process_noise.toml").write_text(noise_toml(noise), encoding="utf-8")
 
 
-def _train_keeping(plan: TrainingPlan, net: str, windows: Following, held_out: Following, say: Say) -> list[Path]:
+def _train_keeping(
+    plan: TrainingPlan, net: str, windows: Following, changes_per_s: float, held_out: Following, say: Say
+) -> list[Path]:
     led = windows.take(np.flatnonzero(windows.has_leader))
     if len(led) < plan.size:
         raise UserError(f"--seeds: {len(led)} windows of car following are too few to train on; give more seeds")
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
     say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
-    driver = fit_driver(windows, plan.size, plan.seed, STEP_S, say)
+    driver = fit_driver(windows, changes_per_s, plan.size, plan.seed, STEP_S, say)
     save_driver(own, driver)
     say("fitting the paper's short-term model")
     mixture = fit_short(windows, plan.size, plan.seed)
@@ -144,7 +154,12 @@ def _train_keeping(plan: TrainingPlan, net: str, windows: Following, held_out: F
     write_card(
         own.with_suffix(".md"),
         "Learned driver for lane keeping (`gmm`, ours)",
-        {**facts, "One-step log-likelihood on held-out seeds": own_fit},
+        {
+            **facts,
+            "Lane changes": f"{changes_per_s:.4f} per second to each side, counted in the training traffic; particles "
+            f"of drivers in sight take them up {PROPOSED_CHANGES:g} times as often",
+            "One-step log-likelihood on held-out seeds": own_fit,
+        },
         sizes[0],
         errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, STEP_S, plan.seed),
         KEEPING_LIMITS,
@@ -166,41 +181,27 @@ def _train_change(plan: TrainingPlan, net: str, changes: LaneChanges, held_out: 
     if samples < plan.size:
         raise UserError(f"--seeds: {len(changes)} lane changes are too few to train on; give more seeds")
     say(f"{len(changes)} lane changes, {samples} samples")
-    own, short = plan.out / "lane_change.npz", plan.out / "lane_change_short.npz"
-    for path, scatter in ((own, AS_RECORDED), (short, SCATTERED)):
-        say(f"fitting {path.stem}")
-        mixture = fit_change(changes, plan.size, plan.seed, scatter)
-        save_change(path, mixture)
-        rng = np.random.default_rng(plan.seed)
-        sizes: Sequence[SizeScore] = []
-        if plan.sweep:
-            x, y = _some(*change_samples(changes, rng, scatter), SWEEP_SAMPLES, rng)
-            sizes = sweep_sizes(x, y, SWEPT[LANE_CHANGE], plan.seed, say)
-        fit = f"{_held_out_fit(mixture, held_out, scatter, rng)}, as it was trained (six outputs)"
-        if scatter is not None:
-            fit += f"; {_held_out_fit(mixture, held_out, AS_RECORDED, rng)}, on the recorded paths"
-        facts = {
-            **_facts(plan, net, samples, samples),
-            "Beside the recorded paths": _scatter_in_words(scatter),
-            "One-step log-likelihood on held-out seeds": fit,
-        }
-        title, limits = (CHANGE_TITLE, CHANGE_LIMITS) if scatter is None else (SHORT_CHANGE_TITLE, SHORT_CHANGE_LIMITS)
-        write_card(path.with_suffix(".md"), title, facts, sizes, [], limits)
-    return [own, short]
+    path = plan.out / "lane_change.npz"
+    mixture = fit_change(changes, plan.size, plan.seed)
+    save_change(path, mixture)
+    rng = np.random.default_rng(plan.seed)
+    sizes: Sequence[SizeScore] = []
+    if plan.sweep:
+        x, y = _some(*change_samples(changes, rng, SCATTERED), SWEEP_SAMPLES, rng)
+        sizes = sweep_sizes(x, y, SWEPT[LANE_CHANGE], plan.seed, say)
+    facts = {
+        **_facts(plan, net, samples, samples),
+        "Beside the recorded paths": f"{100 * SCATTERED.share:.0f} % of the samples moved sideways off the recorded "
+        f"path, by {SCATTERED.lat_m} m, {SCATTERED.lat_speed_mps} m/s and {SCATTERED.lat_accel_mps2} m/s², and going "
+        "on with the recorded acceleration",
+        "One-step log-likelihood on held-out seeds": f"{_held_out_fit(mixture, held_out, SCATTERED, rng)}, as it was "
+        f"trained (six outputs); {_held_out_fit(mixture, held_out, AS_RECORDED, rng)}, on the recorded paths",
+    }
+    write_card(path.with_suffix(".md"), CHANGE_TITLE, facts, sizes, [], CHANGE_LIMITS)
+    return [path]
 
 
-def _scatter_in_words(scatter: LateralScatter | None) -> str:
-    if scatter is None:
-        return "no samples: the default driver's particles would stray into the next lane"
-    return (
-        f"{100 * scatter.share:.0f} % of the samples moved sideways off the recorded path, by {scatter.lat_m} m, "
-        f"{scatter.lat_speed_mps} m/s and {scatter.lat_accel_mps2} m/s², and going on with the recorded acceleration"
-    )
-
-
-def _held_out_fit(
-    mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralScatter | None, rng: np.random.Generator
-) -> str:
+def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralScatter, rng: np.random.Generator) -> str:
     held = mixture.log_density(*change_samples(held_out, rng, scatter))
     return f"median {np.median(held):.2f}, mean {held.mean():.2f} nats"
 
@@ -259,16 +260,12 @@ SHORT_LIMITS = (
     "Lateral position counts from the middle of the own lane, so that the model carries over to other roads.",
     "Without a leader it is given the furthest leader of the training data at its own speed.",
 )
-CHANGE_TITLE = "Lane changes of the learned driver (`gmm`, ours)"
-SHORT_CHANGE_TITLE = "Short-term model for lane changes (`gmm-lane-change`, as in the paper)"
+CHANGE_TITLE = "Short-term model for lane changes (`gmm-lane-change`, as in the paper)"
 CHANGE_LIMITS = (
     "SUMO's lateral accelerations take few distinct values, so densities are peaked: rare samples off the peaks pull "
     "the mean log-likelihood far below the median.",
     "Meant for vehicles that are known to be within five seconds of a lane change; it does not say when one begins.",
     "Once over the line the follower in the target lane is not among the inputs.",
     "Longitudinal position, an input of the paper's table, is held to the training road's range elsewhere.",
-)
-SHORT_CHANGE_LIMITS = (
-    *CHANGE_LIMITS,
     "How far samples are moved off the recorded path was chosen by hand and checked on the tuning seeds.",
 )

@@ -103,13 +103,9 @@ def view_of(surroundings: Surroundings, speed_mps: FloatArray, direction: FloatA
     return ChangeView(*(gap for gap, _ in parts), *(relative for _, relative in parts))
 
 
-def _committed_mixture() -> ScaledGmm:
-    return _mixture_that_comes_along("lane_change.npz")
-
-
 @cache
-def _mixture_that_comes_along(file_name: str) -> ScaledGmm:
-    with as_file(files("mmpf.models").joinpath(file_name)) as path:
+def _committed_mixture() -> ScaledGmm:
+    with as_file(files("mmpf.models").joinpath("lane_change.npz")) as path:
         return load_change_mixture(path)
 
 
@@ -157,11 +153,6 @@ class LaneChanger:
         return after
 
 
-def short_changer() -> LaneChanger:
-    """Return what moves vehicles that are known to be changing lanes, fitted to samples beside the recorded paths."""
-    return LaneChanger(_mixture_that_comes_along("lane_change_short.npz"))
-
-
 @dataclass(frozen=True)
 class LaneChangeDriver:
     """A vehicle known to be changing lanes, as in the paper's second case; latents are its direction and original lane.
@@ -173,7 +164,7 @@ class LaneChangeDriver:
         latent_size: Direction (0 until the first step) and lateral position of the original lane's middle.
     """
 
-    changer: LaneChanger = field(default_factory=short_changer)
+    changer: LaneChanger = field(default_factory=LaneChanger)
     to_left: bool = True
     name: str = "gmm-lane-change"
     latent_size: int = 2

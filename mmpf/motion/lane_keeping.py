@@ -25,8 +25,8 @@ class LaneKeeper:
         speed_noise: White noise on the lateral speed, m/s per root second.
         offset_spread_m: Standard deviation of the driver's place in the lane about where it is now.
         changes_per_s: Rate at which an unseen driver takes up a change to one side.
-        seen_changes_per_s: The same for a driver in sight, whose particles the measurements select.
-        crossing_mps: Lateral speed of a lane change in the files' format; the mixture of lane changes has its own.
+        seen_changes_per_s: The same for a driver in sight, whose particles the measurements select: more of them try
+            than drivers do, so that there are always some when a change begins.
     """
 
     attraction_per_s2: float
@@ -35,7 +35,6 @@ class LaneKeeper:
     offset_spread_m: float
     changes_per_s: float
     seen_changes_per_s: float
-    crossing_mps: float
 
     def draw_offset(
         self, state: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator

@@ -230,7 +230,7 @@ def load_driver_model(path: Path) -> DriverModel:
         ModelFileError: The file can't be used.
     """
     arrays = load_arrays(path, CASE)
-    sizes = {"free": 5, "lateral": 4, "intention": 3, "spread": 1}
+    sizes = {"free": 5, "lateral": 4, "intention": 2, "spread": 1}
     for name, size in sizes.items():
         if name not in arrays or arrays[name].shape != (size,):
             raise ModelFileError(f"model file {path}: {name} must be {size} numbers")
