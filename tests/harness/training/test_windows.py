@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.training.changing import lane_change_windows
+from harness.training.changing import changes_to_one_side_per_s, lane_change_windows
 from harness.training.following import following_windows, join
 from harness.training.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
 from harness.training.recording import Recording, Scenario, load_recording, record_all, save_recording
@@ -151,3 +151,9 @@ def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         record_all(scenarios, tmp_path, open_scenario, print)
     assert opened == [1002]
+
+
+def test_changes_are_counted_per_second_and_side():
+    recording = traffic((0.0, 10.0, changing(150)), (50.0, 10.0, steady(6.0)))
+    assert changes_to_one_side_per_s([recording], STEP_S) == pytest.approx(1.0 / (2 * 60.0))
+    assert changes_to_one_side_per_s([], STEP_S) == 0.0

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from mmpf.motion.lane_changer import load_change_mixture
-from mmpf.motion.learned_driver import HABIT, INTENTION, LearnedDriver, load_learned_driver, without_lane_changes
+from mmpf.motion.learned_driver import (
+    HABIT,
+    INTENTION,
+    TARGET,
+    LearnedDriver,
+    load_learned_driver,
+    without_lane_changes,
+)
 from mmpf.motion.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.short_driver import ShortTermDriver, load_short_driver
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
@@ -73,7 +80,7 @@ def test_a_driver_who_means_to_change_ends_up_in_the_next_lane():
     state = states(400, 20.0)
     latents = model.draw_latents(state, rng)
     ever = np.zeros(400, dtype=bool)
-    for _ in range(100):
+    for _ in range(200):
         lane = np.floor(state[LAT] / 4.0)
         here = around(state)
         here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
@@ -85,6 +92,19 @@ def test_a_driver_who_means_to_change_ends_up_in_the_next_lane():
     assert (np.abs(state[LAT, ever & keeping] - 2.0) > 2.0).sum() > 10
     assert (from_centre[keeping] < 1.5).mean() > 0.9
     assert (np.abs(state[LAT, ~ever] - 2.0) < 1.5).all()
+
+
+def test_most_changes_that_are_begun_are_finished():
+    model, rng = LearnedDriver(), np.random.default_rng(0)
+    state = states(500, 20.0)
+    _, latents = model.propagate(state, model.draw_latents(state, rng), around(state), STEP_S, rng)
+    latents[INTENTION], latents[TARGET] = 1.0, 6.0
+    for _ in range(150):
+        lane = np.floor(state[LAT] / 4.0)
+        here = around(state)
+        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
+        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+    assert (state[LAT] > 4.0).mean() > 0.8
 
 
 def test_a_truck_counts_by_its_bumper_not_by_its_middle():
