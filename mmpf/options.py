@@ -45,14 +45,14 @@ class ModelErrorOptions(Settings):
         speed: Of the longitudinal speed, m/s per root second.
         accel: Of the longitudinal acceleration, m/s² per root second.
         lat_speed: Of the lateral speed, m/s per root second.
-        hidden_factor: What all three are multiplied by for components that are not seen: there the model alone says
-            where they are.
+        hidden_lon_factor: What the first two are multiplied by for components that are not seen: there the model alone
+            says where they are.
     """
 
     speed: Annotated[float, Field(ge=0.0)] = 0.0
     accel: Annotated[float, Field(ge=0.0)] = 0.6
-    lat_speed: Annotated[float, Field(ge=0.0)] = 0.15
-    hidden_factor: Annotated[float, Field(ge=0.0)] = 2.5
+    lat_speed: Annotated[float, Field(ge=0.0)] = 0.2
+    hidden_lon_factor: Annotated[float, Field(ge=0.0)] = 2.2
 
 
 class BirthOptions(Settings):

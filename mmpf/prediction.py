@@ -90,7 +90,7 @@ def _add_model_error(
 ) -> None:
     root_dt = np.sqrt(dt_s)
     seen = root_dt * np.array([options.speed, options.accel, options.lat_speed])
-    hidden = seen * options.hidden_factor
+    hidden = seen * np.array([options.hidden_lon_factor, options.hidden_lon_factor, 1.0])
     if seen.any():
         normal = standard_normals(rng, (len(seen), state.shape[1]))
         _add_scaled(state, (SPEED, ACCEL, LAT_SPEED), is_hidden, seen, hidden, normal)
