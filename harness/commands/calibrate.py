@@ -25,6 +25,12 @@ def command(
     minutes: Annotated[
         float, typer.Option(help="Simulated minutes of a run; the schedule is compressed to them.", min=2.0, max=60.0)
     ] = 15.0,
+    step: Annotated[
+        float,
+        typer.Option(
+            help="Share of what is missing that the first step makes up for; less to go on.", min=0.1, max=1.0
+        ),
+    ] = 0.9,
     keep_drivers: Annotated[
         bool, typer.Option("--keep-drivers", help="Fit the demands only: models that were trained stay valid.")
     ] = False,
@@ -72,6 +78,7 @@ def command(
         keep_drivers=keep_drivers,
         fresh=fresh,
         workers=workers,
+        first_step=step,
     )
     with progress_bar("calibrate", request.runs(network), quiet) as advance:
         result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))

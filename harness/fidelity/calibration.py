@@ -31,6 +31,7 @@ class CalibrationRequest:
         keep_drivers: Whether only the demands are fitted; so it is for a single demand, too.
         fresh: Whether to begin with the measurements rather than with the calibration that is there.
         workers: Runs at a time.
+        first_step: Share of what is missing that is made up for after the first trial.
     """
 
     fields: Path | None
@@ -41,6 +42,7 @@ class CalibrationRequest:
     keep_drivers: bool
     fresh: bool
     workers: int
+    first_step: float
 
     def names(self, site: MeasuredSite) -> tuple[str, ...]:
         """Return the demands to be calibrated."""
@@ -121,6 +123,7 @@ def calibrate(
         keep,
         on_run,
         keep_drivers=keep_drivers,
+        first_step=request.first_step,
     )
     return CalibrationResult(site, tuple(trials), found, request.fields is not None)
 

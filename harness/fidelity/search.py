@@ -42,6 +42,7 @@ def search(
     on_trial: Callable[[Trial], None],
     on_run: Callable[[], None] = lambda: None,
     keep_drivers: bool = False,
+    first_step: float = FIRST_STEP,
 ) -> Candidate:
     """Return the mean of the later half of the candidates that a fixed-point iteration goes through.
 
@@ -60,6 +61,7 @@ def search(
         on_trial: Called after each trial.
         on_run: Called after each run.
         keep_drivers: Whether the drivers stay as they are, since other demands or fitted models depend on them.
+        first_step: Share of what is missing that is made up for after the first trial.
     """
     candidates = [first]
     for number in range(trials):
@@ -67,7 +69,7 @@ def search(
         fresh = [seed + number * len(seeds) for seed in seeds]
         simulated = _simulate(candidate.on(network), site, tuple(first.demands), fresh, duration_s, workers, on_run)
         on_trial(Trial(candidate, simulated, misfit(simulated, site)))
-        step = max(LAST_STEP, FIRST_STEP / (1.0 + 0.3 * number))
+        step = max(LAST_STEP, first_step / (1.0 + 0.3 * number))
         candidates.append(improved(candidate, simulated, site, step, keep_drivers))
     return averaged(candidates[len(candidates) // 2 :])
 
