@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from harness.memory import keep_freed_memory
 from harness.sensor.observation import Observation, Sensor
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from harness.truth.frame import Frame, TruthSource
@@ -90,6 +91,7 @@ def co_simulate(
         The wall times of the stages.
     """
     times = times if times is not None else StageTimes()
+    keep_freed_memory()
     # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"):
         _run_loop(truth, sensor, build_tracker, recorder, streams, watch, times)

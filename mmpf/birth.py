@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, Footprint
@@ -29,6 +30,7 @@ class Traffic:
 
 def give_birth(
     mixture: Mixture,
+    keep: npt.NDArray[np.bool_],
     detections: Detections,
     chosen: IntArray,
     existence: FloatArray,
@@ -39,13 +41,14 @@ def give_birth(
     vehicle: Footprint,
     rng: np.random.Generator,
 ) -> Mixture:
-    """Add one component for each chosen detection.
+    """Add one component for each chosen detection and let go of those that are not kept: one copy of all particles.
 
     Where the sensor measures no speed, it is drawn partly near the speed of the traffic around and partly from
     everything that is possible: a prior near the neighbours alone loses the fast lane.
 
     Args:
         mixture: The belief so far.
+        keep: Components that stay, shape (m,).
         detections: The scan's detections.
         chosen: Indices of those that start a component, shape (k,).
         existence: Existence probability of each new component, shape (k,).
@@ -57,7 +60,7 @@ def give_birth(
         rng: Source of randomness.
     """
     if len(chosen) == 0:
-        return mixture
+        return mixture.keep(keep)
     state = _draw_states(detections, chosen, traffic, particles, options, rng)
     track_id = mixture.next_track_id + np.arange(len(chosen))
     even = np.full(state.shape[1], -np.log(particles))
@@ -66,13 +69,13 @@ def give_birth(
         log_weight=even,
         log_raw_weight=even,
         component=np.repeat(np.arange(len(chosen)), particles),
-        log_component_weight=np.full(state.shape[1], -np.log(len(mixture) + len(chosen))),
+        log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=motion.draw_latents(state, rng),
     )
     components = Components.newborn(track_id, existence, vehicle)
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
-    return mixture.join(cloud, components)
+    return mixture.keep_and_join(keep, cloud, components)
 
 
 def _draw_states(

@@ -144,17 +144,16 @@ class JointUpdate:
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
         joint = self.options.joint
-        mixture = updated.mixture
-        keep = self._worth_keeping(mixture, situation)
-        mixture = mixture.keep(keep)
-        mixture, merged = merge_lasting_overlaps(
-            mixture, joint.merge_lon_m, joint.merge_lat_m, joint.merge_scans, joint.hidden_after_s
+        alive = self._worth_keeping(updated.mixture, situation)
+        mixture, keep = merge_lasting_overlaps(
+            updated.mixture, alive, joint.merge_lon_m, joint.merge_lat_m, joint.merge_scans, joint.hidden_after_s
         )
         chosen = np.flatnonzero(updated.birth_claim > joint.birth_unexplained)
         chosen = chosen[~self._on_ego(situation, chosen)]
         existence = joint.birth_density / (1.0 + joint.birth_density) * updated.birth_claim[chosen]
         mixture = give_birth(
             mixture,
+            keep,
             situation.scan.detections,
             chosen,
             existence,
@@ -165,7 +164,7 @@ class JointUpdate:
             self.options.vehicle,
             rng,
         )
-        return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
+        return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
 
     def finetune(
         self,

@@ -96,10 +96,10 @@ class MaxLikelihoodUpdate:
         """Remove light or departed components, add one per detection that few particles chose, merge overlaps."""
         rule = self.options.max_likelihood
         keep = self._worth_keeping(updated.mixture, situation)
-        mixture = updated.mixture.keep(keep)
         chosen = np.flatnonzero(updated.birth_claim > 1.0 - rule.added_particles)
         mixture = give_birth(
-            mixture,
+            updated.mixture,
+            keep,
             situation.scan.detections,
             chosen,
             np.ones(len(chosen)),

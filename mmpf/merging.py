@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from mmpf.moments import component_moments
 from mmpf.sizes import sizes_of, with_measured_sizes
@@ -12,8 +13,8 @@ from mmpf.state import LAT, LON, NEVER, Mixture
 
 
 def merge_lasting_overlaps(
-    mixture: Mixture, lon_m: float, lat_m: float, scans: int, hidden_after_s: float
-) -> tuple[Mixture, int]:
+    mixture: Mixture, alive: npt.NDArray[np.bool_], lon_m: float, lat_m: float, scans: int, hidden_after_s: float
+) -> tuple[Mixture, npt.NDArray[np.bool_]]:
     """Merge components that have shared one place for several scans; the elder's identity stays.
 
     Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
@@ -22,17 +23,18 @@ def merge_lasting_overlaps(
 
     Args:
         mixture: The belief.
+        alive: Components that may merge, shape (m,); the others are about to be removed.
         lon_m: Means nearer than this, and
         lat_m: nearer than this overlap.
         scans: Scans in a row before they merge.
         hidden_after_s: Unseen for longer, a component counts as hidden.
 
     Returns:
-        The belief and the number of components merged away.
+        The belief with all its particles still, and which components to keep: those alive and not merged away.
     """
     components = mixture.components
-    if len(mixture) < 2:
-        return mixture, 0
+    if len(mixture) == 0:
+        return mixture, alive
     mean = component_moments(mixture).mean
     is_hidden = components.unseen_s > hidden_after_s
     distance = np.hypot(
@@ -42,13 +44,14 @@ def merge_lasting_overlaps(
         np.abs(mean[LAT][:, None] - mean[LAT][None, :]) >= lat_m
     )
     both = components.confirmed[:, None] & components.confirmed[None, :]
+    apart |= ~(alive[:, None] & alive[None, :])
     distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
     np.fill_diagonal(distance, np.inf)
     nearest = distance.argmin(axis=1)
     overlaps = np.isfinite(distance[np.arange(len(mixture)), nearest])
     partner = np.where(overlaps, components.track_id[nearest], NEVER)
     overlap_scans = np.where(overlaps, np.where(partner == components.overlap_with, components.overlap_scans + 1, 1), 0)
-    keep = np.ones(len(mixture), dtype=np.bool_)
+    keep = alive.copy()
     track_id, confirmed = components.track_id.copy(), components.confirmed.copy()
     for a in np.flatnonzero(overlap_scans >= scans):
         b = nearest[a]
@@ -63,4 +66,4 @@ def merge_lasting_overlaps(
     updated = replace(
         components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_scans=overlap_scans
     )
-    return replace(mixture, components=updated).keep(keep), int((~keep).sum())
+    return replace(mixture, components=updated), keep

@@ -66,25 +66,29 @@ class ParticleCloud:
             latents=self.latents.take(particles, axis=1),
         )
 
-    def stretches(self, stretches: list[slice], component: IntArray) -> ParticleCloud:
-        """Return stretches of particles one after the other under new component indices, weights as they are."""
+    def stretches(
+        self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None
+    ) -> ParticleCloud:
+        """Return stretches of particles one after the other, then another cloud's, weights as they are.
 
-        def joined(values: FloatArray) -> FloatArray:
-            return np.concatenate([values[..., :0], *(values[..., stretch] for stretch in stretches)], axis=-1)
+        Args:
+            stretches: Particles to keep.
+            component: New component indices of all, ascending.
+            then: What to put behind.
+        """
+
+        def joined(values: FloatArray, others: FloatArray | None) -> FloatArray:
+            parts = [values[..., :0], *(values[..., stretch] for stretch in stretches)]
+            return np.concatenate(parts if others is None else [*parts, others], axis=-1)
 
         return ParticleCloud(
-            state=joined(self.state),
-            log_weight=joined(self.log_weight),
-            log_raw_weight=joined(self.log_raw_weight),
+            state=joined(self.state, None if then is None else then.state),
+            log_weight=joined(self.log_weight, None if then is None else then.log_weight),
+            log_raw_weight=joined(self.log_raw_weight, None if then is None else then.log_raw_weight),
             component=component,
-            log_component_weight=joined(self.log_component_weight),
-            latents=joined(self.latents),
+            log_component_weight=joined(self.log_component_weight, None if then is None else then.log_component_weight),
+            latents=joined(self.latents, None if then is None else then.latents),
         )
-
-    @classmethod
-    def concatenate(cls, clouds: list[ParticleCloud]) -> ParticleCloud:
-        """Join clouds whose component indices already follow each other."""
-        return cls(*(np.concatenate([getattr(c, f.name) for c in clouds], axis=-1) for f in fields(cls)))
 
 
 @dataclass(frozen=True)
@@ -190,21 +194,25 @@ class Mixture:
         """Return the belief with only the components where ``keep`` is true, shape (m,)."""
         if keep.all():
             return self
-        starts = self.starts
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
-        stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]
-        cloud = self.cloud.stretches(stretches, np.repeat(np.arange(keep.sum()), np.diff(starts)[keep]))
-        return replace(self, cloud=cloud, components=self.components.take(keep))
+        return replace(self, cloud=self._kept_cloud(keep), components=self.components.take(keep))
 
-    def join(self, cloud: ParticleCloud, components: Components) -> Self:
-        """Return the belief with further components, whose cloud counts its components from zero."""
-        shifted = replace(cloud, component=cloud.component + len(self))
+    def keep_and_join(self, keep: npt.NDArray[np.bool_], cloud: ParticleCloud, components: Components) -> Self:
+        """Return the belief with the components to keep and further ones, whose cloud counts them from zero."""
         return replace(
             self,
-            cloud=ParticleCloud.concatenate([self.cloud, shifted]),
-            components=Components.concatenate([self.components, components]),
+            cloud=self._kept_cloud(keep, cloud),
+            components=Components.concatenate([self.components.take(keep), components]),
             next_track_id=max(self.next_track_id, int(components.track_id.max(initial=0)) + 1),
         )
+
+    def _kept_cloud(self, keep: npt.NDArray[np.bool_], then: ParticleCloud | None = None) -> ParticleCloud:
+        starts, kept = self.starts, int(keep.sum())
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
+        stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]
+        component = np.repeat(np.arange(kept), np.diff(starts)[keep])
+        if then is not None:
+            component = np.concatenate([component, kept + then.component])
+        return self.cloud.stretches(stretches, component, then)
 
 
 @dataclass(frozen=True)

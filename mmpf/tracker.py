@@ -139,6 +139,7 @@ class MixtureTracker:
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         mixture = give_birth(
             Mixture.empty(self._motion.latent_size),
+            np.zeros(0, dtype=np.bool_),
             scan.detections,
             everything,
             existence,

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.bench.scene import STEP_S, BenchScene
 from harness.diagnostics import DiagnosedTracker
+from harness.memory import keep_freed_memory
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from mmpf.scan import Scan
@@ -93,6 +94,7 @@ def time_in_turns(
 
 def warm_up(contenders: Sequence[Contender], scene: BenchScene) -> None:
     """Let throw-away trackers take a few scans, so that compiling and importing count in no measured step."""
+    keep_freed_memory()
     for contender in contenders:
         tracker = _build(contender, scene)
         for scan in scene.scans[:WARM_UP_STEPS]:

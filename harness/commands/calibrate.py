@@ -19,15 +19,26 @@ def command(
         str | None, typer.Option(help="Only this demand; the drivers then stay as they are. (default: all measured)")
     ] = None,
     trials: Annotated[int, typer.Option(help="Candidates that are simulated.", min=1, max=1000)] = 8,
-    seeds: Annotated[str, typer.Option(help="Seeds A:B of each candidate's runs, B excluded.")] = "1000:1002",
+    seeds: Annotated[
+        str, typer.Option(help="Seeds A:B of the first candidate's runs, B excluded; each further takes the next.")
+    ] = "1000:1001",
     minutes: Annotated[
         float, typer.Option(help="Simulated minutes of a run; the schedule is compressed to them.", min=2.0, max=60.0)
-    ] = 7.0,
+    ] = 15.0,
+    step: Annotated[
+        float,
+        typer.Option(
+            help="Share of what is missing that the first step makes up for; less to go on.", min=0.1, max=1.0
+        ),
+    ] = 0.9,
+    keep_drivers: Annotated[
+        bool, typer.Option("--keep-drivers", help="Fit the demands only: models that were trained stay valid.")
+    ] = False,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Begin with the measurements, not with the calibration that is there.")
     ] = False,
     workers: Annotated[int, typer.Option(help="Runs at a time, each a process.", min=1)] = 1,
-    write: Annotated[bool, typer.Option("--write", help="Write the best into the network's folder.")] = False,
+    write: Annotated[bool, typer.Option("--write", help="Write the outcome into the network's folder.")] = False,
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("results/calibration"),
     as_json: Annotated[
         bool, typer.Option("--json", help="Print calibration.json on stdout, nothing else there.")
@@ -38,13 +49,15 @@ def command(
 
     A fixed-point search: each trial simulates all demands, and every
     parameter is moved by what its own figure is off. Leaves calibration.json
-    (all trials) and calibration.toml (the best one); --write puts the latter
-    into the network's folder, where every later run reads it.
+    (all trials) and calibration.toml (the mean of the later half of the
+    candidates); --write puts the latter into the network's folder, where
+    every later run reads it.
     Judge the outcome on other seeds with 'fidelity'.
 
     Examples:
       python -m harness calibrate --trials 4 --minutes 5
       python -m harness calibrate --fields ../shared/realdata/us101_fields --write
+      python -m harness calibrate --keep-drivers --trials 5 --write
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """
     from harness.errors import UserError  # noqa: PLC0415
@@ -56,7 +69,17 @@ def command(
     network = load_network(net)
     if network.calibration_file is None and write:
         raise UserError(f"--write: {net} names no calibration_file in its network.toml")
-    request = CalibrationRequest(fields, demand, trials, tuple(seed_values(seeds)), 60.0 * minutes, fresh, workers)
+    request = CalibrationRequest(
+        fields=fields,
+        demand=demand,
+        trials=trials,
+        seeds=tuple(seed_values(seeds)),
+        duration_s=60.0 * minutes,
+        keep_drivers=keep_drivers,
+        fresh=fresh,
+        workers=workers,
+        first_step=step,
+    )
     with progress_bar("calibrate", request.runs(network), quiet) as advance:
         result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))
     result.write(out, network if write else None)

@@ -26,10 +26,12 @@ class CalibrationRequest:
         fields: Folder of the recorded fields; None to take the figures that travel with the network.
         demand: The only demand to be calibrated; None for all that were measured.
         trials: Candidates that are simulated.
-        seeds: Seeds of each candidate's runs.
+        seeds: Seeds of the first candidate's runs; each further one takes the next as many.
         duration_s: Simulated time of a run.
+        keep_drivers: Whether only the demands are fitted; so it is for a single demand, too.
         fresh: Whether to begin with the measurements rather than with the calibration that is there.
         workers: Runs at a time.
+        first_step: Share of what is missing that is made up for after the first trial.
     """
 
     fields: Path | None
@@ -37,8 +39,10 @@ class CalibrationRequest:
     trials: int
     seeds: tuple[int, ...]
     duration_s: float
+    keep_drivers: bool
     fresh: bool
     workers: int
+    first_step: float
 
     def names(self, site: MeasuredSite) -> tuple[str, ...]:
         """Return the demands to be calibrated."""
@@ -59,29 +63,29 @@ class CalibrationResult:
     Attributes:
         site: The measured figures.
         trials: All trials in order.
-        best: The one with the least misfit.
+        outcome: The mean of the later half of the candidates.
         measured_anew: Whether the figures come from fields that the user gave.
     """
 
     site: MeasuredSite
     trials: tuple[Trial, ...]
-    best: Trial
+    outcome: Candidate
     measured_anew: bool
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values."""
-        return {"best": _trial_table(self.best), "trials": [_trial_table(trial) for trial in self.trials]}
+        return {"outcome": outcome.as_table(self.outcome), "trials": [_trial_table(trial) for trial in self.trials]}
 
     def write(self, folder: Path, network: Network | None) -> None:
         """Write ``calibration.json`` and ``calibration.toml`` to a folder, and into a network's if one is given."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / "calibration.json").write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
-            outcome.write_candidate(folder / "calibration.toml", self.best.candidate)
+            outcome.write_candidate(folder / "calibration.toml", self.outcome)
         except OSError as error:
             raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from error
         if network is not None and network.calibration_file is not None:
-            outcome.write_candidate(network.calibration_file, self.best.candidate.with_others(network))
+            outcome.write_candidate(network.calibration_file, self.outcome.with_others(network))
             if self.measured_anew and network.measured_file is not None:
                 write_measured(network.measured_file, self.site)
 
@@ -98,7 +102,7 @@ def calibrate(
     if request.fields is not None:
         site = measure(site, read_fields(request.fields), network.corridor.main_lanes)
     names = request.names(site)
-    keep_drivers = request.demand is not None
+    keep_drivers = request.keep_drivers or request.demand is not None
     first = first_candidate(network, site, names, keep_drivers)
     if not request.fresh and set(names) <= set(network.calibrated):
         first = Candidate(network.drivers, {name: network.demand_files[name] for name in names})
@@ -108,7 +112,7 @@ def calibrate(
         trials.append(trial)
         say(_line(len(trials), trial))
 
-    best = search(
+    found = search(
         network,
         site,
         first,
@@ -119,8 +123,9 @@ def calibrate(
         keep,
         on_run,
         keep_drivers=keep_drivers,
+        first_step=request.first_step,
     )
-    return CalibrationResult(site, tuple(trials), best, request.fields is not None)
+    return CalibrationResult(site, tuple(trials), found, request.fields is not None)
 
 
 def _line(number: int, trial: Trial) -> str:

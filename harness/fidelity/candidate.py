@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
+from typing import cast
 
 import numpy as np
 
@@ -21,8 +22,9 @@ FIRST_AMPLITUDE = 0.7
 WEAKEST_WAVES = 0.2
 # So far behind the section headways are back to the drivers' own, so that the exit decides what leaves.
 BACK_WITHIN_M = 60.0
-# Change of the waves' amplitude per share of slow cells that is missing.
-AMPLITUDE_GAIN = 0.8
+# Change of the waves' amplitude per share of slow cells that is missing: what a normal distribution of speeds about
+# 8 m/s asks for, whose spread is proportional to the amplitude, where a tenth of the cells is slow.
+AMPLITUDE_GAIN = 2.0
 AMPLITUDE_RANGE = (0.05, 0.9)
 RAMP_GAIN = 0.5
 RAMP_RANGE_VEH_PER_H = (0.0, 900.0)
@@ -141,6 +143,32 @@ def improved(
         }
     )
     return Candidate(drivers, {name: _scaled(demand, 1.0 / mean) for name, demand in demands.items()})
+
+
+def averaged(candidates: Sequence[Candidate]) -> Candidate:
+    """Return the candidate whose every number is the mean of the candidates'."""
+    drivers = _mean([candidate.drivers.model_dump() for candidate in candidates])
+    demands = {
+        name: _mean([candidate.demands[name].model_dump() for candidate in candidates])
+        for name in candidates[0].demands
+    }
+    return Candidate(
+        Drivers.model_validate(drivers),
+        {name: DemandFile.model_validate(demand) for name, demand in demands.items()},
+    )
+
+
+def _mean(values: Sequence[object]) -> object:
+    """Return the mean of numbers, entry by entry of what holds them; what is no number is taken from the first."""
+    match values[0]:
+        case dict() as tables:
+            return {key: _mean([value[key] for value in cast("Sequence[dict[str, object]]", values)]) for key in tables}
+        case tuple():
+            return tuple(_mean(entries) for entries in zip(*cast("Sequence[tuple[object, ...]]", values), strict=True))
+        case float():
+            return round(fmean(cast("Sequence[float]", values)), 4)
+        case other:
+            return other
 
 
 def _improved_demand(

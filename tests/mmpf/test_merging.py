@@ -40,7 +40,9 @@ def elder_and_younger(
 
 def merged_after(mixture: Mixture, scans: int) -> Mixture:
     for _ in range(scans):
-        mixture, _ = merge_lasting_overlaps(mixture, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25)
+        alive = np.ones(len(mixture), dtype=bool)
+        mixture, keep = merge_lasting_overlaps(mixture, alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25)
+        mixture = mixture.keep(keep)
     return mixture
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from harness.fidelity.candidate import first_candidate, improved, misfit
+from harness.fidelity.candidate import averaged, first_candidate, improved, misfit
 from harness.fidelity.measured import read_measured
 from harness.truth.network import load_network
 
@@ -97,3 +97,24 @@ def test_waves_that_cannot_be_measured_move_nothing_and_count_as_a_miss(candidat
     figures = {name: replace(entry, wave_mps=math.nan) for name, entry in as_measured(site).items()}
     assert improved(candidate, figures, site, 1.0).drivers.minimum_gap_m == candidate.drivers.minimum_gap_m
     assert misfit(figures, site) > 1.0
+
+
+def test_the_average_of_candidates_has_the_mean_of_each_number_and_keeps_what_is_none(candidate, site):
+    figures = {name: replace(entry, share_below_4mps=0.0, density_veh_per_km_lane=50.0)
+               for name, entry in as_measured(site).items()}  # fmt: skip
+    other = improved(candidate, figures, site, 0.5)
+    average = averaged([candidate, other, other])
+    assert averaged([candidate, candidate]) == candidate
+    assert average.drivers.headway_s == pytest.approx((candidate.drivers.headway_s + 2 * other.drivers.headway_s) / 3)
+    for name in NAMES:
+        before, after, mean = (entry.demands[name] for entry in (candidate, other, average))
+        assert before.exit_wave_amplitude != after.exit_wave_amplitude
+        assert mean.exit_wave_amplitude == pytest.approx(
+            (before.exit_wave_amplitude + 2 * after.exit_wave_amplitude) / 3, abs=1e-4
+        )
+        assert [entry[1] for entry in mean.schedule] == pytest.approx(
+            [(first[1] + 2 * second[1]) / 3 for first, second in zip(before.schedule, after.schedule, strict=True)],
+            abs=1e-4,
+        )
+        assert mean.description == before.description
+        assert [place for place, _ in mean.headway_profile] == [place for place, _ in before.headway_profile]

@@ -9,6 +9,7 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.fidelity import comparison, search
+from harness.fidelity.candidate import AMPLITUDE_GAIN
 from harness.fidelity.comparison import distances
 from harness.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields
 from harness.fidelity.measured import read_measured
@@ -165,7 +166,7 @@ def test_calibrate_writes_what_the_next_run_reads(no_sumo, own_network, tmp_path
     result = json.loads(capsys.readouterr().out)
     assert len(result["trials"]) == 2
     network = load_network(str(own_network))
-    assert network.drivers.model_dump() == pytest.approx(result["best"]["drivers"])
+    assert network.drivers.model_dump() == pytest.approx(result["outcome"]["drivers"])
     assert set(network.calibrated) == set(NAMES)
     assert (tmp_path / "out" / "calibration.toml").is_file()
 
@@ -188,6 +189,39 @@ def test_calibrating_one_demand_leaves_drivers_and_other_demands_alone(no_sumo, 
     assert after.demand_files["us101-0805"] == before.demand_files["us101-0805"]
     assert after.demand_files["us101-0750"] != before.demand_files["us101-0750"]
     assert after.drivers == before.drivers
+
+
+def test_calibrating_all_demands_can_leave_the_drivers_alone(no_sumo, own_network, tmp_path):
+    before = load_network(str(own_network))
+    arguments = ["calibrate", "--net", str(own_network), "--trials", "2", "--write", "--quiet"]
+    assert run_command_line([*arguments, "--keep-drivers", "--out", str(tmp_path / "kept")]) == 0
+    kept = load_network(str(own_network))
+    assert kept.drivers == before.drivers
+    assert all(kept.demand_files[name] != before.demand_files[name] for name in NAMES)
+    assert run_command_line([*arguments, "--out", str(tmp_path / "moved")]) == 0
+    assert load_network(str(own_network)).drivers != before.drivers
+
+
+def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_later_candidates(
+    own_network, tmp_path, monkeypatch, capsys
+):
+    seeds = []
+
+    def made_up(jobs, workers, on_done):
+        seeds.append([job.seed for job in jobs])
+        return [Run(wavy_fields(180, mean=8.0 + job.seed % 3), some_samples()) for job in jobs]
+
+    monkeypatch.setattr(search, "simulate_all", made_up)
+    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0805", "--trials", "3", "--json", "--quiet"]
+    assert run_command_line([*arguments, "--seeds", "1000:1002", "--out", str(tmp_path / "out")]) == 0
+    assert seeds == [[1000, 1001], [1002, 1003], [1004, 1005]]
+    found = json.loads(capsys.readouterr().out)
+    third = found["trials"][2]["demands"]["us101-0805"]["exit_wave_amplitude"]
+    outcome = found["outcome"]["demands"]["us101-0805"]["exit_wave_amplitude"]
+    measured = read_measured(load_network("us101")).periods["us101-0805"].statistics.share_below_4mps
+    slow = found["trials"][2]["simulated"]["us101-0805"]["share_below_4mps"]
+    fourth = min(0.9, third + AMPLITUDE_GAIN * search.FIRST_STEP / 1.6 * (measured - slow))
+    assert outcome == pytest.approx((third + fourth) / 2, abs=1e-4)
 
 
 @pytest.mark.slow
