@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.normals import Float32Array, standard_normals
-from mmpf.options import ModelErrorOptions
+from mmpf.options import FilterOptions, speed_error
 from mmpf.road import FloatArray
 from mmpf.scan import Scan
 from mmpf.state import ACCEL, LAT_SPEED, SPEED, Mixture
@@ -68,13 +68,13 @@ def prior_update(
     surroundings: Surroundings,
     scan: Scan,
     dt_s: float,
-    model_error: ModelErrorOptions,
+    options: FilterOptions,
     rng: np.random.Generator,
 ) -> Mixture:
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
     cloud = mixture.cloud
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, scan, dt_s, rng)
-    _add_model_error(state, surroundings.is_hidden, dt_s, model_error, rng)
+    _add_model_error(state, surroundings.is_hidden, dt_s, options, motion.name, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
     components = replace(mixture.components, age_scans=mixture.components.age_scans + 1)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
@@ -85,12 +85,13 @@ def _add_model_error(
     state: FloatArray,
     is_hidden: npt.NDArray[np.bool_],
     dt_s: float,
-    options: ModelErrorOptions,
+    options: FilterOptions,
+    model: str,
     rng: np.random.Generator,
 ) -> None:
-    root_dt = np.sqrt(dt_s)
-    seen = root_dt * np.array([options.speed, options.accel, options.lat_speed])
-    hidden = seen * np.array([options.hidden_lon_factor, options.hidden_lon_factor, 1.0])
+    error = options.model_error
+    seen = np.sqrt(dt_s) * np.array([speed_error(options, model), error.accel, error.lat_speed])
+    hidden = seen * np.array([error.hidden_lon_factor, error.hidden_lon_factor, 1.0])
     if seen.any():
         normal = standard_normals(rng, (len(seen), state.shape[1]))
         _add_scaled(state, (SPEED, ACCEL, LAT_SPEED), is_hidden, seen, hidden, normal)

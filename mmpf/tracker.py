@@ -186,7 +186,7 @@ class MixtureTracker:
             surroundings,
             situation.scan,
             situation.dt_s,
-            self._options.model_error,
+            self._options,
             self._rng,
         )
 
