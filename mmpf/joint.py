@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from mmpf.association import associate
 from mmpf.birth import give_birth
+from mmpf.detectability import detection_probabilities, distances_m, missed_probabilities
 from mmpf.evidence import association_evidence, log_normalised, normalised, particle_factors, totals
 from mmpf.identity import hand_over_identity
 from mmpf.interaction import room_beside_seen_vehicles
@@ -23,14 +24,7 @@ from mmpf.moments import component_moments, with_moments_of
 from mmpf.options import FilterOptions
 from mmpf.resampling import resample_smoothly
 from mmpf.road import FloatArray, IntArray
-from mmpf.shadows import (
-    Bodies,
-    depth_table,
-    detection_probabilities,
-    distances_m,
-    missed_probabilities,
-    visible_fractions,
-)
+from mmpf.shadows import Bodies, depth_table, visible_fractions
 from mmpf.sizes import with_measured_sizes
 from mmpf.state import LAT, LON, Components, Mixture
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area

@@ -13,12 +13,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.ray_lookup import look_up_rays
 from mmpf.road import FloatArray, IntArray
-from mmpf.scan import EgoPose, FreeSpace, SensorModel
+from mmpf.scan import EgoPose, FreeSpace
 from mmpf.threads import in_shares
 
 BEARINGS = 1440
-LARGEST_RAY_COUNT = 16
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def visible_fractions(
 
     def look_up(begin: int, end: int) -> None:
         some = slice(begin, end)
-        _look_up_rays(
+        look_up_rays(
             x[some],
             y[some],
             component[some],
@@ -109,89 +109,6 @@ def visible_fractions(
 
     in_shares(look_up, len(fraction), cost=2.0)
     return fraction
-
-
-def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
-    """Return distances from the sensor, shape (n,)."""
-    distance = np.empty(len(lon_m))
-    _distances(lon_m, lat_m, ego.lon_m, ego.lat_m, distance)
-    return distance
-
-
-def detection_probabilities(
-    visible_fraction: FloatArray, distance_m: FloatArray, sensor: SensorModel, hidden_probability: float
-) -> FloatArray:
-    """Return the probability of a detection given the visible fraction, the sensor's data sheet as a function.
-
-    Args:
-        visible_fraction: Visible fraction, shape (n,).
-        distance_m: Distance from the sensor, shape (n,).
-        sensor: The data sheet.
-        hidden_probability: What remains for a vehicle that seems hidden: the shadow may be wrong.
-    """
-    probability = np.empty(len(visible_fraction))
-    _by_data_sheet(
-        visible_fraction,
-        distance_m,
-        sensor.detection_probability,
-        sensor.full_view_fraction,
-        sensor.hidden_fraction,
-        sensor.range_m,
-        hidden_probability,
-        probability,
-    )
-    return probability
-
-
-@numba.njit(cache=True, nogil=True)
-def _distances(lon: FloatArray, lat: FloatArray, ego_lon: float, ego_lat: float, distance: FloatArray) -> None:
-    for n in range(len(lon)):
-        along, across = lon[n] - ego_lon, lat[n] - ego_lat
-        distance[n] = np.sqrt(along * along + across * across)
-
-
-def missed_probabilities(
-    visible_fraction: FloatArray, detection_probability: FloatArray, cap: float, begin: float, full: float
-) -> FloatArray:
-    """Return the detection probability that "not seen" is weighed with: never more than the actual one, shape (n,).
-
-    Args:
-        visible_fraction: Visible fraction, shape (n,).
-        detection_probability: Detection probability, shape (n,).
-        cap: The most that it can be, in full view.
-        begin: Visible fraction from which it rises from zero on.
-        full: Visible fraction from which it is ``cap``.
-    """
-    missed = np.empty(len(visible_fraction))
-    _rise_to_cap(visible_fraction, detection_probability, cap, begin, full, missed)
-    return missed
-
-
-@numba.njit(cache=True, nogil=True)
-def _by_data_sheet(
-    visible: FloatArray,
-    distance: FloatArray,
-    in_plain_view: float,
-    full_view_fraction: float,
-    hidden_fraction: float,
-    range_m: float,
-    hidden: float,
-    probability: FloatArray,
-) -> None:
-    per_fraction = 1.0 / full_view_fraction
-    for n in range(len(visible)):
-        is_unseen = (visible[n] < hidden_fraction) | (distance[n] > range_m)
-        probability[n] = hidden if is_unseen else in_plain_view * min(1.0, visible[n] * per_fraction)
-
-
-@numba.njit(cache=True, nogil=True)
-def _rise_to_cap(
-    visible: FloatArray, probability: FloatArray, cap: float, begin: float, full: float, missed: FloatArray
-) -> None:
-    per_fraction = 1.0 / (full - begin)
-    for n in range(len(visible)):
-        in_view = min(max((visible[n] - begin) * per_fraction, 0.0), 1.0)
-        missed[n] = min(probability[n], cap * in_view)
 
 
 def shadowed_share(
@@ -212,25 +129,8 @@ def shadowed_share(
     fraction = np.empty(len(lon_m))
     half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
     each = np.arange(len(lon_m))
-    _look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, each, depth, caster, half_length, half_width, fraction)
+    look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, each, depth, caster, half_length, half_width, fraction)
     return 1.0 - fraction
-
-
-@numba.njit(cache=True)
-def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
-    """Return the centre bearing and the half-width of an axis-aligned rectangle's extent, seen from the origin."""
-    centre = np.arctan2(y, x)
-    if abs(x) <= half_length and abs(y) <= half_width:
-        return centre, np.pi
-    cosine, sine = np.cos(centre), np.sin(centre)
-    half = 0.0
-    for corner in range(4):
-        corner_x = x + (half_length if corner % 2 == 0 else -half_length)
-        corner_y = y + (half_width if corner < 2 else -half_width)
-        along = corner_x * cosine + corner_y * sine
-        across = corner_y * cosine - corner_x * sine
-        half = max(half, abs(np.arctan2(across, along)))
-    return centre, half
 
 
 @numba.njit(cache=True)
@@ -267,6 +167,23 @@ def _cast_shadows(
 
 
 @numba.njit(cache=True)
+def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
+    """Return the centre bearing and the half-width of an axis-aligned rectangle's extent, seen from the origin."""
+    centre = np.arctan2(y, x)
+    if abs(x) <= half_length and abs(y) <= half_width:
+        return centre, np.pi
+    cosine, sine = np.cos(centre), np.sin(centre)
+    half = 0.0
+    for corner in range(4):
+        corner_x = x + (half_length if corner % 2 == 0 else -half_length)
+        corner_y = y + (half_width if corner < 2 else -half_width)
+        along = corner_x * cosine + corner_y * sine
+        across = corner_y * cosine - corner_x * sine
+        half = max(half, abs(np.arctan2(across, along)))
+    return centre, half
+
+
+@numba.njit(cache=True)
 def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: float, half_width: float) -> float:
     """Return the distance at which a ray from the origin enters the rectangle (slab test), -1 if it misses."""
     enter, leave = 0.0, np.inf
@@ -280,137 +197,3 @@ def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: floa
             near, far = far, near
         enter, leave = max(enter, near), min(leave, far)
     return enter if enter <= leave else -1.0
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _look_up_rays(
-    x: FloatArray,
-    y: FloatArray,
-    component: IntArray,
-    depth: FloatArray,
-    caster: IntArray,
-    half_length: FloatArray,
-    half_width: FloatArray,
-    fraction: FloatArray,
-) -> None:
-    begin = 0
-    while begin < len(x):
-        end = begin + 1
-        while end < len(x) and component[end] == component[begin]:
-            end += 1
-        own = component[begin]
-        own_x, own_y = x[begin:end], y[begin:end]
-        length, width = half_length[own], half_width[own]
-        alike = _fraction_of_all(own_x, own_y, own, depth, caster, length, width)
-        if alike >= 0.0:
-            fraction[begin:end] = alike
-        else:
-            _fraction_of_each(own_x, own_y, own, depth, caster, length, width, fraction[begin:end])
-        begin = end
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _fraction_of_all(
-    x: FloatArray, y: FloatArray, own: int, depth: FloatArray, caster: IntArray, half_length: float, half_width: float
-) -> float:
-    """Return 1 if nothing stands before the box around a whole component, 0 if all of it lies in shadow, else -1.
-
-    Exact: where it says 1 or 0, every ray of every particle would.
-    """
-    low_x, high_x, low_y, high_y = x[0], x[0], y[0], y[0]
-    for n in range(len(x)):
-        low_x, high_x = min(low_x, x[n]), max(high_x, x[n])
-        low_y, high_y = min(low_y, y[n]), max(high_y, y[n])
-    if low_x <= 0.0 and low_y <= 0.0 <= high_y:
-        # Around the sensor or across the table's ends, where the box's corners are not its outermost bearings.
-        return -1.0
-    apart_x, apart_y = max(low_x, -high_x, 0.0), max(low_y, -high_y, 0.0)
-    far_x, far_y = max(abs(low_x), abs(high_x)), max(abs(low_y), abs(high_y))
-    near, far = np.sqrt(apart_x * apart_x + apart_y * apart_y), np.sqrt(far_x * far_x + far_y * far_y)
-    corners = (_bearing(low_x, low_y), _bearing(low_x, high_y), _bearing(high_x, low_y), _bearing(high_x, high_y))
-    half = _arctangent((half_length * far_y + half_width * far_x) / max(near * near, 1e-12))
-    sectors = depth.shape[1]
-    per_radian = sectors / (2.0 * np.pi)
-    first = int(np.floor((min(corners) - half + np.pi) * per_radian - 1e-6))
-    last = int(np.floor((max(corners) + half + np.pi) * per_radian + 1e-6))
-    is_clear, is_shadowed = True, True
-    for k in range(first, last + 1):
-        sector = k % sectors
-        surface = depth[1, sector] if caster[0, sector] == own else depth[0, sector]
-        is_clear &= surface >= far
-        is_shadowed &= surface < near
-        if not is_clear and not is_shadowed:
-            return -1.0
-    return 1.0 if is_clear else 0.0
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _fraction_of_each(
-    x: FloatArray,
-    y: FloatArray,
-    own: int,
-    depth: FloatArray,
-    caster: IntArray,
-    half_length: float,
-    half_width: float,
-    fraction: FloatArray,
-) -> None:
-    """Look up each particle's own rays."""
-    sectors = depth.shape[1]
-    per_radian = sectors / (2.0 * np.pi)
-    nearest, behind, nearest_caster = depth[0], depth[1], caster[0]
-    for n in range(len(x)):
-        distance = np.sqrt(x[n] * x[n] + y[n] * y[n])
-        # The rectangle's silhouette: half-width across the line of sight over the distance.
-        across = (half_length * abs(y[n]) + half_width * abs(x[n])) / max(distance, 1e-6)
-        half = _arctangent(across / max(distance, 1e-6)) * per_radian
-        rays = min(max(int(2.0 * half), 3), LARGEST_RAY_COUNT)
-        step = 2.0 * half / rays
-        first = (_bearing(x[n], y[n]) + np.pi) * per_radian - half + 0.5 * step
-        if first < 0.0:
-            first += sectors
-        clear = 0
-        for k in range(rays):
-            sector = int(first + k * step)
-            # At most one turn too far: a remainder would cost more than all the rest.
-            if sector >= sectors:
-                sector -= sectors
-            surface = behind[sector] if nearest_caster[sector] == own else nearest[sector]
-            clear += surface >= distance
-        fraction[n] = clear / rays
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _bearing(x: float, y: float) -> float:
-    """Return the direction of a point seen from the origin, as ``arctan2(y, x)``."""
-    largest = max(abs(x), abs(y))
-    if largest == 0.0:
-        return 0.0
-    angle = _arctangent(min(abs(x), abs(y)) / largest)
-    if abs(y) > abs(x):
-        angle = 0.5 * np.pi - angle
-    if x < 0.0:
-        angle = np.pi - angle
-    return -angle if y < 0.0 else angle
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _arctangent(t: float) -> float:
-    """Return the arctangent of a number that is not negative, in half the library's time (Moshier's Cephes)."""
-    offset = 0.0
-    if t > 2.414213562373095:
-        offset, t = 0.5 * np.pi, -1.0 / t
-    elif t > 0.66:
-        offset, t = 0.25 * np.pi, (t - 1.0) / (t + 1.0)
-    z = t * t
-    above = -8.750608600031904122785e-1
-    above = above * z - 1.615753718733365076637e1
-    above = above * z - 7.500855792314704667340e1
-    above = above * z - 1.228866684490136173410e2
-    above = above * z - 6.485021904942025371773e1
-    below = z + 2.485846490142306297962e1
-    below = below * z + 1.650270098316988542046e2
-    below = below * z + 4.328810604912902668951e2
-    below = below * z + 4.853903996359136964868e2
-    below = below * z + 1.945506571482613964425e2
-    return offset + (t + t * z * above / below)

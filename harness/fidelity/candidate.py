@@ -14,7 +14,8 @@ from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics
 from harness.fidelity.targets import targets
 from harness.truth.demand import DENSITY_RANGE, Equilibrium
 from harness.truth.drivers import Drivers
-from harness.truth.network import DemandFile, Network
+from harness.truth.network import Network
+from harness.truth.networkfile import DemandFile
 
 WAVE_PERIOD_S = 120.0
 FIRST_AMPLITUDE = 0.7

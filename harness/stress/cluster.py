@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from harness.errors import UserError
-from harness.stress.grid import Cell
+from harness.stress.cells import Cell
 from harness.stress.pool import OnRow, run_cells
 from harness.stress.rows import Row, failed_row
 

@@ -1,4 +1,4 @@
-"""The grid of a stress test: cells of shared truth and detections, and the runs over each.
+"""From the lists that a user writes to the grid of a stress test: every combination, each a checked configuration.
 
 Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
 ``mmpf+joint.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the tracker's named
@@ -8,23 +8,21 @@ settings, everything else is one of its options. ``--models`` goes with the proj
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.config import DEFAULT_TRACKER, RunConfig, TrackerConfig
+from harness.config import DEFAULT_TRACKER, RunConfig
 from harness.errors import UserError
 from harness.replay_config import resolve_run_config
+from harness.stress.cells import DEMAND, DENSITY, RECORDING, Cell, Grid, PlannedRun
 from harness.stress.values import names, numbers, seed_values
 from harness.truth.recorded.egos import EACH
 
 MOST_RUNS = 100_000
-DENSITY, DEMAND, SEED, RECORDING = "density", "demand", "seed", "replay"
 NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
 VARY_EXAMPLE = "sensor.range_m=40:160:20"
 TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
@@ -63,90 +61,6 @@ class GridRequest:
     vary: tuple[str, ...] = ()
     replay: tuple[str, ...] = ()
     ego: str | None = None
-
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """One run of the grid.
-
-    Attributes:
-        config: Its whole configuration.
-        variant: The tracker as the user wrote it, with its own settings.
-        varied: Values of the other axes by key; absent where an axis does not concern the tracker.
-    """
-
-    config: RunConfig
-    variant: str
-    varied: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def key(self) -> str:
-        """Name of its result file; the same configuration has the same key in every grid."""
-        traffic, tracker = self.config.traffic, self.config.tracker
-        words = [traffic.net, _traffic_word(self.config), f"s{self.config.seed}", tracker.name, tracker.model]
-        readable = "-".join(word for word in words if word)
-        readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[-80:]
-        content = json.dumps([self.config.as_table(), self.variant], sort_keys=True)
-        return f"{readable.lstrip('-.')}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
-
-    def identity(self) -> dict[str, Any]:
-        """Return the columns that tell this run from the others."""
-        traffic, tracker = self.config.traffic, self.config.tracker
-        return {
-            "net": traffic.net,
-            DENSITY: traffic.density,
-            DEMAND: traffic.demand,
-            **({RECORDING: Path(self.config.replay).name} if self.config.replay is not None else {}),
-            "tracker": tracker.name,
-            "variant": self.variant,
-            "model": tracker.model,
-            "update": tracker.update,
-            SEED: self.config.seed,
-            **self.varied,
-        }
-
-
-@dataclass(frozen=True)
-class Cell:
-    """Runs that share their truth and detections.
-
-    Attributes:
-        runs: The runs; net, traffic, sensor and seed are the same in all.
-    """
-
-    runs: tuple[PlannedRun, ...]
-
-    @property
-    def config(self) -> RunConfig:
-        """A configuration that traffic and sensor can be opened from."""
-        return self.runs[0].config
-
-    def describe(self) -> str:
-        """Return what is simulated in a few words."""
-        return f"{self.config.traffic.net} {_traffic_word(self.config)} seed {self.config.seed}"
-
-
-@dataclass(frozen=True)
-class Grid:
-    """All cells of a stress test.
-
-    Attributes:
-        cells: The cells, sorted as their rows are.
-        axes: Keys of ``--vary``.
-    """
-
-    cells: tuple[Cell, ...]
-    axes: tuple[str, ...]
-
-    @property
-    def runs(self) -> tuple[PlannedRun, ...]:
-        """All runs, in the order of the rows."""
-        return tuple(run for cell in self.cells for run in cell.runs)
-
-    @property
-    def is_replay(self) -> bool:
-        """Whether the traffic was recorded, not simulated."""
-        return self.cells[0].config.replay is not None
 
 
 def plan_grid(request: GridRequest) -> Grid:
@@ -301,20 +215,3 @@ def with_example(error: UserError, varied: Iterable[str]) -> UserError:
 
 def _kept(variant: _Variant, varied: Mapping[str, float]) -> dict[str, float]:
     return {key: value for key, value in varied.items() if variant.takes_settings or not key.startswith("tracker.")}
-
-
-def _traffic_word(config: RunConfig) -> str:
-    traffic = config.traffic
-    if config.replay is not None:
-        return Path(config.replay).stem
-    return f"d{traffic.density:g}" if traffic.density is not None else traffic.demand or ""
-
-
-def distinct_trackers(grid: Grid) -> Iterator[RunConfig]:
-    """Yield one configuration for each distinct tracker with its settings."""
-    seen: list[TrackerConfig] = []
-    first_seed = grid.cells[0].config.seed
-    for run in (run for cell in grid.cells if cell.config.seed == first_seed for run in cell.runs):
-        if run.config.tracker not in seen:
-            seen.append(run.config.tracker)
-            yield run.config

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import IO
 
-from harness.stress.grid import Cell, PlannedRun
+from harness.stress.cells import Cell, PlannedRun
 from harness.stress.rows import Row, failed_row
 from harness.stress.worker import CELL, CellDone, Finished, Message, Started
 

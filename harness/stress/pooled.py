@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.scoring.statistics import cluster_bootstrap
+from harness.stress.cells import RECORDING
 from harness.stress.coasting import COASTING
-from harness.stress.grid import RECORDING
 from harness.stress.summary import labelled
 from mmpf.road import FloatArray
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.stress.grid import DENSITY, RECORDING, Grid, PlannedRun
+from harness.stress.cells import DENSITY, RECORDING, Grid, PlannedRun
 
 if TYPE_CHECKING:
     import pandas as pd

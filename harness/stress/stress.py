@@ -13,7 +13,8 @@ from harness.errors import RunInterruptedError, UserError
 from harness.manifest import write_manifest
 from harness.metrics import without_nan
 from harness.progress import progress_bar
-from harness.stress.grid import RECORDING, Cell, Grid, GridRequest, distinct_trackers, plan_grid, with_example
+from harness.stress.cells import RECORDING, Cell, Grid, distinct_trackers
+from harness.stress.grid import GridRequest, plan_grid, with_example
 from harness.stress.pool import OnRow
 from harness.stress.rows import TEMPORARY, Row, assemble, read_rows, write_row
 from harness.stress.summary import Break, Point, breaks, curve_points

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 from harness.cosim import StageTimes
 from harness.memory import keep_freed_memory
 from harness.scoring import score_run
+from harness.stress.cells import Cell, PlannedRun
 from harness.stress.coasting import against_coasting, coasting_errors
-from harness.stress.grid import Cell, PlannedRun
 from harness.stress.observed import ObservedTraffic, observe_traffic, track
 from harness.stress.rows import Row, failed_row, finished_row
 

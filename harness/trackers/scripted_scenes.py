@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,7 @@ LENGTH_M, WIDTH_M = 4.7, 1.9
 STD_SIZE_SHARE = 0.1
 EGO_SPEED_MPS = 20.0
 EGO_START_M = 200.0
+STEP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,27 @@ def scripted_scans(
     return [_look(cars, float(time_s), rng, detection_probability, clutter_per_scan) for time_s in times_s]
 
 
+def separate_cars() -> list[ScriptedCar]:
+    """Return four cars, each alone within 30 m."""
+    return [
+        ScriptedCar("ahead", EGO_START_M + 40.0, lane=3, speed_mps=EGO_SPEED_MPS + 2.0),
+        ScriptedCar("behind", EGO_START_M - 40.0, lane=3, speed_mps=EGO_SPEED_MPS - 1.0),
+        ScriptedCar("left", EGO_START_M + 5.0, lane=1, speed_mps=EGO_SPEED_MPS + 3.0),
+        ScriptedCar("right", EGO_START_M - 5.0, lane=5, speed_mps=EGO_SPEED_MPS - 3.0),
+    ]
+
+
+def busy_scene() -> list[LabelledScan]:
+    """Return 4 s of four cars with missed and false detections."""
+    rng = np.random.default_rng(11)
+    return scripted_scans(separate_cars(), times_every_step(4.0), rng, detection_probability=0.9, clutter_per_scan=1.0)
+
+
+def times_every_step(until_s: float) -> list[float]:
+    """Return the times of scans ``STEP_S`` apart from zero until then."""
+    return [round(step * STEP_S, 6) for step in range(round(until_s / STEP_S) + 1)]
+
+
 def shuffled(scan: LabelledScan, order: IntArray) -> LabelledScan:
     """Return the scan with its detections in another order."""
     old = scan.scan.detections
@@ -126,6 +149,19 @@ def without_sizes(scan: LabelledScan) -> LabelledScan:
     """Return the scan as a sensor gives it that measures no sizes."""
     detections = replace(scan.scan.detections, sizes=None)
     return replace(scan, scan=replace(scan.scan, detections=detections))
+
+
+def impossible_versions(good: Detections) -> Iterator[tuple[str, Detections]]:
+    """Yield what no sensor can have measured, made from a scan's detections with sizes, and what is wrong with it."""
+    for name, value in (("lon_m", np.nan), ("lat_m", np.inf), ("std_lon_m", -1.0), ("std_lat_m", np.nan)):
+        spoilt: dict[str, Any] = {name: _spoilt(getattr(good, name), value)}
+        yield f"detections.{name} = {value}", replace(good, **spoilt)
+    sizes = good.sizes
+    assert sizes is not None
+    for name, value in (("length_m", np.nan), ("width_m", -1.0), ("std_length_m", 0.0)):
+        bad = replace(sizes, **{name: _spoilt(getattr(sizes, name), value)})
+        yield f"detections.sizes.{name} = {value}", replace(good, sizes=bad)
+    yield "columns of different lengths", replace(good, lat_m=good.lat_m[:-1])
 
 
 def _look(
@@ -150,3 +186,9 @@ def _look(
     lat_m += rng.uniform(0.0, 5 * 3.66, false).tolist()
     names = [car.name for car in seen] + [""] * false
     return shuffled(labelled_scan(time_s, lon_m, lat_m, names), rng.permutation(len(names)))
+
+
+def _spoilt(column: FloatArray, value: float) -> FloatArray:
+    spoilt = column.copy()
+    spoilt[0] = value
+    return spoilt

@@ -7,77 +7,18 @@ lies, and which demands are known. Adding a network is adding such a folder to `
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import UserError
 from harness.truth.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
-from harness.truth.demand import DENSITY_RANGE, Demand, Equilibrium, demand_for_density
+from harness.truth.demand import Demand, Equilibrium, demand_for_density
 from harness.truth.drivers import Drivers
+from harness.truth.networkfile import METADATA_FILE, CalibrationFile, DemandFile, NetworkFile, read_toml
 from harness.truth.sumocfg import SumoConfiguration, read_sumocfg
 from mmpf.road import Road
-
-METADATA_FILE = "network.toml"
-
-_File = TypeVar("_File", bound=BaseModel)
-
-
-class DemandFile(BaseModel):
-    """A named demand as ``network.toml`` gives it; what is left out follows from the density."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    description: str
-    density_veh_per_km_lane: float = Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])
-    on_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
-    off_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
-    wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
-    exit_wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
-    wave_period_s: float | None = Field(default=None, gt=0.0)
-    schedule: tuple[tuple[float, float, float], ...] = ()
-    headway_profile: tuple[tuple[float, float], ...] = ()
-
-
-class NetworkFile(BaseModel):
-    """The content of ``network.toml``."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    description: str
-    net_file: str
-    vehicle_types_file: str
-    corridor: tuple[str, ...] = Field(min_length=1)
-    on_ramps: tuple[str, ...] = ()
-    off_ramps: tuple[str, ...] = ()
-    corridor_start_m: float
-    section_m: tuple[float, float]
-    ego_lanes: tuple[int, ...] = Field(min_length=1)
-    drivers: Drivers | None = None
-    default_demand: str | None = None
-    calibration_file: str | None = None
-    measured_file: str | None = None
-    demands: dict[str, DemandFile] = {}
-
-    @model_validator(mode="after")
-    def _section_is_ahead_of_the_start(self) -> NetworkFile:
-        if not self.corridor_start_m <= self.section_m[0] < self.section_m[1]:
-            raise ValueError("section_m must lie behind corridor_start_m and must not be empty")
-        return self
-
-
-class CalibrationFile(BaseModel):
-    """The outcome of a calibration, in a file of its own: it takes the place of what ``network.toml`` says."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    drivers: Drivers
-    demands: dict[str, DemandFile]
 
 
 @dataclass(frozen=True)
@@ -221,7 +162,7 @@ def default_demand(name_or_path: str) -> str | None:
     """
     shipped = [folder for folder in _network_folders() if folder.name == name_or_path]
     metadata = (shipped[0] if shipped else Path(name_or_path)) / METADATA_FILE
-    return _read_toml(metadata, NetworkFile).default_demand if metadata.is_file() else None
+    return read_toml(metadata, NetworkFile).default_demand if metadata.is_file() else None
 
 
 def _network_folders() -> list[Path]:
@@ -242,14 +183,14 @@ def _from_folder(folder: Path) -> Network:
 
 
 def _from_metadata(folder: Path, name: str) -> Network:
-    content = _read_toml(folder / METADATA_FILE, NetworkFile)
+    content = read_toml(folder / METADATA_FILE, NetworkFile)
     calibration_file, measured_file = (
         None if entry is None else folder / entry for entry in (content.calibration_file, content.measured_file)
     )
     drivers, demands = content.drivers or Drivers(), content.demands
     calibrated_names: tuple[str, ...] = ()
     if calibration_file is not None and calibration_file.is_file():
-        calibrated = _read_toml(calibration_file, CalibrationFile)
+        calibrated = read_toml(calibration_file, CalibrationFile)
         drivers, demands = calibrated.drivers, {**demands, **calibrated.demands}
         calibrated_names = tuple(calibrated.demands)
     if content.default_demand is not None and content.default_demand not in demands:
@@ -295,18 +236,6 @@ def _from_sumocfg(path: Path) -> Network:
         ego_lanes=tuple(range(1, corridor.main_lanes + 1))[1:-1] or tuple(range(1, corridor.main_lanes + 1)),
         configuration=configuration,
     )
-
-
-def _read_toml(path: Path, kind: type[_File]) -> _File:
-    try:
-        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        return kind.model_validate(content)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise UserError(f"{path}: cannot be read as TOML: {error}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise UserError(f"{path}: {where}: {first['msg']}") from error
 
 
 def _describe(network: Network) -> NetworkDescription:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from mmpf.options import MEAN_CAR
 from mmpf.road import FloatArray
-from mmpf.scan import FreeSpace, SensorModel
-from mmpf.shadows import Bodies, depth_table, detection_probabilities, shadowed_share, visible_fractions
+from mmpf.scan import FreeSpace
+from mmpf.shadows import Bodies, depth_table, shadowed_share, visible_fractions
 from tests.mmpf.scenes import ego_at, lane_centre
 
 
@@ -83,13 +83,6 @@ def test_the_table_agrees_with_ray_tracing(seed: int) -> None:
     difference = np.abs(visibility(list(lon), list(lat), bodies) - traced_visibility(lon, lat, bodies))
     assert difference.max() < 0.25
     assert difference.mean() < 0.05
-
-
-def test_detection_probability_falls_with_the_hidden_share_and_ends_at_the_range() -> None:
-    probability = detection_probabilities(
-        np.array([1.0, 0.7, 0.35, 0.1, 1.0]), np.array([50.0, 50.0, 50.0, 50.0, 120.0]), SensorModel(), 0.02
-    )
-    assert probability == pytest.approx([0.95, 0.95, 0.475, 0.02, 0.02])
 
 
 def test_the_sensors_own_free_space_asserts_occlusion() -> None:

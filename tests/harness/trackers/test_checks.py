@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.trackers.checks import TrackerCheckError, check_tracker, tracker_checks
+from harness.trackers.checks import check_tracker, tracker_checks
 from harness.trackers.oracle import build_oracle_kalman
+from harness.trackers.requirements import TrackerCheckError
 from mmpf.state import Tracks
 
 
