@@ -219,7 +219,7 @@ def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_rea
     trackers = ",".join([*(f"{BROKEN}:{name}" for name in ("raising", "hanging", "dying")), ECHO])
     outcome = subprocess.run(
         command(tmp_path / "grid", "--densities", "20", "--seeds", "2", "--trackers", trackers, "--timeout-per-run",
-                "5", "--workers", "2"),
+                "15", "--workers", "2"),
         cwd=REPOSITORY, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert outcome.returncode == 3, outcome.stderr
@@ -228,7 +228,7 @@ def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_rea
     for errors in (table["error"].iloc[:3], table["error"].iloc[4:7]):
         raised, hung, died = errors
         assert raised == "ArithmeticError: the weights all vanished"
-        assert hung == "timeout: the run took longer than 5 s"
+        assert hung == "timeout: the run took longer than 15 s"
         assert "died (signal SIGKILL" in died
     assert len(outcome.stderr.strip().splitlines()) == 1
 
