@@ -24,7 +24,8 @@ WEAKEST_WAVES = 0.2
 # So far behind the section headways are back to the drivers' own, so that the exit decides what leaves.
 BACK_WITHIN_M = 60.0
 # Change of the waves' amplitude per share of slow cells that is missing: what a normal distribution of speeds about
-# 8 m/s asks for, whose spread is proportional to the amplitude, where a tenth of the cells is slow.
+# 8 m/s would ask for, whose spread is proportional to the amplitude, where a tenth of the cells is slow. In the most
+# congested period simulated traffic answers less than that: there slow cells go with the mean speed.
 AMPLITUDE_GAIN = 2.0
 AMPLITUDE_RANGE = (0.05, 0.9)
 RAMP_GAIN = 0.5
