@@ -34,8 +34,6 @@ class Footprint(Settings):
 
 
 MEAN_CAR = Footprint()
-
-
 OTHER_SPEED_ERROR = 0.4
 
 
@@ -45,7 +43,7 @@ class ModelErrorOptions(Settings):
     Root spectral densities of white noise: a standard deviation over one second grows with the root of time.
 
     Attributes:
-        speed: Of the longitudinal speed, m/s per root second. None for what was best on the tuning seeds: nothing for
+        speed: Of the longitudinal speed, m/s per root second. None for what was better on the tuning seeds: nothing for
             the learned driver under the joint rule, whose smoothing keeps its particles apart, and 0.4 for all others.
         accel: Of the longitudinal acceleration, m/s² per root second.
         lat_speed: Of the lateral speed, m/s per root second.
@@ -224,7 +222,15 @@ class FilterOptions(Settings):
 
 
 def speed_error(options: FilterOptions, model: str) -> float:
-    """Return the noise on the speed, m/s per root second, that the filter adds to a motion model's prediction."""
+    """Return the noise on the speed that the filter adds to a motion model's prediction.
+
+    Args:
+        options: The filter's settings.
+        model: The motion model's name.
+
+    Returns:
+        Root spectral density, m/s per root second; see ``ModelErrorOptions.speed``.
+    """
     if options.model_error.speed is not None:
         return options.model_error.speed
     return 0.0 if model == "gmm" and options.update == "joint" else OTHER_SPEED_ERROR

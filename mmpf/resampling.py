@@ -81,6 +81,9 @@ def resample_smoothly(
         particles: Particles that each of them gets.
         kernel_width: h of each component, from zero to one, shape (m,).
         rng: Source of randomness.
+
+    Returns:
+        The belief after resampling; the same one if nothing was chosen.
     """
     chosen = np.flatnonzero(which)
     mean = component_moments(mixture).mean[list(SMOOTHED)][:, chosen]
@@ -90,6 +93,7 @@ def resample_smoothly(
     if len(chosen) == 0:
         return mixture
     normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
+    # Resampling has just made this array: nobody else holds it.
     state, begins = mixture.cloud.state, mixture.starts[chosen]
 
     def smooth(begin: int, end: int) -> None:

@@ -197,7 +197,13 @@ class Mixture:
         return replace(self, cloud=self._kept_cloud(keep), components=self.components.take(keep))
 
     def keep_and_join(self, keep: npt.NDArray[np.bool_], cloud: ParticleCloud, components: Components) -> Self:
-        """Return the belief with the components to keep and further ones, whose cloud counts them from zero."""
+        """Return the belief with the components to keep and further ones behind them.
+
+        Args:
+            keep: Which components stay, shape (m,).
+            cloud: Particles of the k further ones, which it counts from zero.
+            components: The further ones, k of them.
+        """
         return replace(
             self,
             cloud=self._kept_cloud(keep, cloud),

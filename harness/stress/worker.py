@@ -18,7 +18,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from harness.cosim import StageTimes
-from harness.memory import keep_freed_memory
 from harness.scoring import score_run
 from harness.stress.cells import Cell, PlannedRun
 from harness.stress.coasting import against_coasting, coasting_errors
@@ -135,7 +134,6 @@ def _reason(error: Exception) -> str:
 
 def main() -> None:
     """Work on the cells that come through the connection, whose file descriptor is the argument, until it closes."""
-    keep_freed_memory()
     connection = Connection(int(sys.argv[1]))
     cells: queue.SimpleQueue[Cell] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, cells), daemon=True).start()

@@ -30,6 +30,7 @@ HABIT_SITUATIONS_PER_WINDOW = 5
 STEADY_CLOSING_MPS = 1.5
 STEADY_ACCEL_MPS2 = 0.7
 ACCEL_BIAS_MPS2 = 0.012
+# In sight, particles take up changes more often than drivers do; see LaneKeeper.seen_changes_per_s.
 PROPOSED_CHANGES = 10.0
 
 
