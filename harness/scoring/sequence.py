@@ -11,6 +11,7 @@ from harness.scoring.matching import gate_match
 from harness.scoring.pairs import Pairs
 from harness.scoring.rows import BoolArray, RunRows
 from harness.scoring.settings import ScoringSettings
+from harness.scoring.sight import tracks_in_sight
 from mmpf.road import FloatArray, IntArray
 
 
@@ -55,14 +56,15 @@ class Selection:
 
 
 def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
-    """Select the vehicles in sight; tracks that the tracker flags as hidden and that match none of them are left out.
+    """Select the vehicles in sight; tracks that are out of sight and match none of them are left out.
 
+    One rule decides for the tracks of every tracker, and from the detections alone: see ``tracks_in_sight``.
     A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
     the source knows of the road, unless it is on a vehicle that counts.
     """
     in_sight = history.in_sight(settings)
     chosen = gate_match(pairs, in_sight)
-    tracks = ~rows.tracks.hidden & ~rows.tracks.unknowable
+    tracks = tracks_in_sight(rows, settings) & ~rows.tracks.unknowable
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]
     return Selection(in_sight & rows.truth.in_range, tracks)
 
