@@ -44,7 +44,8 @@ class ModelErrorOptions(Settings):
 
     Attributes:
         speed: Of the longitudinal speed, m/s per root second. None for what was better on the tuning seeds: nothing for
-            the learned driver under the joint rule, whose smoothing keeps its particles apart, and 0.4 for all others.
+            a model that spreads the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``),
+            under the joint rule, whose smoothing keeps its particles apart, and 0.4 otherwise.
         accel: Of the longitudinal acceleration, m/s² per root second.
         lat_speed: Of the lateral speed, m/s per root second.
         hidden_lon_factor: What the first two are multiplied by for components that are not seen: there the model alone
@@ -232,16 +233,16 @@ class FilterOptions(Settings):
     max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()
 
 
-def speed_error(options: FilterOptions, model: str) -> float:
+def speed_error(options: FilterOptions, *, spreads_speed: bool) -> float:
     """Return the noise on the speed that the filter adds to a motion model's prediction.
 
     Args:
         options: The filter's settings.
-        model: The motion model's name.
+        spreads_speed: Whether the model spreads the speed by itself; see ``mmpf.motion.protocol.spreads_speed``.
 
     Returns:
         Root spectral density, m/s per root second; see ``ModelErrorOptions.speed``.
     """
     if options.model_error.speed is not None:
         return options.model_error.speed
-    return 0.0 if model == "gmm" and options.update == "joint" else OTHER_SPEED_ERROR
+    return 0.0 if spreads_speed and options.update == "joint" else OTHER_SPEED_ERROR
