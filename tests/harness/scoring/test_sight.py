@@ -36,6 +36,13 @@ def test_a_track_on_an_occluded_vehicle_is_false_to_no_tracker(state):
     assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
 
 
+def test_a_track_on_an_occluded_vehicle_is_not_false_for_another_vehicles_detections_beside_it():
+    scene = Scene(100).vehicle("a", lon=20.0, state=np.where(STEPS < 30, "visible", "hidden"), detected=STEPS < 30)
+    scene.vehicle("b", lon=23.0, detected=True).track(7, lon=20.0, at=STEPS[2:]).track(8, lon=23.0, at=STEPS[2:])
+    scores = score(*scene.tables())
+    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
+
+
 @pytest.mark.parametrize("state", STATES)
 def test_a_track_that_has_left_its_occluded_vehicle_is_false_until_half_a_second_after_the_last_detection(state):
     scene = Scene(100).vehicle("a", lon=20.0, detected=STEPS < 30)
