@@ -109,7 +109,7 @@ class JointUpdate:
         factor *= room_beside_seen_vehicles(
             prior,
             moments,
-            prior.components.unseen_s <= joint.hidden_after_s,
+            prior.components.unseen_s <= self.options.reporting.hidden_after_s,
             situation.scan.ego,
             joint.exclusion_strength * situation.dt_s / NOMINAL_SCAN_S,
         )
@@ -140,7 +140,12 @@ class JointUpdate:
         joint = self.options.joint
         alive = self._worth_keeping(updated.mixture, situation)
         mixture, keep = merge_lasting_overlaps(
-            updated.mixture, alive, joint.merge_lon_m, joint.merge_lat_m, joint.merge_scans, joint.hidden_after_s
+            updated.mixture,
+            alive,
+            joint.merge_lon_m,
+            joint.merge_lat_m,
+            joint.merge_scans,
+            self.options.reporting.hidden_after_s,
         )
         chosen = np.flatnonzero(updated.birth_claim > joint.birth_unexplained)
         chosen = chosen[~self._on_ego(situation, chosen)]

@@ -44,7 +44,8 @@ class ModelErrorOptions(Settings):
 
     Attributes:
         speed: Of the longitudinal speed, m/s per root second. None for what was better on the tuning seeds: nothing for
-            the learned driver under the joint rule, whose smoothing keeps its particles apart, and 0.4 for all others.
+            a model that spreads the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``),
+            under the joint rule, whose smoothing keeps its particles apart, and 0.4 otherwise.
         accel: Of the longitudinal acceleration, m/s² per root second.
         lat_speed: Of the lateral speed, m/s per root second.
         hidden_lon_factor: What the first two are multiplied by for components that are not seen: there the model alone
@@ -77,6 +78,20 @@ class BirthOptions(Settings):
     local_range_m: Positive = 40.0
 
 
+class ReportingOptions(Settings):
+    """When a component counts as hidden and which hidden ones are reported: for both update rules.
+
+    Attributes:
+        hidden_after_s: Unseen for longer, a component counts as hidden: it is reported as hidden, its particles move as
+            those of a hidden vehicle, and its speed tells newborn components nothing of the traffic.
+        reported_std_lon_m: A hidden component spread wider than this is kept in memory, for re-acquisition, but not
+            reported: nobody could use it.
+    """
+
+    hidden_after_s: Positive = 0.25
+    reported_std_lon_m: Positive = 6.0
+
+
 class JointOptions(Settings):
     """Soft joint association: marginals by belief propagation, existence, births by unexplained detections.
 
@@ -104,7 +119,6 @@ class JointOptions(Settings):
             (Liu and West 2001), so that little process noise does not impoverish the cloud.
         young_hits: Up to this many hits a component is resampled from its weighted Gaussian, since its speed is
             still uncertain.
-        hidden_after_s: Unseen for longer, a component counts as hidden, if it lies in shadow.
         exclusion_strength: How strongly a hidden particle inside a seen track's footprint is discounted each 0.1 s.
         merge_lon_m: Two components nearer than this and ``merge_lat_m`` for ``merge_scans`` scans become one.
         merge_lat_m: See ``merge_lon_m``.
@@ -116,8 +130,6 @@ class JointOptions(Settings):
         stitch_lat_m: lateral, and
         stitch_speed_mps: in speed.
         stitch_both_seen_s: For this long the hidden one may have been seen after the new one's birth.
-        reported_std_lon_m: A hidden component spread wider than this is kept in memory, for re-acquisition, but not
-            reported: nobody could use it.
         shadow: Whether the detection probability depends on shadows; without, it is ``fixed_probability``.
         fixed_probability: See ``shadow``.
         exclusive: Whether a detection belongs to one component (belief propagation) or may serve several (PDA).
@@ -142,7 +154,6 @@ class JointOptions(Settings):
     resample_below: Probability = 0.3
     kernel_width: Probability = 0.4
     young_hits: Annotated[int, Field(ge=0)] = 20
-    hidden_after_s: Positive = 0.25
     exclusion_strength: Annotated[float, Field(ge=0.0)] = 0.9
     merge_lon_m: Positive = 2.5
     merge_lat_m: Positive = 1.0
@@ -153,7 +164,6 @@ class JointOptions(Settings):
     stitch_lat_m: Positive = 0.7
     stitch_speed_mps: Positive = 2.0
     stitch_both_seen_s: Annotated[float, Field(ge=0.0)] = 0.5
-    reported_std_lon_m: Positive = 6.0
     shadow: bool = True
     fixed_probability: Probability = 0.5
     exclusive: bool = True
@@ -208,8 +218,9 @@ class FilterOptions(Settings):
         vehicle: Size of a vehicle before it is measured.
         model_error: Noise added to the motion model's prediction.
         birth: How new components are drawn.
-        joint: Settings of the joint update.
-        max_likelihood: Settings of the paper's update.
+        reporting: When a component counts as hidden and which hidden ones are reported.
+        joint: Settings that only the joint update reads.
+        max_likelihood: Settings that only the paper's update reads.
     """
 
     particles: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
@@ -217,20 +228,21 @@ class FilterOptions(Settings):
     vehicle: Footprint = Footprint()
     model_error: ModelErrorOptions = ModelErrorOptions()
     birth: BirthOptions = BirthOptions()
+    reporting: ReportingOptions = ReportingOptions()
     joint: JointOptions = JointOptions()
     max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()
 
 
-def speed_error(options: FilterOptions, model: str) -> float:
+def speed_error(options: FilterOptions, *, spreads_speed: bool) -> float:
     """Return the noise on the speed that the filter adds to a motion model's prediction.
 
     Args:
         options: The filter's settings.
-        model: The motion model's name.
+        spreads_speed: Whether the model spreads the speed by itself; see ``mmpf.motion.protocol.spreads_speed``.
 
     Returns:
         Root spectral density, m/s per root second; see ``ModelErrorOptions.speed``.
     """
     if options.model_error.speed is not None:
         return options.model_error.speed
-    return 0.0 if model == "gmm" and options.update == "joint" else OTHER_SPEED_ERROR
+    return 0.0 if spreads_speed and options.update == "joint" else OTHER_SPEED_ERROR

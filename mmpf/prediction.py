@@ -9,9 +9,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.normals import Float32Array, standard_normals
-from mmpf.options import FilterOptions, speed_error
+from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
 from mmpf.road import FloatArray
 from mmpf.scan import Scan
 from mmpf.state import ACCEL, LAT_SPEED, SPEED, Mixture
@@ -74,7 +74,8 @@ def prior_update(
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
     cloud = mixture.cloud
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, scan, dt_s, rng)
-    _add_model_error(state, surroundings.is_hidden, dt_s, options, motion.name, rng)
+    speed = speed_error(options, spreads_speed=spreads_speed(motion))
+    _add_model_error(state, surroundings.is_hidden, dt_s, options.model_error, speed, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
     components = replace(mixture.components, age_scans=mixture.components.age_scans + 1)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
@@ -85,12 +86,11 @@ def _add_model_error(
     state: FloatArray,
     is_hidden: npt.NDArray[np.bool_],
     dt_s: float,
-    options: FilterOptions,
-    model: str,
+    error: ModelErrorOptions,
+    speed: float,
     rng: np.random.Generator,
 ) -> None:
-    error = options.model_error
-    seen = np.sqrt(dt_s) * np.array([speed_error(options, model), error.accel, error.lat_speed])
+    seen = np.sqrt(dt_s) * np.array([speed, error.accel, error.lat_speed])
     hidden = seen * np.array([error.hidden_lon_factor, error.hidden_lon_factor, 1.0])
     if seen.any():
         normal = standard_normals(rng, (len(seen), state.shape[1]))

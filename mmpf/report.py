@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.moments import component_moments
-from mmpf.options import JointOptions
+from mmpf.options import ReportingOptions
 from mmpf.state import ACCEL, CONFIRMED, HIDDEN, LAT, LAT_SPEED, LON, SPEED, TENTATIVE, Mixture, Tracks
 
 
-def reported_tracks(mixture: Mixture, options: JointOptions) -> Tracks:
+def reported_tracks(mixture: Mixture, options: ReportingOptions) -> Tracks:
     """Return mean and spread of each component as a track.
 
     Args:

@@ -130,7 +130,7 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(self._mixture, self._options.joint)
+        return reported_tracks(self._mixture, self._options.reporting)
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
@@ -155,7 +155,7 @@ class MixtureTracker:
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = component_moments(self._mixture).mean
         known = self._mixture.components.confirmed & (
-            self._mixture.components.unseen_s <= self._options.joint.hidden_after_s
+            self._mixture.components.unseen_s <= self._options.reporting.hidden_after_s
         )
         traffic = Traffic(
             lon_m=np.append(mean[LON][known], scan.ego.lon_m),
@@ -166,7 +166,7 @@ class MixtureTracker:
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""
         components = self._mixture.components
-        is_seen = components.unseen_s <= self._options.joint.hidden_after_s
+        is_seen = components.unseen_s <= self._options.reporting.hidden_after_s
         surroundings = surroundings_of(
             self._mixture.cloud.state,
             self._mixture.cloud.component,

@@ -75,9 +75,10 @@ def coverage(rows: RunRows, history: DetectionHistory, matching: Matching, setti
 
 def detection_noise(rows: RunRows) -> DetectionNoise:
     """Return the mean absolute errors of the detections that are not clutter; nan without any."""
-    found = rows.detections
-    lon_m = np.abs(found.lon_m - rows.truth.lon_m[found.truth_row])
-    lat_m = np.abs(found.lat_m - rows.truth.lat_m[found.truth_row])
+    real = rows.detections.truth_row >= 0
+    row = rows.detections.truth_row[real]
+    lon_m = np.abs(rows.detections.lon_m[real] - rows.truth.lon_m[row])
+    lat_m = np.abs(rows.detections.lat_m[real] - rows.truth.lat_m[row])
     return DetectionNoise(_mean(lon_m), _mean(lat_m), len(lon_m))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +31,15 @@ class Pairs:
         return Pairs(self.truth[keep], self.track[keep], self.similarity[keep])
 
 
+class Places(Protocol):
+    """Places along the road, one a row; arrays of shape (n,)."""
+
+    @property
+    def step(self) -> IntArray: ...  # noqa: D102
+    @property
+    def lon_m(self) -> FloatArray: ...  # noqa: D102
+
+
 GATE_SIMILARITY = 0.5
 """Similarity on the edge of the gate."""
 
@@ -42,26 +52,38 @@ def similarity(lon_difference_m: FloatArray, lat_difference_m: FloatArray, setti
 
 
 def near_pairs(truth: TruthRows, tracks: TrackRows, settings: ScoringSettings) -> Pairs:
-    """Return all pairs of one step with a similarity above 0.
-
-    Sorting by step and position lets one binary search per track find its neighbours, so the cost does not grow
-    with vehicles times tracks.
-    """
-    if not len(truth) or not len(tracks):
-        empty = np.zeros(0, dtype=np.int64)
-        return Pairs(empty, empty, np.zeros(0))
-    reach_m = 2.0 * settings.gate_lon_m + 1e-3
-    lowest = min(truth.lon_m.min(), tracks.lon_m.min())
-    span = max(truth.lon_m.max(), tracks.lon_m.max()) - lowest + 3.0 * reach_m
-    truth_key = truth.step * span + (truth.lon_m - lowest)
-    track_key = tracks.step * span + (tracks.lon_m - lowest)
-    order = np.argsort(truth_key)
-    first = np.searchsorted(truth_key[order], track_key - reach_m)
-    count = np.searchsorted(truth_key[order], track_key + reach_m) - first
-    track_row = np.repeat(np.arange(len(tracks)), count)
-    offset = np.arange(len(track_row)) - np.repeat(np.cumsum(count) - count, count)
-    truth_row = order[first[track_row] + offset]
+    """Return all pairs of one step with a similarity above 0."""
+    truth_row, track_row = rows_near(truth, tracks, 2.0 * settings.gate_lon_m)
     alike = similarity(
         truth.lon_m[truth_row] - tracks.lon_m[track_row], truth.lat_m[truth_row] - tracks.lat_m[track_row], settings
     )
     return Pairs(truth_row, track_row, alike).where(alike > 0.0)
+
+
+def rows_near(first: Places, second: Places, reach_m: float) -> tuple[IntArray, IntArray]:
+    """Return the rows of all pairs of one step that lie within the reach along the road, and few beyond it.
+
+    Sorting by step and position lets one binary search per row of ``second`` find its neighbours, so the cost does not
+    grow with rows times rows.
+
+    Args:
+        first: One side of the pairs.
+        second: The other.
+        reach_m: Longitudinal distance up to which every pair is found.
+
+    Returns:
+        Rows of ``first`` and rows of ``second``, both of shape (p,), ordered by the latter.
+    """
+    if not len(first.step) or not len(second.step):
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    reach_m += 1e-3
+    lowest = min(first.lon_m.min(), second.lon_m.min())
+    span = max(first.lon_m.max(), second.lon_m.max()) - lowest + 3.0 * reach_m
+    first_key = first.step * span + (first.lon_m - lowest)
+    second_key = second.step * span + (second.lon_m - lowest)
+    order = np.argsort(first_key)
+    begin = np.searchsorted(first_key[order], second_key - reach_m)
+    count = np.searchsorted(first_key[order], second_key + reach_m) - begin
+    second_row = np.repeat(np.arange(len(second_key)), count)
+    offset = np.arange(len(second_row)) - np.repeat(np.cumsum(count) - count, count)
+    return order[begin[second_row] + offset], second_row

@@ -55,7 +55,8 @@ class TruthRows:
 class TrackRows:
     """Every reported track at every step, sorted by step; arrays of shape (m,).
 
-    A tentative track is the tracker's private guess: it is not reported and so not scored.
+    A tentative track is the tracker's private guess: it is not reported and so not scored. Whether the tracker takes a
+    reported one for hidden is not here: that is its own word, and no score depends on it.
 
     Attributes:
         step: Index of the step among the run's steps.
@@ -68,7 +69,6 @@ class TrackRows:
         std_lon_m: Standard deviation of the longitudinal position.
         std_lat_m: Standard deviation of the lateral position.
         std_speed_mps: Standard deviation of the speed.
-        hidden: The tracker itself says that it cannot see the vehicle.
         unknowable: At or beyond the edge of what the source knows of the road, so that no vehicle there is on record.
     """
 
@@ -82,7 +82,6 @@ class TrackRows:
     std_lon_m: FloatArray
     std_lat_m: FloatArray
     std_speed_mps: FloatArray
-    hidden: BoolArray
     unknowable: BoolArray
 
     def __len__(self) -> int:
@@ -91,14 +90,16 @@ class TrackRows:
 
 @dataclass(frozen=True)
 class DetectionRows:
-    """The detections that came from a vehicle other than the ego, arrays of shape (d,).
+    """All detections as a tracker gets them, and where they came from; arrays of shape (d,).
 
     Attributes:
-        truth_row: Row of ``TruthRows`` that each came from.
+        step: Index of the step among the run's steps.
+        truth_row: Row of ``TruthRows`` that each came from, -1 for clutter.
         lon_m: Measured longitudinal position.
         lat_m: Measured lateral position.
     """
 
+    step: IntArray
     truth_row: IntArray
     lon_m: FloatArray
     lat_m: FloatArray
@@ -112,7 +113,7 @@ class RunRows:
         time_s: Time of each step, shape (steps,).
         episode: Episode of each step, shape (steps,).
         truth: The vehicles.
-        detections: The detections that are not clutter.
+        detections: The detections, clutter included.
         tracks: The reported tracks.
     """
 
@@ -141,7 +142,8 @@ def read_run(
 
     Raises:
         ValueError: A detection or track has a step that truth does not have, a truth state or track state is
-            unknown, or a reported track has a position that is not finite or is there twice at one step.
+            unknown, a detection or reported track has a position that is not finite, or a reported track is there
+            twice at one step.
     """
     truth_step = _ints(truth, "step")
     steps, first_row, step_index = np.unique(truth_step, return_index=True, return_inverse=True)
@@ -153,13 +155,11 @@ def read_run(
     vehicle = _codes(all_episodes[keep], name_codes[keep].astype(np.int64))
     order = np.lexsort((step_index[keep], vehicle))
     rows, vehicle = keep[order], vehicle[order]
-    detection_row, detection_position = _detection_origins(
-        detections, steps, names, name_codes[rows].astype(np.int64), step_index[rows]
-    )
+    found = _all_detections(detections, steps, names, name_codes[rows].astype(np.int64), step_index[rows])
     windows = _windows(truth, first_row, edge_m)
     inside = _inside(_floats(truth, "lon_m"), windows, step_index)
     detected = np.zeros(len(rows), dtype=bool)
-    detected[detection_row] = True
+    detected[found.truth_row[found.truth_row >= 0]] = True
     return RunRows(
         time_s=times,
         episode=episodes,
@@ -176,11 +176,7 @@ def read_run(
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
         ),
-        detections=DetectionRows(
-            truth_row=detection_row,
-            lon_m=_floats(detections, "lon_m")[detection_position],
-            lat_m=_floats(detections, "lat_m")[detection_position],
-        ),
+        detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
     )
 
@@ -225,27 +221,30 @@ def _reported_tracks(
         std_lon_m=_floats(tracks, "std_lon_m")[rows],
         std_lat_m=_floats(tracks, "std_lat_m")[rows],
         std_speed_mps=_floats(tracks, "std_speed_mps")[rows],
-        hidden=state[rows] == 2,
         unknowable=~_inside(lon, windows, step),
     )
 
 
-def _detection_origins(
+def _all_detections(
     detections: pd.DataFrame, steps: IntArray, names: pd.Index, row_name: IntArray, row_step: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Return the truth row of each detection that came from a vehicle, and that detection's place in the table."""
+) -> DetectionRows:
+    step = _step_index(_ints(detections, "step"), steps, "detections")
+    lon, lat = _floats(detections, "lon_m"), _floats(detections, "lat_m")
+    if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
+        raise ValueError("detections: a detection has a position that is not finite")
     name = cast("IntArray", names.get_indexer(pd.Index(detections["truth_id"].astype("object"))).astype(np.int64))
-    position = np.flatnonzero(name >= 0)
-    step = _step_index(_ints(detections, "step")[position], steps, "detections")
-    row_key = row_step * max(len(names), 1) + row_name
+    return DetectionRows(step, _origins(step, name, len(names), row_name, row_step), lon, lat)
+
+
+def _origins(step: IntArray, name: IntArray, names: int, row_name: IntArray, row_step: IntArray) -> IntArray:
+    """Return the truth row that each detection came from, -1 for clutter, shape (d,); names are codes, -1 for none."""
+    if not len(row_step):
+        return np.full(len(step), -1)
+    row_key = row_step * names + row_name
     by_key = np.argsort(row_key)
-    key = step * max(len(names), 1) + name[position]
-    place = np.minimum(np.searchsorted(row_key[by_key], key), max(len(by_key) - 1, 0))
-    if not len(by_key):
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    row = by_key[place]
-    known = row_key[row] == key
-    return row[known], position[known]
+    key = step * names + name
+    row = by_key[np.minimum(np.searchsorted(row_key[by_key], key), len(by_key) - 1)]
+    return np.where((name >= 0) & (row_key[row] == key), row, -1)
 
 
 def _codes(episode: IntArray, number: IntArray) -> IntArray:

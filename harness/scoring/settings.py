@@ -13,7 +13,7 @@ class ScoringSettings:
         gate_lon_m: Longitudinal gate of a match.
         gate_lat_m: Lateral gate of a match.
         in_sight_detections: Detections that a vehicle needs to count as in sight.
-        in_sight_s: Longest time since the last detection of a vehicle in sight.
+        in_sight_s: Longest time since the last detection of a vehicle in sight, or near a track in sight.
         memory_s: A vehicle that goes undetected for longer ends as a truth identity and returns as a new one.
         hold_s: A track holds a vehicle at its last detection if it was matched to it at most this long before.
         event_s: Shortest time without detection of an occlusion event.

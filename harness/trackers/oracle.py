@@ -35,7 +35,7 @@ class OracleOptions(Settings):
         lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
         lat_noise: The same laterally.
         confirm_detections: Detections before a track is confirmed.
-        hidden_after_s: Unseen for longer, a track is reported as hidden.
+        hidden_after_s: Unseen for longer, a track is reported as hidden, which is for pictures alone.
         longest_unseen_s: Unseen for longer, a track ends; the vehicle returns under a new identity.
         birth_speed_std_mps: Spread of a new track's speed around the ego's, where speed is not measured.
         birth_lat_speed_std_mps: Spread of a new track's lateral speed.

@@ -1,8 +1,8 @@
 """A tracker of Stone Soup's, once put together, in this project's tracker role: scans in, tracks out.
 
 Stone Soup's tracks carry no existence probability (1 is reported) and no flag for "can't be seen"; a track without an
-update for ``hidden_after_s`` is reported as hidden, so that the rule that coasting tracks are not false in sight holds
-for them as well. Tracks that are still held by the initiator are not reported.
+update for ``hidden_after_s`` is reported as hidden, so that pictures show it so. Tracks that are still held by the
+initiator are not reported.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ class StoneSoupOptions(Settings):
         birth_speed_std_mps: Spread of a new track's speed around the ego's, where speed is not measured.
         birth_lat_speed_std_mps: Spread of a new track's lateral speed.
         birth_accel_std_mps2: Spread of a new track's acceleration (ca).
-        hidden_after_s: Unseen for longer, a track is reported as hidden.
+        hidden_after_s: Unseen for longer, a track is reported as hidden, which is for pictures alone.
         coarse_gate: Whether detections far outside a track's gate are left out before Stone Soup computes distances
             to them. The Kalman trackers' tracks stay the same, in about half the time; off, they run as Stone Soup
             ships them.

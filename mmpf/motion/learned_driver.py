@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -93,6 +94,8 @@ class LearnedDriver:
         changer: Moves particles that are changing lanes.
         changes_lanes: Whether particles may take up lane changes.
         name: Name in the registry.
+        spreads_speed: Its accelerations are drawn, with each driver's habits, as widely as they were recorded; see
+            ``mmpf.motion.protocol.spreads_speed``.
         latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, place
             in the lane, intention (-1 to the right, 0, 1 to the left) and lateral position of the lane it is after.
     """
@@ -102,6 +105,7 @@ class LearnedDriver:
     changes_lanes: bool = True
     name: str = "gmm"
     latent_size: int = LATENTS
+    spreads_speed: ClassVar[bool] = True
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
         """Return latents that are drawn at the first step, when the surroundings are known: shape (7, n) of zeros."""

@@ -101,6 +101,9 @@ class MotionModel(Protocol):
         name: Name in the registry.
         latent_size: Rows of per-particle constants or modes that the model carries beside the state (a driver's
             habits, a lane-change intention). They are resampled with the particle. Zero for memoryless models.
+
+    A model may also have ``spreads_speed``, a bool; see the function of that name for what it says. It is no member of
+    this protocol, so that a model without it is a motion model all the same.
     """
 
     @property
@@ -143,6 +146,17 @@ class MotionModel(Protocol):
             longitudinal speed, whatever the surroundings.
         """
         ...
+
+
+def spreads_speed(motion: MotionModel) -> bool:
+    """Return whether the model says that its own draws spread the longitudinal speed as widely as vehicles' speeds do.
+
+    A model says so by an attribute ``spreads_speed`` that is true: particles that begin with one speed, m/s, then come
+    apart by themselves from step to step, and the filter adds no noise to their speed where its update rule keeps them
+    apart as well (``mmpf.options.ModelErrorOptions.speed``). A model that does not say so is taken to be too sure of
+    the speed. What it is called plays no part.
+    """
+    return bool(getattr(motion, "spreads_speed", False))
 
 
 class MotionModelFactory(Protocol):

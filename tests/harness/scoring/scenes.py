@@ -123,6 +123,13 @@ class Scene:
         self.detections.append(seen[["step", "time_s", "lon_m", "lat_m"]].assign(truth_id=name))
         return self
 
+    def clutter(self, at, lon, lat=0.0):
+        """Add detections that came from no vehicle, one at each step of ``at``."""
+        step = np.asarray(at, dtype=np.int64)
+        places = pd.DataFrame({"step": step, "time_s": step * STEP_S, "lon_m": lon, "lat_m": lat, "truth_id": ""})
+        self.detections.append(places)
+        return self
+
     def track(self, number, lon, lat=0.0, at=None, state="confirmed", speed=10.0, std=1.0):
         """Add a track; ``at`` chooses the steps that it is reported at."""
         step = np.arange(self.steps) if at is None else np.asarray(at)

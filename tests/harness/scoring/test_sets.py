@@ -17,24 +17,19 @@ def test_in_sight_begins_with_the_third_detection_and_ends_half_a_second_after_t
     assert scores.mot_all.truth_n == len(range(0, 110))
 
 
-def test_a_track_flagged_as_hidden_on_nothing_is_false_only_in_mot_all():
-    scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0).track(8, lon=90.0, state="hidden")
+@pytest.mark.parametrize("state", ["confirmed", "hidden"])
+def test_a_track_on_nothing_is_false_for_half_a_second_in_mot_and_always_in_mot_all(state):
+    scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0).track(8, lon=90.0, state=state)
     scores = score(*scene.tables())
-    assert scores.mot.false_tracks == 2  # the vehicle is not yet in sight at its first two detections
+    assert scores.mot.false_tracks == 2 + 6  # the vehicle is not yet in sight at its first two detections
     assert scores.mot_all.false_tracks == 10
 
 
 def test_a_track_flagged_as_hidden_on_a_vehicle_in_sight_counts_as_its_track():
-    scores = score(*Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, state="hidden").tables())
-    assert scores.mot.missed == 0
-    assert scores.mot.hota == pytest.approx(100.0)
-
-
-def test_a_confirmed_track_on_nothing_is_false_in_both():
-    scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0).track(8, lon=90.0)
+    scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, at=range(2, 10), state="hidden")
     scores = score(*scene.tables())
-    assert scores.mot_all.false_tracks == 10
-    assert scores.mot.false_tracks == 12
+    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
+    assert scores.mot.hota == pytest.approx(100.0)
 
 
 def test_a_vehicle_unseen_for_more_than_ten_seconds_returns_as_another_identity():

@@ -1,0 +1,139 @@
+"""One rule says which tracks are in sight: it follows from the detections, whatever trackers say of their tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from harness.scoring import score_run
+from harness.scoring.rows import read_run
+from harness.scoring.score import score
+from harness.scoring.settings import ScoringSettings
+from harness.scoring.sight import tracks_in_sight
+from tests.harness.scoring.scenes import Scene, traffic
+
+STEPS = np.arange(100)
+STATES = ("confirmed", "hidden")
+
+
+@pytest.mark.parametrize("state", [*STATES, np.where(STEPS % 7 < 3, "hidden", "confirmed")], ids=[*STATES, "both"])
+def test_what_a_tracker_says_of_its_own_tracks_changes_no_score(state):
+    truth, detections, tracks = traffic(steps=100, vehicles=30)
+    said = np.resize(state, len(tracks))
+    assert score_run(truth, detections, tracks.assign(state=said)).metrics == score_run(*_all_confirmed()).metrics
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_track_on_an_occluded_vehicle_is_false_to_no_tracker(state):
+    scene = Scene(100).vehicle("a", lon=20.0, state=np.where(STEPS < 30, "visible", "hidden"), detected=STEPS < 30)
+    scene.track(7, lon=20.0, at=STEPS[2:], state=np.where(STEPS[2:] < 33, "confirmed", state))
+    scores = score(*scene.tables())
+    # Vehicle and track go out of sight together, half a second after the last detection.
+    assert scores.mot.truth_n == scores.mot.tracks_n == len(range(2, 35))
+    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
+
+
+def test_a_track_on_an_occluded_vehicle_is_not_false_for_another_vehicles_detections_beside_it():
+    scene = Scene(100).vehicle("a", lon=20.0, state=np.where(STEPS < 30, "visible", "hidden"), detected=STEPS < 30)
+    scene.vehicle("b", lon=23.0, detected=True).track(7, lon=20.0, at=STEPS[2:]).track(8, lon=23.0, at=STEPS[2:])
+    scores = score(*scene.tables())
+    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_track_that_has_left_its_occluded_vehicle_is_false_until_half_a_second_after_the_last_detection(state):
+    scene = Scene(100).vehicle("a", lon=20.0, detected=STEPS < 30)
+    scene.track(7, lon=np.where(STEPS < 30, 20.0, 60.0), at=STEPS, state=state)
+    scores = score(*scene.tables())
+    assert scores.mot.missed == 5  # the vehicle stays in sight at steps 30 to 34
+    assert scores.mot.false_tracks == 2 + 5  # it is not yet in sight at its first two detections
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_ghost_is_false_until_half_a_second_without_any_detection_near(state):
+    assert score(*Scene(100).track(8, lon=90.0, at=STEPS[10:], state=state).tables()).mot.false_tracks == 6
+    for away, false_tracks in ((3.9, 6 + 6), (4.1, 6)):
+        scene = Scene(100).clutter(at=[50], lon=90.0 + away).track(8, lon=90.0, at=STEPS[10:], state=state)
+        assert score(*scene.tables()).mot.false_tracks == false_tracks
+    for aside, false_tracks in ((1.9, 6 + 6), (2.1, 6)):
+        scene = Scene(100).clutter(at=[50], lon=90.0, lat=aside).track(8, lon=90.0, at=STEPS[10:], state=state)
+        assert score(*scene.tables()).mot.false_tracks == false_tracks
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_duplicate_beside_a_seen_vehicle_is_false(state):
+    scene = Scene(100).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, at=STEPS[2:])
+    scores = score(*scene.track(8, lon=22.0, at=STEPS[2:], state=state).tables())
+    assert scores.mot.false_tracks == 98
+
+
+def test_a_track_that_was_not_reported_for_a_while_has_its_last_detection_from_before():
+    scene = Scene(100).clutter(at=[10], lon=90.0).track(8, lon=90.0, at=[10, *range(13, 30)])
+    assert score(*scene.tables()).mot.false_tracks == len([10, 13, 14, 15])
+
+
+def test_in_another_episode_the_same_number_is_another_track_and_counts_anew():
+    first, second = STEPS[:50], STEPS[50:]
+    scene = Scene(0).vehicle("ego", 0.0, is_ego=True, at=first).vehicle("ego", 0.0, is_ego=True, at=second, episode=1)
+    scene.track(8, lon=90.0, at=first).track(8, lon=90.0, at=second)
+    assert score(*scene.tables()).mot.false_tracks == 6 + 6
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_busy_run_has_those_tracks_in_sight_that_plain_loops_find(seed):
+    assert_equal_to_plain_loops(*traffic(steps=80, vehicles=30, seed=seed), both=True)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_random_tracks_and_detections_give_what_plain_loops_find(seed):
+    rng = np.random.default_rng(seed)
+    steps, tracks = int(rng.integers(1, 40)), int(rng.integers(0, 5))
+    half = rng.integers(0, steps + 1)
+    scene = Scene(0)
+    for episode, at in enumerate((np.arange(half), np.arange(half, steps))):
+        scene.vehicle("ego", 0.0, is_ego=True, at=at, episode=episode)
+    for number in range(tracks):
+        at = np.flatnonzero(rng.random(steps) < 0.8)
+        scene.track(number, lon=rng.uniform(0, 20, len(at)), lat=rng.uniform(0, 4, len(at)), at=at)
+    at = rng.integers(0, steps, rng.integers(0, 2 * steps))
+    scene.clutter(at, lon=rng.uniform(0, 60, len(at)), lat=rng.uniform(0, 4, len(at)))
+    assert_equal_to_plain_loops(*scene.tables())
+
+
+def test_a_detection_without_a_position_is_refused():
+    with pytest.raises(ValueError, match="detections: a detection has a position that is not finite"):
+        score(*Scene(3).clutter(at=[1], lon=np.nan).tables())
+
+
+def _all_confirmed() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    truth, detections, tracks = traffic(steps=100, vehicles=30)
+    return truth, detections, tracks.assign(state="confirmed")
+
+
+def assert_equal_to_plain_loops(truth, detections, tracks, both=False):
+    rows = read_run(truth, detections, tracks)
+    in_sight = tracks_in_sight(rows, ScoringSettings())
+    number = rows.tracks.track_id.tolist()
+    ours = dict(zip(zip(rows.tracks.step.tolist(), number, strict=True), in_sight.tolist(), strict=True))
+    assert ours == plain_loops(truth, detections, tracks)
+    assert not both or {True, False} == set(ours.values())
+
+
+def plain_loops(truth, detections, tracks):
+    """Return whether each track is in sight, by step and track number, one step after the other."""
+    episode = dict(zip(truth["step"].tolist(), truth["episode"].tolist(), strict=True))
+    time_s = dict(zip(truth["step"].tolist(), truth["time_s"].tolist(), strict=True))
+    since_s, found = {}, {}
+    for step in sorted(time_s):
+        places = [(d.lon_m, d.lat_m) for d in detections[detections["step"] == step].itertuples()]
+        for track in tracks[tracks["step"] == step].itertuples():
+            name = (episode[step], track.track_id)
+            near = any(abs(lon - track.lon_m) <= 4.0 and abs(lat - track.lat_m) <= 2.0 for lon, lat in places)
+            if near or name not in since_s:
+                since_s[name] = time_s[step]
+            found[step, track.track_id] = time_s[step] - since_s[name] <= 0.5 + 1e-6
+    return found
