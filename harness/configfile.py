@@ -1,4 +1,4 @@
-"""From defaults, ``config.toml``, options and ``--set`` to one checked configuration, and back to a file.
+"""``config.toml``, options and ``--set`` merged, checked and filled up with defaults, and written back to a file.
 
 Later layers win: defaults, then the file of ``--config``, then the command's options, then ``--set``.
 """
@@ -42,29 +42,19 @@ KEY_OF_OPTION = {option.removeprefix("--"): key for key, option in OPTION_OF_KEY
 EXCLUSIVE = ("demand", "density")
 
 
-def resolve_config(
+def merge_layers(
     config_file: Path | None = None, options: Mapping[str, object] | None = None, settings: Sequence[str] = ()
-) -> RunConfig:
-    """Merge the layers and check the result.
+) -> Table:
+    """Return what the user set, unchecked, as one nested table.
 
     Args:
         config_file: TOML file of ``--config``.
         options: The command's options by name without dashes (``net``, ``duration``, ...); None where not given.
         settings: The ``KEY=VALUE`` words of ``--set``.
 
-    Returns:
-        The checked configuration.
-
     Raises:
-        UserError: A file can't be read, a key is unknown or a value is out of bounds.
+        UserError: The file can't be read, or a word of ``--set`` is not ``KEY=VALUE``.
     """
-    return config_from_table(merge_layers(config_file, options, settings))
-
-
-def merge_layers(
-    config_file: Path | None = None, options: Mapping[str, object] | None = None, settings: Sequence[str] = ()
-) -> Table:
-    """Return what the user set, unchecked, as one nested table; arguments and errors as in ``resolve_config``."""
     merged: Table = {}
     layers = [
         read_toml(config_file, "--config") if config_file is not None else {},

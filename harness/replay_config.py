@@ -18,13 +18,13 @@ def resolve_run_config(
     """Return the checked configuration of a run.
 
     Args:
-        config_file: As in ``harness.configfile.resolve_config``.
-        options: Likewise.
-        settings: Likewise.
+        config_file: TOML file of ``--config``.
+        options: The command's options by name without dashes (``net``, ``duration``, ...); None where not given.
+        settings: The ``KEY=VALUE`` words of ``--set``.
 
     Raises:
-        UserError: As there; or a replay is asked for traffic, a sensor or a folder that the recording does not have;
-            or the file is no recorded traffic.
+        UserError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
+            traffic, a sensor or a folder that the recording does not have; or the file is no recorded traffic.
     """
     table = merge_layers(config_file, options, settings)
     replay = table.get("replay")

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
-from mmpf.moments import component_moments
+from mmpf.moments import Moments
 from mmpf.options import JointOptions
 from mmpf.road import FloatArray, IntArray
 from mmpf.sizes import sizes_of, with_measured_sizes
@@ -17,7 +17,11 @@ from mmpf.state import LAT, LON, SPEED, Mixture
 
 
 def hand_over_identity(
-    mixture: Mixture, confirmed_now: npt.NDArray[np.bool_], options: JointOptions, scan_s: float
+    mixture: Mixture,
+    moments: Moments,
+    confirmed_now: npt.NDArray[np.bool_],
+    options: JointOptions,
+    scan_s: float,
 ) -> tuple[Mixture, int]:
     """Give newly confirmed components the identities of the hidden components that they probably are.
 
@@ -26,6 +30,7 @@ def hand_over_identity(
 
     Args:
         mixture: The belief.
+        moments: Its components' moments.
         confirmed_now: Components confirmed in this scan, shape (m,).
         options: Kernel widths and the density of unknown vehicles.
         scan_s: Time between scans.
@@ -38,14 +43,13 @@ def hand_over_identity(
     new = np.flatnonzero(confirmed_now)
     if len(hidden) == 0 or len(new) == 0:
         return mixture, 0
-    mean = component_moments(mixture).mean
     density = np.zeros((len(new), len(hidden)))
     _density_at(
         mixture.cloud.state,
         np.exp(mixture.cloud.log_weight),
         mixture.starts,
         hidden,
-        mean[:, new],
+        moments.mean[:, new],
         np.array([options.stitch_lon_m, options.stitch_lat_m, options.stitch_speed_mps]),
         density,
     )

@@ -20,7 +20,7 @@ from mmpf.identity import hand_over_identity
 from mmpf.interaction import room_beside_seen_vehicles
 from mmpf.likelihood import gated_likelihoods
 from mmpf.merging import merge_lasting_overlaps
-from mmpf.moments import component_moments, with_moments_of
+from mmpf.moments import Moments, component_moments, effective_sizes
 from mmpf.options import FilterOptions
 from mmpf.resampling import resample_smoothly
 from mmpf.road import FloatArray, IntArray
@@ -47,11 +47,10 @@ class JointUpdate:
 
     options: FilterOptions
 
-    def assert_occlusion(self, prior: Mixture, situation: Situation) -> Occlusion:
+    def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Work out each particle's detection probability from the shadows of the other components."""
         joint, ego = self.options.joint, situation.scan.ego
         cloud = prior.cloud
-        moments = component_moments(prior)
         if joint.shadow:
             casts = prior.components.existence > joint.occluder_existence
             bodies = Bodies(prior.components.length_m, prior.components.width_m)
@@ -77,11 +76,15 @@ class JointUpdate:
         return Occlusion(probability, missed, expected < HIDDEN_PROBABILITY_LIMIT)
 
     def measurement_update(
-        self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator
+        self,
+        prior: Mixture,
+        moments: Moments,
+        occlusion: Occlusion,
+        situation: Situation,
+        rng: np.random.Generator,
     ) -> Updated:
         """Weigh particles and existence by the association marginals, then resample."""
         joint, detections = self.options.joint, situation.scan.detections
-        moments = component_moments(prior)
         likelihoods = gated_likelihoods(prior, moments, detections, joint.gate_std)
         survival = joint.survival_probability ** (situation.dt_s / NOMINAL_SCAN_S)
         existence = prior.components.existence * survival
@@ -137,10 +140,11 @@ class JointUpdate:
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
-        joint = self.options.joint
-        alive = self._worth_keeping(updated.mixture, situation)
+        joint, moments = self.options.joint, component_moments(updated.mixture)
+        alive = self._worth_keeping(updated.mixture.components, moments, situation)
         mixture, keep = merge_lasting_overlaps(
             updated.mixture,
+            moments,
             alive,
             joint.merge_lon_m,
             joint.merge_lat_m,
@@ -178,30 +182,22 @@ class JointUpdate:
             & (components.existence > joint.confirm_existence)
             & (components.hits >= joint.confirm_hits)
         )
-        confirmed_now &= ~self._stands_on_another(mixture)
+        if not confirmed_now.any():
+            return mixture, 0
+        moments = component_moments(mixture)
+        confirmed_now &= ~_stands_on_another(components, moments)
         components = replace(components, confirmed=components.confirmed | confirmed_now)
         mixture = replace(mixture, components=components)
-        if not joint.stitch or not confirmed_now.any():
+        if not joint.stitch:
             return mixture, 0
-        return hand_over_identity(mixture, confirmed_now, joint, situation.dt_s)
+        return hand_over_identity(mixture, moments, confirmed_now, joint, situation.dt_s)
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Make component weights proportional to existence: each expects as many vehicles."""
         existence = mixture.components.existence
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
         cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
-        return with_moments_of(replace(mixture, cloud=cloud), mixture)
-
-    def _stands_on_another(self, mixture: Mixture) -> npt.NDArray[np.bool_]:
-        """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
-        moments, components = component_moments(mixture), mixture.components
-        mean = moments.mean
-        blocks = components.confirmed & (moments.std[LON] < WELL_PLACED_M)
-        length, width = components.length_m, components.width_m
-        overlaps = np.abs(mean[LON][:, None] - mean[LON]) < SAME_PLACE * 0.5 * (length[:, None] + length)
-        overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < SAME_PLACE * 0.5 * (width[:, None] + width)
-        np.fill_diagonal(overlaps, val=False)
-        return np.asarray((overlaps & blocks[None, :]).any(axis=1))
+        return replace(mixture, cloud=cloud)
 
     def _resample(
         self, posterior: Mixture, was_hit: npt.NDArray[np.bool_], rng: np.random.Generator
@@ -209,16 +205,15 @@ class JointUpdate:
         particles, joint = self.options.particles, self.options.joint
         if len(posterior) == 0:
             return posterior, 1.0
-        effective_size = component_moments(posterior).effective_size
+        effective_size = effective_sizes(posterior)
         young = was_hit & (posterior.components.hits <= joint.young_hits)
         resampled = effective_size < np.where(young, RESAMPLE_YOUNG_BELOW, joint.resample_below) * particles
         kernel_width = np.where(young, 1.0, joint.kernel_width)
         posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng)
         return posterior, float(effective_size.mean() / particles)
 
-    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> npt.NDArray[np.bool_]:
-        joint, components = self.options.joint, mixture.components
-        moments = component_moments(mixture)
+    def _worth_keeping(self, components: Components, moments: Moments, situation: Situation) -> npt.NDArray[np.bool_]:
+        joint = self.options.joint
         left = outside_observation_area(
             moments.mean[LON], moments.mean[LAT], situation.scan.ego, situation.sensor, joint.range_margin_m
         )
@@ -236,6 +231,17 @@ class JointUpdate:
             (np.abs(detections.lon_m[chosen] - ego.lon_m) < 0.5 * ego.length_m)
             & (np.abs(detections.lat_m[chosen] - ego.lat_m) < 0.5 * ego.width_m)
         )
+
+
+def _stands_on_another(components: Components, moments: Moments) -> npt.NDArray[np.bool_]:
+    """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
+    mean = moments.mean
+    blocks = components.confirmed & (moments.std[LON] < WELL_PLACED_M)
+    length, width = components.length_m, components.width_m
+    overlaps = np.abs(mean[LON][:, None] - mean[LON]) < SAME_PLACE * 0.5 * (length[:, None] + length)
+    overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < SAME_PLACE * 0.5 * (width[:, None] + width)
+    np.fill_diagonal(overlaps, val=False)
+    return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 
 
 def _count_hits(

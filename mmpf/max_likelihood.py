@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from mmpf.birth import give_birth
 from mmpf.clustering import recluster
-from mmpf.moments import Moments, component_moments
+from mmpf.moments import Moments, component_moments, effective_sizes
 from mmpf.options import FilterOptions, MaxLikelihoodOptions
 from mmpf.resampling import resample
 from mmpf.road import FloatArray, IntArray
@@ -36,10 +36,10 @@ class MaxLikelihoodUpdate:
 
     options: FilterOptions
 
-    def assert_occlusion(self, prior: Mixture, situation: Situation) -> Occlusion:
+    def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
         ego, free_space = situation.scan.ego, situation.scan.free_space
-        mean = component_moments(prior).mean
+        mean = moments.mean
         bodies = Bodies(prior.components.length_m, prior.components.width_m)
         if free_space is not None:
             shadowed = shadowed_share(ego, mean[LON], mean[LAT], bodies, free_space)
@@ -51,11 +51,15 @@ class MaxLikelihoodUpdate:
         return Occlusion(probability, probability, is_hidden)
 
     def measurement_update(
-        self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator
+        self,
+        prior: Mixture,
+        moments: Moments,
+        occlusion: Occlusion,
+        situation: Situation,
+        rng: np.random.Generator,
     ) -> Updated:
         """Weigh each particle by its largest likelihood, equation (10), and components by equation (11)."""
         detections = situation.scan.detections
-        moments = component_moments(prior)
         gate = _gate_table(moments, detections, self.options.max_likelihood.gate_std)
         performs_update = ~occlusion.is_hidden & gate.any(axis=1)
         log_likelihood, chosen = largest_log_likelihood(prior, detections, performs_update)
@@ -78,7 +82,7 @@ class MaxLikelihoodUpdate:
             log_component_weight=log_component[prior.cloud.component],
         )
         posterior = replace(prior, cloud=cloud, components=components)
-        effective_size = component_moments(posterior).effective_size
+        effective_size = effective_sizes(posterior)
         size = np.diff(posterior.starts)
         depleted = effective_size < self.options.max_likelihood.resample_below * size
         depleted |= size > 2 * self.options.particles

@@ -7,13 +7,19 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.moments import component_moments
+from mmpf.moments import Moments
 from mmpf.sizes import sizes_of, with_measured_sizes
 from mmpf.state import LAT, LON, NEVER, Mixture
 
 
 def merge_lasting_overlaps(
-    mixture: Mixture, alive: npt.NDArray[np.bool_], lon_m: float, lat_m: float, scans: int, hidden_after_s: float
+    mixture: Mixture,
+    moments: Moments,
+    alive: npt.NDArray[np.bool_],
+    lon_m: float,
+    lat_m: float,
+    scans: int,
+    hidden_after_s: float,
 ) -> tuple[Mixture, npt.NDArray[np.bool_]]:
     """Merge components that have shared one place for several scans; the elder's identity stays.
 
@@ -23,6 +29,7 @@ def merge_lasting_overlaps(
 
     Args:
         mixture: The belief.
+        moments: Its components' moments.
         alive: Components that may merge, shape (m,); the others are about to be removed.
         lon_m: Means nearer than this, and
         lat_m: nearer than this overlap.
@@ -35,7 +42,7 @@ def merge_lasting_overlaps(
     components = mixture.components
     if len(mixture) == 0:
         return mixture, alive
-    mean = component_moments(mixture).mean
+    mean = moments.mean
     is_hidden = components.unseen_s > hidden_after_s
     distance = np.hypot(
         (mean[LON][:, None] - mean[LON][None, :]) / lon_m, (mean[LAT][:, None] - mean[LAT][None, :]) / lat_m

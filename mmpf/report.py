@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.moments import component_moments
+from mmpf.moments import Moments
 from mmpf.options import ReportingOptions
 from mmpf.state import ACCEL, CONFIRMED, HIDDEN, LAT, LAT_SPEED, LON, SPEED, TENTATIVE, Mixture, Tracks
 
 
-def reported_tracks(mixture: Mixture, options: ReportingOptions) -> Tracks:
+def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions) -> Tracks:
     """Return mean and spread of each component as a track.
 
     Args:
         mixture: The belief.
+        moments: Its components' moments.
         options: When a component counts as hidden, and how widely spread a hidden one may be to be reported.
     """
     components = mixture.components
-    moments = component_moments(mixture)
     unseen = components.unseen_s > options.hidden_after_s
     reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)

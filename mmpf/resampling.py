@@ -86,7 +86,7 @@ def resample_smoothly(
         The belief after resampling; the same one if nothing was chosen.
     """
     chosen = np.flatnonzero(which)
-    mean = component_moments(mixture).mean[list(SMOOTHED)][:, chosen]
+    mean = component_moments(mixture, chosen).mean[list(SMOOTHED)]
     factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
     kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
     mixture, _ = resample(mixture, which, particles, rng)

@@ -80,6 +80,7 @@ class MixtureTracker:
         self._proposal = proposal
         self._rule: UpdateRule = _update_rule(self._options)
         self._mixture = Mixture.empty(motion.latent_size)
+        self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
         self.last_report = StepReport()
 
@@ -102,21 +103,24 @@ class MixtureTracker:
         clock = _Stopwatch()
         if self._previous is None:
             self._mixture = self._initialise(scan)
+            self._moments = component_moments(self._mixture)
             self.last_report = StepReport(components=len(self._mixture), births=len(self._mixture))
         else:
             situation = self._situation(scan, self._previous)
 
             prior = self._prior_update(situation, self._previous)
             clock.lap("prior update")
-            occlusion = self._rule.assert_occlusion(prior, situation)
+            moments = component_moments(prior)
+            occlusion = self._rule.assert_occlusion(prior, moments, situation)
             clock.lap("occlusion assertion")
-            updated = self._rule.measurement_update(prior, occlusion, situation, self._rng)
+            updated = self._rule.measurement_update(prior, moments, occlusion, situation, self._rng)
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
             clock.lap("remove, add, merge")
             mixture, reclusterings = self._rule.finetune(change.mixture, situation, self._rng)
             clock.lap("finetune")
             self._mixture = self._rule.weight_update(mixture)
+            self._moments = component_moments(self._mixture)
             clock.lap("weight update")
 
             self.last_report = StepReport(
@@ -130,7 +134,7 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(self._mixture, self._options.reporting)
+        return reported_tracks(self._mixture, self._moments, self._options.reporting)
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
@@ -153,7 +157,7 @@ class MixtureTracker:
         return self._rule.weight_update(mixture)
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
-        mean = component_moments(self._mixture).mean
+        mean = self._moments.mean
         known = self._mixture.components.confirmed & (
             self._mixture.components.unseen_s <= self._options.reporting.hidden_after_s
         )
@@ -170,7 +174,7 @@ class MixtureTracker:
         surroundings = surroundings_of(
             self._mixture.cloud.state,
             self._mixture.cloud.component,
-            component_moments(self._mixture).mean,
+            self._moments.mean,
             components.length_m,
             components.width_m,
             components.confirmed,

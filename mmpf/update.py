@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mmpf.birth import Traffic
+from mmpf.moments import Moments
 from mmpf.motion.protocol import MotionModel
 from mmpf.road import FloatArray
 from mmpf.scan import EgoPose, Scan, SensorModel
@@ -88,14 +89,19 @@ class MixtureChange:
 
 
 class UpdateRule(Protocol):
-    """The stages of one rule, in the order in which the filter calls them."""
+    """The stages of one rule, in the order in which the filter calls them; ``moments`` are those of ``prior``."""
 
-    def assert_occlusion(self, prior: Mixture, situation: Situation) -> Occlusion:
+    def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Say which components can't be seen: "Complete occlusion assertion"."""
         ...
 
     def measurement_update(
-        self, prior: Mixture, occlusion: Occlusion, situation: Situation, rng: np.random.Generator
+        self,
+        prior: Mixture,
+        moments: Moments,
+        occlusion: Occlusion,
+        situation: Situation,
+        rng: np.random.Generator,
     ) -> Updated:
         """Weigh the particles by the detections and resample: "Measurement update", equations (5) to (11)."""
         ...

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.study.cases import Cases
-from mmpf.moments import component_moments
+from mmpf.moments import effective_sizes
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import JointOptions
 from mmpf.resampling import resample_smoothly
@@ -91,7 +91,7 @@ def follow(
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)
         belief = _belief(state, latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
         if measurements is not None:
-            depleted = component_moments(belief).effective_size < JOINT.resample_below * particles
+            depleted = effective_sizes(belief) < JOINT.resample_below * particles
             width = np.full(cases.count, JOINT.kernel_width)
             belief = resample_smoothly(belief, depleted, particles, width, rng)
 

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from mmpf.motion.features import SMALLEST_GAP_M
 from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.road import FloatArray, IntArray
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
@@ -78,28 +77,6 @@ def switch_intentions(
             direction[n], target[n] = 1.0, centre + width
         elif uniform[n] > 1.0 - probability and has_right[n]:
             direction[n], target[n] = -1.0, centre - width
-
-
-@njit(cache=True, nogil=True)
-def gather_situations(
-    index: IntArray,
-    gap: FloatArray,
-    speed: FloatArray,
-    accel: FloatArray,
-    leader_speed: FloatArray,
-    leader_accel: FloatArray,
-    habit: FloatArray,
-    seen: Float32Array,
-) -> None:
-    """Write what the followers ``index`` see, shape (6, k): ``features.situation`` without its logarithm, and habit."""
-    for k in range(len(index)):
-        n = index[k]
-        seen[0, k] = max(gap[n], SMALLEST_GAP_M)
-        seen[1, k] = speed[n]
-        seen[2, k] = accel[n]
-        seen[3, k] = speed[n] - leader_speed[n]
-        seen[4, k] = leader_accel[n]
-        seen[5, k] = habit[n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

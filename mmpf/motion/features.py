@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from mmpf.road import FloatArray
+from mmpf.normals import Float32Array
+from mmpf.road import FloatArray, IntArray
 
+SITUATION_SIZE = 5
 SMALLEST_GAP_M = 0.3
 STANDSTILL_GAP_M = 2.0
 SLOWEST_HEADWAY_SPEED_MPS = 3.0
@@ -27,11 +30,57 @@ def situation(
         leader_speed_mps: Leader's speed, shape (n,).
         leader_accel_mps2: Leader's acceleration, shape (n,).
     """
-    log_gap = np.log(np.maximum(gap_m, SMALLEST_GAP_M))
-    return np.stack([log_gap, speed_mps, accel_mps2, speed_mps - leader_speed_mps, leader_accel_mps2], axis=1)
+    everyone = np.arange(len(gap_m))
+    seen = np.empty((SITUATION_SIZE, len(everyone)))
+    write_situations(everyone, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
+    return np.ascontiguousarray(seen.T)
+
+
+def write_situations(
+    index: IntArray,
+    gap_m: FloatArray,
+    speed_mps: FloatArray,
+    accel_mps2: FloatArray,
+    leader_speed_mps: FloatArray,
+    leader_accel_mps2: FloatArray,
+    seen: FloatArray | Float32Array,
+) -> None:
+    """Write what some followers see, variable by variable; see ``situation``.
+
+    Args:
+        index: The followers that are asked for, shape (k,).
+        gap_m: As for ``situation``, of everyone, shape (n,); the others likewise.
+        speed_mps: Own speed, shape (n,).
+        accel_mps2: Own acceleration, shape (n,).
+        leader_speed_mps: Leader's speed, shape (n,).
+        leader_accel_mps2: Leader's acceleration, shape (n,).
+        seen: What is written, shape (5, k).
+    """
+    _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
+    # Of the whole row: compiled one by one, logarithms take several times as long.
+    np.log(seen[0], out=seen[0])
 
 
 def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Return the logarithm of the time headway beyond the standstill gap, in the arguments' shape."""
     beyond_standstill = np.maximum(gap_m - STANDSTILL_GAP_M, SMALLEST_GAP_M)
     return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    index: IntArray,
+    gap: FloatArray,
+    speed: FloatArray,
+    accel: FloatArray,
+    leader_speed: FloatArray,
+    leader_accel: FloatArray,
+    seen: FloatArray | Float32Array,
+) -> None:
+    for k in range(len(index)):
+        n = index[k]
+        seen[0, k] = max(gap[n], SMALLEST_GAP_M)
+        seen[1, k] = speed[n]
+        seen[2, k] = accel[n]
+        seen[3, k] = speed[n] - leader_speed[n]
+        seen[4, k] = leader_accel[n]

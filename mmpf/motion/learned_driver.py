@@ -17,8 +17,8 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.motion.driver_kernel import FreeDriving, drive, gather_situations
-from mmpf.motion.features import situation
+from mmpf.motion.driver_kernel import FreeDriving, drive
+from mmpf.motion.features import SITUATION_SIZE, situation, write_situations
 from mmpf.motion.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.lane_keeping import LaneKeeper
 from mmpf.motion.model_file import ModelFileError, load_arrays, mixture_from_arrays
@@ -203,18 +203,17 @@ class LearnedDriver:
     def _sampled_acceleration(
         self, state: FloatArray, latents: FloatArray, leader: Neighbour, followers: IntArray, rng: np.random.Generator
     ) -> FloatArray:
-        seen = np.empty((6, len(followers)), dtype=np.float32)
-        gather_situations(
+        seen = np.empty((SITUATION_SIZE + 1, len(followers)), dtype=np.float32)
+        write_situations(
             followers,
             leader.gap_m,
             state[SPEED],
             state[ACCEL],
             leader.speed_mps,
             leader.accel_mps2,
-            latents[HABIT],
-            seen,
+            seen[:SITUATION_SIZE],
         )
-        np.log(seen[0], out=seen[0])
+        seen[-1] = latents[HABIT, followers]
         return np.asarray(self.model.following.sample_columns(seen, rng)[0])
 
 

@@ -16,11 +16,12 @@ import pandas as pd
 
 from harness import runfolder
 from harness.config import RunConfig
-from harness.configfile import resolve_config, write_config
+from harness.configfile import write_config
 from harness.cosim import StageTimes
 from harness.manifest import write_manifest
 from harness.metrics import as_json, assemble_metrics
 from harness.recorder import write_table
+from harness.replay_config import resolve_run_config
 from harness.roadfile import write_road
 from harness.scoring import score_run
 from mmpf.road import Road, highway
@@ -34,7 +35,7 @@ def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, road
     """Write the folder; vehicles can be given other names."""
     folder.mkdir(parents=True)
     road = road or highway()
-    config: RunConfig = resolve_config(options={"seed": 7, "duration": STEPS * STEP_S, "model": "cvm"})
+    config: RunConfig = resolve_run_config(options={"seed": 7, "duration": STEPS * STEP_S, "model": "cvm"})
     truth, detections, tracks = truth_table(names or {}), detection_table(names or {}), track_table()
     scored = score_run(truth, detections, tracks, config.seed)
     times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)

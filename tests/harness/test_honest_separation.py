@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from harness import runfolder
-from harness.configfile import resolve_config
 from harness.recorder import write_table
 from harness.replay_config import resolve_run_config
 from harness.run import run
@@ -28,7 +27,7 @@ def recording(tmp_path_factory) -> Path:
         _draw_nothing(patch)
         inputs = RunInputs(SteadyTraffic(steps=25, ego_stay=15), build_sensor(sensor_settings("lidar", {})))
         patch.setattr("harness.inputs._open_live", lambda config, streams, gui: inputs)
-        config = resolve_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
+        config = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
         return run(config, out=tmp_path_factory.mktemp("separation") / "recording").folder
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from harness import runfolder
 from harness.config import RunConfig
-from harness.configfile import resolve_config
 from harness.errors import RunError, RunInterruptedError, UserError
 from harness.replay_config import resolve_run_config
 from harness.run import run
@@ -38,7 +37,7 @@ def steady_traffic(monkeypatch) -> SteadyTraffic:
 
 
 def configured(**options: object) -> RunConfig:
-    return resolve_config(options={"tracker": ECHO, **options})
+    return resolve_run_config(options={"tracker": ECHO, **options})
 
 
 def test_a_run_leaves_every_file(steady_traffic, tmp_path):
@@ -51,7 +50,7 @@ def test_a_run_leaves_every_file(steady_traffic, tmp_path):
     assert "diagnostics.parquet" not in names, "the stand-in tracker tells nothing of its inside"
     assert json.loads((finished.folder / "metrics.json").read_text()) == finished.metrics
     assert json.loads((finished.folder / "manifest.json").read_text())["status"] == "complete"
-    assert resolve_config(finished.folder / "config.toml") == configured()
+    assert resolve_run_config(finished.folder / "config.toml") == configured()
     assert steady_traffic.closed
 
 
@@ -187,7 +186,7 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("runs")
     return {
         name: run(
-            resolve_config(options={"duration": 3.0, "seed": 1, "particles": 200, **extra}), out=folder / name
+            resolve_run_config(options={"duration": 3.0, "seed": 1, "particles": 200, **extra}), out=folder / name
         ).folder
         for name, extra in settings.items()
     }
@@ -240,7 +239,7 @@ def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, m
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_visible_vehicles_are_tracked_soon_and_better_than_they_are_measured(seed, tmp_path, monkeypatch):
     monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    config = resolve_config(options={"density": 20.0, "duration": 15.0, "sensor": "lidar", "seed": seed})
+    config = resolve_run_config(options={"density": 20.0, "duration": 15.0, "sensor": "lidar", "seed": seed})
     metrics = run(config, out=tmp_path / "run").metrics
     assert metrics["coverage"]["prompt_vehicles"] >= 10
     assert metrics["coverage"]["prompt_percent"] >= 90.0

@@ -9,6 +9,7 @@ import pytest
 
 from mmpf.joint import JointUpdate
 from mmpf.merging import merge_lasting_overlaps
+from mmpf.moments import component_moments
 from mmpf.options import FilterOptions, JointOptions
 from mmpf.state import LAT, LON, Components, Mixture, ParticleCloud
 from tests.mmpf.scenes import lane_centre
@@ -41,7 +42,9 @@ def elder_and_younger(
 def merged_after(mixture: Mixture, scans: int) -> Mixture:
     for _ in range(scans):
         alive = np.ones(len(mixture), dtype=bool)
-        mixture, keep = merge_lasting_overlaps(mixture, alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25)
+        mixture, keep = merge_lasting_overlaps(
+            mixture, component_moments(mixture), alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25
+        )
         mixture = mixture.keep(keep)
     return mixture
 

@@ -6,6 +6,7 @@ import pytest
 from mmpf.birth import Traffic
 from mmpf.joint import JointUpdate
 from mmpf.max_likelihood import MaxLikelihoodUpdate
+from mmpf.moments import component_moments
 from mmpf.motion.protocol import motion_models
 from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
 from mmpf.scan import SensorModel
@@ -37,7 +38,8 @@ def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float
     seen = Occlusion(
         np.full(len(prior.cloud), 0.9), np.full(len(prior.cloud), 0.6), np.zeros(len(prior), dtype=np.bool_)
     )
-    return rule.measurement_update(prior, seen, situation_with(detections), np.random.default_rng(0)).mixture
+    moments, situation = component_moments(prior), situation_with(detections)
+    return rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0)).mixture
 
 
 @pytest.mark.parametrize("distance_m", [8.0, 15.0, 60.0, 500.0])
@@ -97,5 +99,6 @@ def test_one_detection_does_not_confirm_two_components() -> None:
     rule = JointUpdate(FilterOptions(particles=PARTICLES))
     prior = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=2.0)
     seen = Occlusion(np.full(len(prior.cloud), 0.9), np.full(len(prior.cloud), 0.6), np.zeros(2, dtype=np.bool_))
-    updated = rule.measurement_update(prior, seen, situation_with([(30.0, lane_centre(2))]), np.random.default_rng(0))
+    moments, situation = component_moments(prior), situation_with([(30.0, lane_centre(2))])
+    updated = rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0))
     assert updated.was_hit.tolist() == [True, False]

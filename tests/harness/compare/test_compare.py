@@ -15,7 +15,6 @@ from harness.compare.compare import Comparison, compare
 from harness.compare.sources import open_source
 from harness.compare.verdicts import BETTER, METRICS, SAME, UNTESTED, WORSE
 from harness.compare.written import as_markdown
-from harness.configfile import resolve_config
 from harness.errors import UserError
 from harness.recorder import write_table
 from harness.replay_config import resolve_run_config
@@ -156,13 +155,13 @@ def echo_runs(monkeypatch, tmp_path) -> tuple[str, str, str]:
         "harness.inputs._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=12), sensor)
     )
     monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    first = run(resolve_config(options={"tracker": ECHO}), out=tmp_path / "first").folder
+    first = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "first").folder
     again = run(
         resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
     ).folder
     traffic = SteadyTraffic(steps=12, cars_per_lane=4)
     monkeypatch.setattr("harness.inputs._open_live", lambda config, streams, gui: RunInputs(traffic, sensor))
-    other = run(resolve_config(options={"tracker": ECHO}), out=tmp_path / "other").folder
+    other = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "other").folder
     return str(first), str(again), str(other)
 
 

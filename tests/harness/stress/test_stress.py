@@ -15,8 +15,8 @@ import pandas as pd
 import pytest
 
 from harness.cli import run_command_line
-from harness.configfile import resolve_config
 from harness.errors import RunInterruptedError, UserError
+from harness.replay_config import resolve_run_config
 from harness.run import run
 from harness.runinputs import RunInputs
 from harness.sensor.detector import build_sensor
@@ -178,7 +178,7 @@ def test_a_row_holds_what_a_single_run_writes(opened, tmp_path, monkeypatch):
     monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
     request = GridRequest(densities="20", seeds="3:4", trackers=ECHO, duration_s=1.0)
     row = table_of(grid(tmp_path / "grid", request).folder).iloc[0]
-    config = resolve_config(options={"density": 20.0, "seed": 3, "tracker": ECHO, "duration": 1.0})
+    config = resolve_run_config(options={"density": 20.0, "seed": 3, "tracker": ECHO, "duration": 1.0})
     metrics = run(config, out=tmp_path / "run").metrics
     single = flattened({name: value for name, value in metrics.items() if name != "run"})
     compared = [name for name in single if not is_timing(name)]
