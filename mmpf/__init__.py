@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from mmpf.options import FilterOptions
     from mmpf.road import Lane, Road, highway
     from mmpf.scan import Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel
-    from mmpf.state import Tracks
     from mmpf.tracker import MixtureTracker
+    from mmpf.tracks import Tracks
 
 _HOME = {
     "Detections": "mmpf.scan",

@@ -9,12 +9,13 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.cloud.mixture import Mixture
+from mmpf.compute.arrays import Float32Array, FloatArray
+from mmpf.compute.normals import standard_normals
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
-from mmpf.normals import Float32Array, standard_normals
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
-from mmpf.road import FloatArray
 from mmpf.scan import Scan
-from mmpf.state import ACCEL, LAT_SPEED, SPEED, Mixture
+from mmpf.state import ACCEL, LAT_SPEED, SPEED
 
 
 class Proposal(Protocol):

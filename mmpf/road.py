@@ -10,10 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from mmpf.compute.arrays import FloatArray, IntArray
 
 NO_LANE = 0
 # A segment that faces a position goes before one that is nearer but does not.

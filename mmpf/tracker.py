@@ -7,18 +7,19 @@ from time import perf_counter
 
 import numpy as np
 
-from mmpf.birth import Traffic, give_birth
-from mmpf.joint import JointUpdate
-from mmpf.max_likelihood import MaxLikelihoodUpdate
-from mmpf.moments import component_moments
+from mmpf.around.surroundings import surroundings_of
+from mmpf.cloud.birth import Traffic, give_birth
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments, component_moments
+from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import FilterOptions
+from mmpf.options import FilterOptions, ReportingOptions
+from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
-from mmpf.report import reported_tracks
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel, check_scan
-from mmpf.state import LON, SPEED, Mixture, Tracks
-from mmpf.surroundings import surroundings_of
+from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 from mmpf.update import Situation, UpdateRule
 
 
@@ -210,3 +211,31 @@ class _Stopwatch:
         now = perf_counter()
         self.laps_ms[stage] = 1e3 * (now - self._last)
         self._last = now
+
+
+def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions) -> Tracks:
+    """Return mean and spread of each component as a track.
+
+    Args:
+        mixture: The belief.
+        moments: Its components' moments.
+        options: When a component counts as hidden, and how widely spread a hidden one may be to be reported.
+    """
+    components = mixture.components
+    unseen = components.unseen_s > options.hidden_after_s
+    reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)
+    state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
+    std = np.maximum(moments.std, 1e-6)
+    return Tracks(
+        track_id=components.track_id[reported],
+        lon_m=moments.mean[LON, reported],
+        lat_m=moments.mean[LAT, reported],
+        speed_mps=moments.mean[SPEED, reported],
+        lat_speed_mps=moments.mean[LAT_SPEED, reported],
+        accel_mps2=moments.mean[ACCEL, reported],
+        std_lon_m=std[LON, reported],
+        std_lat_m=std[LAT, reported],
+        std_speed_mps=std[SPEED, reported],
+        existence=components.existence[reported],
+        state=state[reported].astype(np.int8),
+    )

@@ -8,12 +8,12 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.birth import Traffic
-from mmpf.moments import Moments
+from mmpf.cloud.birth import Traffic
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import MotionModel
-from mmpf.road import FloatArray
 from mmpf.scan import EgoPose, Scan, SensorModel
-from mmpf.state import Mixture
 
 
 @dataclass(frozen=True)

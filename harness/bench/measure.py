@@ -11,12 +11,12 @@ from time import perf_counter, process_time
 import numpy as np
 
 from harness.bench.scene import STEP_S, BenchScene
-from harness.diagnostics import DiagnosedTracker
-from harness.memory import keep_freed_memory
+from harness.running.memory import keep_freed_memory
+from harness.running.watchers import DiagnosedTracker
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from mmpf.scan import Scan
-from mmpf.state import TENTATIVE, Tracks
+from mmpf.tracks import TENTATIVE, Tracks
 
 SETTLING_STEPS = 20
 SOONEST_STEPS = 5

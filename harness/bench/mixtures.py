@@ -8,10 +8,10 @@ from time import perf_counter
 
 import numpy as np
 
-from mmpf.motion.conditional_gmm import ConditionalGmm, expand
-from mmpf.motion.lane_changer import CASE as LANE_CHANGE
-from mmpf.motion.model_file import MIXTURE_PARTS, load_arrays, mixture_from_arrays
-from mmpf.motion.short_driver import CASE as LANE_KEEPING
+from mmpf.motion.gmm.conditional import ConditionalGmm, expand
+from mmpf.motion.gmm.model_file import MIXTURE_PARTS, load_arrays, mixture_from_arrays
+from mmpf.motion.learned.lane_changer import CASE as LANE_CHANGE
+from mmpf.motion.learned.short_driver import CASE as LANE_KEEPING
 
 PARTICLES = 40_000
 REPETITIONS = 15

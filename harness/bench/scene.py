@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.road import FloatArray, Road, highway
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Road, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 
 LANES = 5

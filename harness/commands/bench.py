@@ -43,8 +43,8 @@ def command(
 
     from harness.bench.bench import BenchPlan, run_bench  # noqa: PLC0415
     from harness.bench.written import plot, print_tables  # noqa: PLC0415
-    from harness.metrics import without_nan  # noqa: PLC0415
-    from harness.progress import progress_bar  # noqa: PLC0415
+    from harness.writing.numbers import without_nan  # noqa: PLC0415
+    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     plan = BenchPlan(
         vehicles=_counts(vehicles),

@@ -60,11 +60,11 @@ def command(
       python -m harness calibrate --keep-drivers --trials 5 --write
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """
+    from harness.config.lists import seed_values  # noqa: PLC0415
     from harness.errors import UserError  # noqa: PLC0415
     from harness.fidelity.calibration import CalibrationRequest, calibrate  # noqa: PLC0415
-    from harness.progress import progress_bar  # noqa: PLC0415
-    from harness.stress.values import seed_values  # noqa: PLC0415
-    from harness.truth.network import load_network  # noqa: PLC0415
+    from harness.truth.network.network import load_network  # noqa: PLC0415
+    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     network = load_network(net)
     if network.calibration_file is None and write:

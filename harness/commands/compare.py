@@ -48,9 +48,9 @@ def command(
       python -m harness compare --suite standard --markdown comment.md
       python -m harness compare --suite standard --record
     """
-    from harness.compare.compare import compare  # noqa: PLC0415
-    from harness.compare.sources import open_source  # noqa: PLC0415
-    from harness.compare.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
+    from harness.comparison.compare import compare  # noqa: PLC0415
+    from harness.comparison.sources import open_source  # noqa: PLC0415
+    from harness.comparison.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
     from harness.errors import RunError, UserError  # noqa: PLC0415
 
     given = list(folders or ())
@@ -75,15 +75,15 @@ def command(
 
     comparison = compare(before, after, tolerance)
     if not quiet:
-        from harness.compare.written import print_comparison  # noqa: PLC0415
+        from harness.comparison.written import print_comparison  # noqa: PLC0415
 
         print_comparison(comparison)
     if markdown is not None:
-        from harness.compare.written import as_markdown  # noqa: PLC0415
+        from harness.comparison.written import as_markdown  # noqa: PLC0415
 
         markdown.write_text(as_markdown(comparison), encoding="utf-8")
     if html is not None:
-        from harness.compare.written import as_markdown  # noqa: PLC0415
+        from harness.comparison.written import as_markdown  # noqa: PLC0415
         from harness.report.folderpage import text_page  # noqa: PLC0415
 
         html.write_text(text_page(as_markdown(comparison)), encoding="utf-8")

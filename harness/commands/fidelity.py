@@ -43,11 +43,11 @@ def command(
              --recordings ../shared/realdata/ngsim
              --recordings ../shared/realdata/commonroad
     """
+    from harness.config.lists import names, seed_values  # noqa: PLC0415
     from harness.fidelity.comparison import FidelityRequest, compare_traffic  # noqa: PLC0415
     from harness.fidelity.report import print_fidelity, write_fidelity  # noqa: PLC0415
-    from harness.progress import progress_bar  # noqa: PLC0415
-    from harness.stress.values import names, seed_values  # noqa: PLC0415
-    from harness.truth.network import load_network  # noqa: PLC0415
+    from harness.truth.network.network import load_network  # noqa: PLC0415
+    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     network = load_network(net)
     request = FidelityRequest(

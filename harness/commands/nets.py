@@ -18,7 +18,7 @@ def command(
       python -m harness nets
       python -m harness run --net us101 --demand us101-0805
     """
-    from harness.truth.network import available_networks  # noqa: PLC0415
+    from harness.truth.network.network import available_networks  # noqa: PLC0415
 
     networks = available_networks()
     if as_json:

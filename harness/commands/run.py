@@ -140,7 +140,7 @@ def command(
       python -m harness run --config results/cam/config.toml --set sensor.range_m=80
       python -m harness run --demand us101-0805 --set tracker.options.joint.gate_std=4
     """
-    from harness.replay_config import resolve_run_config  # noqa: PLC0415
+    from harness.config.layers import resolve_run_config  # noqa: PLC0415
 
     options = {
         "net": net,
@@ -161,7 +161,7 @@ def command(
     resolved = resolve_run_config(config, options, setting or ())
 
     from harness.report.summary import print_summary  # noqa: PLC0415
-    from harness.run import run  # noqa: PLC0415
+    from harness.running.run import run  # noqa: PLC0415
 
     if video is not None:
         from harness.export.video import check_film, write_video  # noqa: PLC0415
@@ -176,7 +176,7 @@ def command(
     if not quiet:
         print_summary(finished.metrics, finished.folder)
     if as_json:
-        from harness.metrics import as_json as text_of  # noqa: PLC0415
+        from harness.writing.numbers import as_json as text_of  # noqa: PLC0415
 
         typer.echo(text_of(finished.metrics), nl=False)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from harness.stress.stress import RunCells
+    from harness.grid.stress import RunCells
 
 GRID, RESULT = "The grid", "How it is run"
 
@@ -124,10 +124,10 @@ def command(
       python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
       python -m harness stress --scheduler tcp://host:8786
     """
-    from harness.config import brings_its_own_demand  # noqa: PLC0415
+    from harness.config.model import brings_its_own_demand  # noqa: PLC0415
     from harness.errors import RunError, UserError  # noqa: PLC0415
-    from harness.stress.grid import GridRequest  # noqa: PLC0415
-    from harness.stress.stress import run_stress  # noqa: PLC0415
+    from harness.grid.grid import GridRequest  # noqa: PLC0415
+    from harness.grid.stress import run_stress  # noqa: PLC0415
 
     files = _files_of(replay or [])
     given = densities is not None or demands is not None or bool(files)
@@ -167,7 +167,7 @@ def command(
     if files and not quiet:
         typer.echo((finished.folder / "table.md").read_text(encoding="utf-8"), err=True)
     elif not quiet:
-        from harness.stress.tables import print_result  # noqa: PLC0415
+        from harness.grid.tables import print_result  # noqa: PLC0415
 
         print_result(
             f"Stress test on {request.net}", finished.points, finished.breaks, finished.failures, str(finished.folder)
@@ -202,8 +202,8 @@ def _files_of(replay: list[Path]) -> list[Path]:
 @contextmanager
 def _execution(scheduler: str | None, workers: int, timeout_s: float | None) -> Iterator[RunCells]:
     """Yield what runs the cells: processes of this machine, or a cluster."""
-    from harness.stress.cluster import connect, run_cells_on_cluster  # noqa: PLC0415
-    from harness.stress.pool import run_cells  # noqa: PLC0415
+    from harness.grid.cluster import connect, run_cells_on_cluster  # noqa: PLC0415
+    from harness.grid.pool import run_cells  # noqa: PLC0415
 
     if scheduler is None:
         yield lambda cells, on_row: run_cells(cells, workers, timeout_s, on_row)

@@ -16,7 +16,7 @@ ABLATION_S = 30.0
 if TYPE_CHECKING:
     from harness.study.published import StudyPlan
     from harness.study.transfer.transfer import TransferPlan
-    from harness.truth.network import Network
+    from harness.truth.network.network import Network
 
 
 def command(
@@ -66,8 +66,8 @@ def command(
       python -m harness study transfer --real-data ../shared/realdata
       python -m harness study ablation
     """
-    from harness.study.seeds import seed_range  # noqa: PLC0415
-    from harness.truth.network import load_network  # noqa: PLC0415
+    from harness.config.lists import seed_range  # noqa: PLC0415
+    from harness.truth.network.network import load_network  # noqa: PLC0415
 
     first, count = seed_range(seeds or ("0:4" if case == "ablation" else "0:16"))
     folder = out or Path("results") / f"study-{case}"
@@ -80,7 +80,7 @@ def command(
         _refuse_for("the ablation study", {"--models": models, "--model-file": model_file, "--real-data": real_data})
         told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
     elif case == "transfer":
-        from harness.realdata import real_data_folder  # noqa: PLC0415
+        from harness.driving.realdata import real_data_folder  # noqa: PLC0415
         from harness.study.transfer.transfer import TransferPlan  # noqa: PLC0415
 
         _refuse_for("the transfer study", {"--models": models, "--model-file": model_file})
@@ -121,9 +121,9 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
 
     import pandas as pd  # noqa: PLC0415
 
-    from harness.stress.pool import run_cells  # noqa: PLC0415
-    from harness.stress.stress import RUNS, run_stress  # noqa: PLC0415
-    from harness.study.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
+    from harness.grid.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
+    from harness.grid.pool import run_cells  # noqa: PLC0415
+    from harness.grid.stress import RUNS, run_stress  # noqa: PLC0415
 
     request = ablation_request(net, seeds, ABLATION_S)
     finished = run_stress(
@@ -142,9 +142,9 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
 def _make_transfer(
     plan: TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> _Told:
-    from harness.progress import progress_bar  # noqa: PLC0415
     from harness.study.transfer.transfer import MODELS, TEST_SETS, make_transfer_study  # noqa: PLC0415
     from harness.study.transfer.written import as_json, as_markdown, write_transfer  # noqa: PLC0415
+    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     with progress_bar("study transfer", MODELS * TEST_SETS, quiet) as advance:
         result = make_transfer_study(plan, network, say, advance)
@@ -154,9 +154,9 @@ def _make_transfer(
 
 def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool) -> _Told:
     from harness.errors import UserError  # noqa: PLC0415
-    from harness.progress import progress_bar  # noqa: PLC0415
     from harness.study.published import MODELS, make_study  # noqa: PLC0415
     from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
+    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     try:
         with progress_bar(f"study {plan.study}", plan.runs if plan.study in MODELS else 1, quiet) as advance:

@@ -37,11 +37,11 @@ def command(
       python -m harness train --net us101 --case lane-keeping
       python -m harness train --case lane-change --components 40 --no-sweep
     """
+    from harness.config.lists import seed_range  # noqa: PLC0415
+    from harness.driving.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
     from harness.errors import UserError  # noqa: PLC0415
-    from harness.study.seeds import seed_range  # noqa: PLC0415
-    from harness.training.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
     from harness.training.train import TrainingPlan, train  # noqa: PLC0415
-    from harness.truth.network import load_network  # noqa: PLC0415
+    from harness.truth.network.network import load_network  # noqa: PLC0415
 
     seeds = seeds or ("1000:1040" if case == "lane-change" else "1000:1032")
     first, count = seed_range(seeds)

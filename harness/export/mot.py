@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.recorded import RecordedRun
+from harness.runfolder.finished import RecordedRun
 from harness.scoring.history import DetectionHistory, detection_history
 from harness.scoring.pairs import Pairs, near_pairs
 from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import Selection, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 PIXELS_PER_M = 100.0
 Select = Callable[[RunRows, DetectionHistory, Pairs, ScoringSettings], Selection]

@@ -18,9 +18,10 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 
-from harness.recorded import RecordedRun
+from harness.runfolder.finished import RecordedRun
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.road import FloatArray, IntArray, Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 
 Columns = dict[str, list[Any]]
 Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]

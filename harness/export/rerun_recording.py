@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import rerun as rr
 
-from harness.recorded import RecordedRun
 from harness.report.scene import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
-from mmpf.road import FloatArray
+from harness.runfolder.finished import RecordedRun
+from mmpf.compute.arrays import FloatArray
 
 FILE = "run.rrd"
 TIMELINE = "time"

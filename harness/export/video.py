@@ -12,8 +12,6 @@ import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
 from harness.errors import UserError
-from harness.recorded import RecordedRun, read_recorded_run
-from harness.recorder import detections_of
 from harness.report.scene import (
     ELLIPSE_SCALE,
     GREEN,
@@ -25,8 +23,10 @@ from harness.report.scene import (
     VERMILION,
     in_road_frame,
 )
+from harness.runfolder.finished import RecordedRun, read_recorded_run
+from harness.runfolder.tables import detections_of
 from harness.sensor.shadows import sensor_position, shadow_polygons
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
 WIDTH, HEIGHT = 1280, 720

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import UserError
-from harness.fidelity import outcome
+from harness.fidelity import candidate as outcome
 from harness.fidelity.candidate import Candidate, first_candidate
 from harness.fidelity.fields import read_fields
 from harness.fidelity.measured import MeasuredSite, measure, read_measured, write_measured
 from harness.fidelity.search import Trial, search
 from harness.fidelity.statistics import PeriodStatistics
-from harness.truth.network import Network
+from harness.truth.network.network import Network
 
 
 @dataclass(frozen=True)

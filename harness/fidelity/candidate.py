@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import fmean
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics
 from harness.fidelity.targets import targets
-from harness.truth.demand import DENSITY_RANGE, Equilibrium
-from harness.truth.drivers import Drivers
-from harness.truth.network import Network
-from harness.truth.networkfile import DemandFile
+from harness.truth.network.demand import DENSITY_RANGE, Equilibrium
+from harness.truth.network.drivers import Drivers
+from harness.truth.network.network import Network
+from harness.truth.network.networkfile import DemandFile
 
 WAVE_PERIOD_S = 120.0
 FIRST_AMPLITUDE = 0.7
@@ -252,3 +253,26 @@ def _profile_places(network: Network) -> list[float]:
     start_m, end_m = network.section_m
     middles = [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
     return [*middles, end_m + BACK_WITHIN_M]
+
+
+HEADER = """\
+# Made by `python -m harness calibrate --write`; the procedure is in docs/traffic.md.
+# It takes the place of what network.toml says about drivers and about demands of these names.
+"""
+
+
+def as_table(candidate: Candidate) -> dict[str, Any]:
+    """Return a candidate as the tables of ``calibration.toml``."""
+    return {
+        "drivers": candidate.drivers.model_dump(),
+        "demands": {
+            name: demand.model_dump(mode="json", exclude_none=True) for name, demand in candidate.demands.items()
+        },
+    }
+
+
+def write_candidate(path: Path, candidate: Candidate) -> None:
+    """Write a candidate as ``calibration.toml``."""
+    import tomli_w  # noqa: PLC0415
+
+    path.write_text(HEADER + "\n" + tomli_w.dumps(as_table(candidate)), encoding="utf-8")

@@ -13,12 +13,11 @@ from scipy.stats import wasserstein_distance
 from harness.errors import UserError
 from harness.fidelity.fields import Fields, read_fields
 from harness.fidelity.measured import MeasuredSite, measure, read_measured
-from harness.fidelity.recordings import recorded_samples, recording_files
-from harness.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged
+from harness.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged, recorded_samples, recording_files
 from harness.fidelity.simulate import Run, RunJob, simulate_all
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.fidelity.targets import Target, targets
-from harness.truth.network import Network
+from harness.truth.network.network import Network
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import numpy as np
 
 from harness.errors import UserError
 from harness.truth.frame import Frame
-from mmpf.road import NO_LANE, FloatArray
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import NO_LANE
 
 FOOT_M = 0.3048
 CELL_M = 20.0 * FOOT_M

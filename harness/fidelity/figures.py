@@ -12,7 +12,7 @@ from harness.fidelity.comparison import Fidelity, Period
 from harness.fidelity.fields import Fields
 from harness.fidelity.samples import UNITS
 from harness.fidelity.statistics import QUARTERS
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 # Okabe and Ito's blue and vermilion.
 SIMULATED, RECORDED = "#0072B2", "#D55E00"

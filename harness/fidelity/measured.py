@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from harness.errors import UserError
 from harness.fidelity.fields import Fields
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
-from harness.truth.network import Network
+from harness.truth.network.network import Network
 
 PART_S = 300.0
 

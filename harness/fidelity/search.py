@@ -9,8 +9,8 @@ from harness.fidelity.candidate import Candidate, averaged, improved, misfit
 from harness.fidelity.measured import MeasuredSite
 from harness.fidelity.simulate import RunJob, simulate_all
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
-from harness.truth.network import Network
-from harness.truth.networkfile import DemandFile
+from harness.truth.network.network import Network
+from harness.truth.network.networkfile import DemandFile
 
 # The first steps go almost all the way; later ones follow less what differs from seed to seed.
 FIRST_STEP, LAST_STEP = 0.9, 0.3

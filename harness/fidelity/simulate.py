@@ -12,8 +12,8 @@ from threading import Thread
 
 from harness.fidelity.fields import Fields, fields_from_frames
 from harness.fidelity.samples import Sampler, Samples
-from harness.truth.network import Network
-from harness.truth.sumo import open_traffic
+from harness.truth.network.network import Network
+from harness.truth.sumo.simulation import open_traffic
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.fidelity.fields import Fields
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 QUARTERS = 4
 SLOW_MPS = 4.0

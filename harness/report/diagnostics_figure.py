@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.report.panels import mark_new_egos, stretch_s, strip
 from harness.report.scene import BLUE, GREEN, ORANGE, VERMILION
-from mmpf.road import FloatArray
+from harness.writing.plots import mark_new_egos, stretch_s, strip
+from mmpf.compute.arrays import FloatArray
 
 FILE = "diagnostics.png"
 EVENTS = {"births": BLUE, "deaths": VERMILION, "merges": GREEN, "reclusterings": ORANGE}

@@ -11,11 +11,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.moment import Moment
-from harness.report.panels import mark_new_egos, stretch_s, strip
 from harness.report.scene import GREEN, ORANGE, VERMILION, scene_figure
+from harness.running.watchers import Moment
 from harness.scoring import ScoredRun
-from mmpf.road import FloatArray, Road
+from harness.writing.plots import mark_new_egos, stretch_s, strip
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Road
 from mmpf.scan import SensorModel
 
 COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION}

@@ -11,11 +11,11 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
 
-from harness import runfolder
-from harness.compare.verdicts import BETTER, SAME, UNTESTED, WORSE
+from harness.comparison.verdicts import BETTER, SAME, UNTESTED, WORSE
 from harness.errors import UserError
 from harness.report.page import PAGE, PageFigure, embedded, render, write_run_page
 from harness.report.tables import html_table
+from harness.runfolder import folder as runfolder
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")

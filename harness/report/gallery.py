@@ -12,21 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from harness.recorded import RecordedRun
-from harness.recorder import detections_of
-from harness.report.scene import (
-    ELLIPSE_SCALE,
-    OUT_OF_SIGHT,
-    PURPLE,
-    SEEN_GROUND,
-    SHADOW,
-    VEHICLE_STYLES,
-    in_road_frame,
-)
+from harness.report.scene import ELLIPSE_SCALE, OUT_OF_SIGHT, PURPLE, SEEN_GROUND, SHADOW, VEHICLE_STYLES, in_road_frame
+from harness.runfolder.finished import RecordedRun
+from harness.runfolder.tables import detections_of
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import sensor_position, shadow_polygons
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
 WORST = 5

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from harness.recorded import RecordedRun
+from harness.runfolder.finished import RecordedRun
 from harness.scoring.errors import OUTCOMES
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.road import FloatArray, IntArray
-from mmpf.state import TRACK_STATES
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.tracks import TRACK_STATES
 
 # Vehicles beyond the sensor are shown this far, so that those that come into range do not spring up.
 BEYOND_RANGE_M = 40.0

@@ -17,9 +17,10 @@ from matplotlib.patches import Ellipse, Patch, Polygon, Rectangle
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.truth.frame import Frame
-from mmpf.road import FloatArray, Road
-from mmpf.state import HIDDEN as TRACK_HIDDEN
-from mmpf.state import TENTATIVE, Tracks
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Road
+from mmpf.tracks import HIDDEN as TRACK_HIDDEN
+from mmpf.tracks import TENTATIVE, Tracks
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
 GREEN, ORANGE, VERMILION, BLUE, PURPLE = "#009E73", "#E69F00", "#D55E00", "#0072B2", "#882255"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from harness.truth.recorded.formats import ROAD_OF_RECORDING
+from harness.truth.frame import ROAD_OF_RECORDING
 
 Metrics = Mapping[str, Any]
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.report.sentences import traffic_source
-from harness.truth.network import NetworkDescription
+from harness.truth.network.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
 MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"), ("lat_speed_mps", "lat speed m/s"))

@@ -39,8 +39,7 @@ def score_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFram
     Raises:
         ValueError: The tables contradict each other or hold unknown states.
     """
-    from harness.scoring.metrics import metrics_dict  # noqa: PLC0415  pandas is slow to import
-    from harness.scoring.score import evaluate  # noqa: PLC0415
+    from harness.scoring.score import evaluate, metrics_dict  # noqa: PLC0415
 
     evaluation = evaluate(truth, detections, tracks, seed=seed)
     return ScoredRun(evaluation.errors, metrics_dict(evaluation.scores), evaluation.events)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 NORMAL_95 = 1.959963984540054
 """Half width of the standard normal's central 95 % interval."""

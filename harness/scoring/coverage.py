@@ -11,7 +11,7 @@ from harness.scoring.matching import Matching
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import HIDDEN, VISIBLE
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from harness.scoring.pairs import similarity
 from harness.scoring.rows import BoolArray, RunRows
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import HIDDEN, OUT, VISIBILITY_STATES
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
 OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.scoring.rows import BoolArray, TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

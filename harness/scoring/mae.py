@@ -13,7 +13,7 @@ from harness.scoring.rows import BoolArray
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.statistics import Interval, cluster_bootstrap, group_sums
 from harness.sensor.observation import HIDDEN, PARTIAL, VISIBILITY_STATES, VISIBLE
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

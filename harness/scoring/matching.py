@@ -12,7 +12,7 @@ from harness.scoring.pairs import GATE_SIMILARITY, Pairs
 from harness.scoring.rows import BoolArray, RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import PARTIAL, VISIBLE
-from mmpf.road import IntArray
+from mmpf.compute.arrays import IntArray
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from harness.scoring.matching import Matching, find_track_rows
 from harness.scoring.rows import BoolArray, RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import HIDDEN
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.scoring.rows import BoolArray, TrackRows, TruthRows
 from harness.scoring.settings import ScoringSettings
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

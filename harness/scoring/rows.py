@@ -12,7 +12,7 @@ import pandas as pd
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.truth.frame import WINDOW_COLUMNS
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
 

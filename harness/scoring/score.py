@@ -13,7 +13,9 @@ follow (``harness.scoring.paired``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -41,8 +43,9 @@ from harness.scoring.pairs import near_pairs
 from harness.scoring.rows import BoolArray, read_run
 from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
+from harness.scoring.statistics import Interval
 from harness.sensor.observation import HIDDEN
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -221,3 +224,43 @@ def _calibration(table: pd.DataFrame, chosen: BoolArray) -> Calibration:
     error = table[["lon_error_m", "lat_error_m", "speed_error_mps"]].to_numpy(dtype=np.float64)
     std = table[["std_lon_m", "std_lat_m", "std_speed_mps"]].to_numpy(dtype=np.float64)
     return calibration(error[chosen], std[chosen])
+
+
+def metrics_dict(scores: Scores) -> dict[str, Any]:
+    """Lay the scores out under their published keys; nan becomes None, an interval a list of two numbers."""
+    mae: dict[str, Any] = {state: _plain(means) for state, means in scores.mae.items()}
+    mae["by_seconds_hidden"] = [_bin(row) for row in scores.by_seconds_hidden]
+    return {
+        "mae": mae,
+        "hidden_outcomes": _plain(scores.hidden_outcomes),
+        "mot": _plain(scores.mot),
+        "mot_all": _plain(scores.mot_all),
+        "gospa": _plain(scores.gospa),
+        "occlusion": {
+            **_plain(scores.occlusion),
+            "short": _plain(scores.occlusion_short),
+            "long": _plain(scores.occlusion_long),
+        },
+        "calibration": {
+            **_plain(scores.calibration),
+            "visible": _plain(scores.calibration_visible),
+            "hidden": _plain(scores.calibration_hidden),
+        },
+        "coverage": _plain(scores.coverage),
+        "detection_noise": _plain(scores.detection_noise),
+    }
+
+
+def _bin(row: HiddenBin) -> dict[str, Any]:
+    outcomes = _plain(row.outcomes)
+    return {"from_s": row.from_s, "to_s": row.to_s, **_plain(row.errors), "hidden_n": outcomes.pop("n"), **outcomes}
+
+
+def _plain(value: object) -> Any:  # noqa: ANN401  plain values of any kind come out as they went in
+    if isinstance(value, Interval):
+        return None if math.isnan(value.low) else [value.low, value.high]
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

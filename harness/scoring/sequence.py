@@ -12,7 +12,7 @@ from harness.scoring.pairs import Pairs
 from harness.scoring.rows import BoolArray, RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.sight import tracks_in_sight
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

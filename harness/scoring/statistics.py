@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from harness.sensor.profiles import SensorSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, free_space, sensor_position, wrap_angle
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
-from mmpf.road import FloatArray, IntArray, Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 BoolArray = npt.NDArray[np.bool_]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.sensor.profiles import SensorSettings
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 # A range rate says nothing of the motion across the line of sight; this is how fast vehicles drift across their lane.
 TYPICAL_LAT_SPEED_MPS = 0.35

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.truth.frame import Frame, StringArray
-from mmpf.road import FloatArray, IntArray, Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 
 VISIBLE, PARTIAL, HIDDEN, OUT = range(4)

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
-from mmpf.road import FloatArray, Road
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Road
 from mmpf.scan import Detections, EgoPose, FreeSpace
 
 SECTORS = 720

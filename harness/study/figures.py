@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.study.scores import mean_with_interval
+from harness.driving.scores import mean_with_interval
 from harness.study.study import StudyResult
-from mmpf.road import FloatArray
+from harness.writing.plots import label_ends
+from mmpf.compute.arrays import FloatArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 COLOURS = {
@@ -135,15 +136,3 @@ def _errors(axis: Axes, result: StudyResult, occlusion: str, quantity: str) -> N
     axis.spines[["top", "right"]].set_visible(False)
     axis.set_ylim(bottom=0.0)
     axis.set_xlim(0.0, time_s[-1])
-
-
-def label_ends(axis: Axes, ends: list[tuple[float, str, str]], at: float) -> None:
-    """Write each model's name at its line's end, pushed apart where they would overlap."""
-    bottom, top = 0.0, axis.get_ylim()[1]
-    least = 0.055 * (top - bottom)
-    place = -least
-    for end, model, colour in sorted(ends):
-        place = max(end, place + least)
-        axis.annotate(
-            model, (at, end), (at * 1.015, place), color=colour, fontsize=8, va="center", annotation_clip=False
-        )

@@ -10,23 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from harness.errors import UserError
-from harness.study.cases import Cases, following_cases, lane_change_cases
-from harness.study.filtering import MeasurementNoise
-from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
-from harness.study.targets import Target, lane_change_targets, lane_keeping_targets
-from harness.training.changing import join_changes, lane_change_windows
-from harness.training.following import following_windows, join
-from harness.training.recording import load_all, record_all
-from harness.training.scenarios import (
+from harness.driving.cases import Cases, following_cases, lane_change_cases
+from harness.driving.changing import join_changes, lane_change_windows
+from harness.driving.filtering import MeasurementNoise
+from harness.driving.following import following_windows, join
+from harness.driving.recording import load_all, record_all
+from harness.driving.scenarios import (
     DENSITIES_VEH_PER_KM_LANE,
     REPORTING_DURATION_S,
     default_cache,
     open_scenario,
     scenarios,
 )
-from harness.truth.network import Network
-from mmpf.motion.learned_driver import LearnedDriver, load_learned_driver, without_lane_changes
+from harness.errors import UserError
+from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
+from harness.study.targets import Target, lane_change_targets, lane_keeping_targets
+from harness.truth.network.network import Network
+from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, without_lane_changes
 from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"

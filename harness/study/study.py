@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from harness.study.cases import Cases
-from harness.study.filtering import Cloud, MeasurementNoise, follow, measure
-from harness.study.scores import QUANTITIES, Scores, mean_with_interval, score
+from harness.driving.cases import Cases
+from harness.driving.filtering import Cloud, MeasurementNoise, follow, measure
+from harness.driving.scores import QUANTITIES, Scores, mean_with_interval, score
+from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
-from mmpf.road import FloatArray, IntArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 PARTIAL, COMPLETE = "partial", "complete"

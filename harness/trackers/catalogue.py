@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import cast
 
 from pydantic import ValidationError
 
 from harness.errors import UserError
 from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker, trackers
-from harness.trackers.tuned import tuned_options
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class _Entry:
 
 
 _STONE_SOUP = ("Stone Soup", "baselines")
-_STONE_SOUP_MODULE = "harness.trackers.stonesoup_trackers"
+_STONE_SOUP_MODULE = "harness.trackers.stonesoup.trackers"
 _CATALOGUE = {
     "mmpf": _Entry("harness.trackers.mmpf", "Modified Mixture Particle Filter, the tracker of this project"),
     "stonesoup-gnn": _Entry(
@@ -117,3 +119,19 @@ def _first_option_error(tracker: str, error: ValidationError) -> str:
     first = error.errors()[0]
     option = ".".join(str(part) for part in first["loc"])
     return f"tracker option {option!r} of {tracker}: {first['msg']}"
+
+
+TUNED_FILE = Path(__file__).with_name("tuned.toml")
+
+
+def tuned_options(tracker: str) -> dict[str, object]:
+    """Return a tracker's tuned options; empty for one that was never tuned."""
+    return dict(_tuned_tables().get(tracker, {}))
+
+
+@cache
+def _tuned_tables() -> dict[str, dict[str, object]]:
+    if not TUNED_FILE.exists():
+        return {}
+    tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
+    return {name: table["options"] for name, table in tables.items()}

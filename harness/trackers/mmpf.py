@@ -10,9 +10,9 @@ from pydantic import ConfigDict
 
 import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.trackers.protocol import TrackerSetting, trackers
-from mmpf.motion.learned_driver import load_learned_driver
+from mmpf.motion.learned.driver import load_learned_driver
+from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, motion_models
-from mmpf.motion.short_driver import load_short_driver
 from mmpf.options import FilterOptions
 from mmpf.tracker import MixtureTracker
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from mmpf.registry import Registry
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
-from mmpf.state import Tracks
+from mmpf.tracks import Tracks
 
 
 @dataclass(frozen=True)

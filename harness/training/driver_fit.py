@@ -6,21 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from harness.training.following import Following
+from harness.driving.following import Following
+from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import fit_mixture
-from mmpf.learning.recovery import (
-    FollowingRecords,
-    RecoveryGains,
-    demonstrated_samples,
-    join_samples,
-    recovery_samples,
-)
-from mmpf.motion.features import log_headway, situation
-from mmpf.motion.lane_keeping import LaneKeeper
-from mmpf.motion.learned_driver import DriverModel, FreeDriver
-from mmpf.motion.scaled_gmm import ScaledGmm
-from mmpf.motion.short_driver import short_inputs
-from mmpf.road import FloatArray
+from mmpf.learning.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, join_samples, recovery_samples
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.driver import DriverModel, FreeDriver
+from mmpf.motion.learned.features import log_headway, situation
+from mmpf.motion.learned.lane_keeping import LaneKeeper
+from mmpf.motion.learned.short_driver import short_inputs
 
 FOLLOWING_SAMPLES = 300_000
 SHORT_SAMPLES = 1_200_000

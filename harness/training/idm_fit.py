@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from harness.study.cases import Cases, following_cases
-from harness.training.following import Following
-from mmpf.motion.adaptive_idm import Adaptation, AdaptiveDriver
-from mmpf.motion.idm import IdmParameters, IntelligentDriver
-from mmpf.motion.process_noise import ProcessNoise
+from harness.driving.cases import Cases, following_cases
+from harness.driving.following import Following
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, IntelligentDriver
+from mmpf.motion.kinematics import ProcessNoise
 from mmpf.motion.protocol import MotionModel
-from mmpf.road import FloatArray
 from mmpf.state import LON
 
 WINDOWS = 300

@@ -11,15 +11,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.study.cases import Cases
+from harness.driving.cases import Cases
 from harness.training.idm_fit import Adaptive
-from mmpf.motion.adaptive_idm import AdaptiveDriver
-from mmpf.motion.bicycle import ConstantSteeringAcceleration, ConstantSteeringVelocity
-from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
-from mmpf.motion.idm import IdmParameters, IntelligentDriver
-from mmpf.motion.process_noise import ProcessNoise
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.idm import AdaptiveDriver, IdmParameters, IntelligentDriver
+from mmpf.motion.kinematic import (
+    ConstantAcceleration,
+    ConstantSteeringAcceleration,
+    ConstantSteeringVelocity,
+    ConstantVelocity,
+)
+from mmpf.motion.kinematics import ProcessNoise
 from mmpf.motion.protocol import MotionModel
-from mmpf.road import FloatArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 AHEAD_S = 1.0

@@ -9,12 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.driving.cases import cases_of, lane_change_cases
+from harness.driving.changing import LaneChanges, changes_to_one_side_per_s, join_changes, lane_change_windows
+from harness.driving.following import Following, following_windows, join
+from harness.driving.recording import load_all, record_all
+from harness.driving.scenarios import (
+    FIRST_TUNING_SEED,
+    TRAINING_DURATION_S,
+    TUNING_DURATION_S,
+    default_cache,
+    open_scenario,
+    scenarios,
+)
 from harness.errors import UserError
-from harness.study.cases import cases_of, lane_change_cases
-from harness.training.card import write_card
+from harness.training.card import errors_by_regime, write_card
 from harness.training.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
-from harness.training.changing import LaneChanges, changes_to_one_side_per_s, join_changes, lane_change_windows
-from harness.training.driver_files import save_change, save_driver, save_short
 from harness.training.driver_fit import (
     PROPOSED_CHANGES,
     driver_habit,
@@ -23,26 +32,15 @@ from harness.training.driver_fit import (
     following_records,
     short_samples,
 )
-from harness.training.evaluation import errors_by_regime
-from harness.training.following import Following, following_windows, join
 from harness.training.idm_fit import adaptive_toml, fit_adaptive, fit_idm, idm_toml
 from harness.training.noise_fit import fit_noise, noise_toml
-from harness.training.recording import load_all, record_all
-from harness.training.scenarios import (
-    FIRST_TUNING_SEED,
-    TRAINING_DURATION_S,
-    TUNING_DURATION_S,
-    default_cache,
-    open_scenario,
-    scenarios,
-)
-from harness.truth.network import Network
+from harness.truth.network.network import Network
+from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import SizeScore, sweep_sizes
 from mmpf.learning.recovery import RecoveryGains, recovery_samples
-from mmpf.motion.learned_driver import LearnedDriver
-from mmpf.motion.scaled_gmm import ScaledGmm
-from mmpf.motion.short_driver import ShortTermDriver
-from mmpf.road import FloatArray
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.driver import LearnedDriver, save_change, save_driver, save_short
+from mmpf.motion.learned.short_driver import ShortTermDriver
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}

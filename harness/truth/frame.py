@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.road import FloatArray, IntArray, Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 
 StringArray = npt.NDArray[np.str_]
 
@@ -95,3 +96,6 @@ class TruthSource(Protocol):
     def close(self) -> None:
         """Release what the source holds; harmless to call twice."""
         ...
+
+
+ROAD_OF_RECORDING = "recording"

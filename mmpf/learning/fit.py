@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mmpf.motion.conditional_gmm import ConditionalGmm
-from mmpf.motion.scaled_gmm import ScaledGmm
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.gmm.conditional import ConditionalGmm
+from mmpf.motion.gmm.scaled import ScaledGmm
 
 if TYPE_CHECKING:
     from sklearn.mixture import GaussianMixture

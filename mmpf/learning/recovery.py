@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.motion.features import SMALLEST_GAP_M, situation
-from mmpf.motion.scaled_gmm import ScaledGmm
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.features import SMALLEST_GAP_M, situation
 
 PERTURBED_SHARE = 0.5
 POSITION_SPREAD_M = 3.0

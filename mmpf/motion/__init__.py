@@ -3,19 +3,11 @@
 Importing the package fills ``mmpf.motion.protocol.motion_models``.
 """
 
-from mmpf.motion import adaptive_idm, bicycle, constant, idm, lane_changer, learned_driver, short_driver
+from mmpf.motion import idm, kinematic
+from mmpf.motion.learned import driver, lane_changer, short_driver
 from mmpf.motion.protocol import MotionModel, motion_models
 
-__all__ = [
-    "adaptive_idm",
-    "bicycle",
-    "constant",
-    "idm",
-    "lane_changer",
-    "learned_driver",
-    "motion_model",
-    "short_driver",
-]
+__all__ = ["driver", "idm", "kinematic", "lane_changer", "motion_model", "short_driver"]
 
 
 def motion_model(name: str) -> MotionModel:

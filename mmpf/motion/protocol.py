@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.compute.arrays import FloatArray
 from mmpf.registry import Registry
-from mmpf.road import FloatArray
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness import runfolder
-from harness.config import RunConfig
-from harness.configfile import write_config
-from harness.cosim import StageTimes
-from harness.manifest import write_manifest
-from harness.metrics import as_json, assemble_metrics
-from harness.recorder import write_table
-from harness.replay_config import resolve_run_config
-from harness.roadfile import write_road
+from harness.config.layers import resolve_run_config, write_config
+from harness.config.model import RunConfig
+from harness.runfolder import folder as runfolder
+from harness.runfolder.manifest import write_manifest
+from harness.runfolder.road import write_road
+from harness.runfolder.tables import write_table
+from harness.running.follow import StageTimes
+from harness.running.metrics import assemble_metrics
 from harness.scoring import score_run
+from harness.writing.numbers import as_json
 from mmpf.road import Road, highway
 
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0

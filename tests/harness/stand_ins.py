@@ -12,7 +12,7 @@ from harness.trackers.protocol import TrackerSetting
 from harness.truth.frame import Frame
 from mmpf.road import Road, highway
 from mmpf.scan import Scan
-from mmpf.state import CONFIRMED, Tracks
+from mmpf.tracks import CONFIRMED, Tracks
 
 
 @dataclass

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness import runfolder
-from harness.recorder import write_table
-from harness.replay_config import resolve_run_config
-from harness.run import run
-from harness.runinputs import RunInputs
+from harness.config.layers import resolve_run_config
+from harness.runfolder import folder as runfolder
+from harness.runfolder.tables import write_table
+from harness.running.open import RunInputs
+from harness.running.run import run
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.profiles import sensor_settings
@@ -26,7 +26,7 @@ def recording(tmp_path_factory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         _draw_nothing(patch)
         inputs = RunInputs(SteadyTraffic(steps=25, ego_stay=15), build_sensor(sensor_settings("lidar", {})))
-        patch.setattr("harness.inputs._open_live", lambda config, streams, gui: inputs)
+        patch.setattr("harness.running.open._open_live", lambda config, streams, gui: inputs)
         config = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
         return run(config, out=tmp_path_factory.mktemp("separation") / "recording").folder
 
@@ -95,7 +95,7 @@ def tracks_of(folder: Path, tracker: str, options: dict, tmp_path: Path, monkeyp
 
 def _draw_nothing(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    patch.setattr("harness.run._Attempt._draw", lambda attempt, scored: None)
+    patch.setattr("harness.running.run._Attempt._draw", lambda attempt, scored: None)
 
 
 def _noisy_truth(truth: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import Surroundings
-from mmpf.road import FloatArray, highway
+from mmpf.road import highway
 from mmpf.scan import Detections, EgoPose, Scan
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mmpf.compute.arrays import FloatArray
 from mmpf.motion import motion_model
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, Surroundings, motion_models, spreads_speed
 from mmpf.options import FilterOptions
 from mmpf.prediction import bootstrap_proposal, prior_update
 from mmpf.registry import Registry
-from mmpf.road import FloatArray
 from mmpf.scan import SensorModel
 from mmpf.state import SPEED
 from mmpf.tracker import MixtureTracker

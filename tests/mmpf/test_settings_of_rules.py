@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from mmpf.motion import motion_model
 from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions, Settings
 from mmpf.scan import SensorModel
-from mmpf.state import HIDDEN, Tracks
 from mmpf.tracker import MixtureTracker
+from mmpf.tracks import HIDDEN, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 OWN_GROUP = {"joint": JointOptions(), "max_likelihood": MaxLikelihoodOptions()}

@@ -9,8 +9,8 @@ import mmpf.motion  # noqa: F401
 from mmpf.motion.protocol import motion_models
 from mmpf.options import FilterOptions
 from mmpf.scan import InvalidScanError, SensorModel
-from mmpf.state import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 from mmpf.tracker import MixtureTracker
+from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 RULES = ["joint", "max_likelihood"]

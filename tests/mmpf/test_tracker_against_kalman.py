@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mmpf.compute.arrays import FloatArray
 from mmpf.options import BirthOptions, FilterOptions, JointOptions, ModelErrorOptions
-from mmpf.road import FloatArray
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.scenes import ROAD, LinearGaussianMotion, detections_at, ego_at

@@ -3,14 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.birth import Traffic
-from mmpf.joint import JointUpdate
-from mmpf.max_likelihood import MaxLikelihoodUpdate
-from mmpf.moments import component_moments
+from mmpf.cloud.birth import Traffic
+from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
+from mmpf.cloud.moments import component_moments
+from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import motion_models
 from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
+from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import SensorModel
-from mmpf.state import LAT, LON, Components, Mixture, ParticleCloud
+from mmpf.state import LAT, LON
 from mmpf.update import Occlusion, Situation, UpdateRule
 from tests.mmpf.scenes import lane_centre, scan_of
 

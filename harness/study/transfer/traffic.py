@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.driving.cases import Cases, cases_of
+from harness.driving.following import Following, following_windows, join
+from harness.driving.pairs import recording_of
 from harness.errors import UserError
-from harness.study.cases import Cases, cases_of
-from harness.training.following import Following, following_windows, join
-from harness.training.recorded import recording_of
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble
-from mmpf.road import IntArray
+from mmpf.compute.arrays import IntArray
 
 STEP_S = 0.1
 SHORT_STEPS, LONG_STEPS = 51, 101

@@ -10,12 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from harness.realdata import pairs_file, snippet_files
-from harness.study.cases import Cases, following_cases
-from harness.study.filtering import Cloud, follow
-from harness.study.scores import Scores, score
+from harness.driving.cases import Cases, following_cases
+from harness.driving.filtering import Cloud, follow
+from harness.driving.following import Following, following_windows, join
+from harness.driving.pairs import EDGE_S, pair_windows
+from harness.driving.realdata import pairs_file, snippet_files
+from harness.driving.recording import load_all, record_all
+from harness.driving.scenarios import (
+    FIRST_TRAINING_SEED,
+    REPORTING_DURATION_S,
+    TRAINING_DURATION_S,
+    default_cache,
+    open_scenario,
+    scenarios,
+)
+from harness.driving.scores import score
 from harness.study.study import COMPLETE, HORIZONS_S, LABELS, score_row
-from harness.study.transfer.inputs import input_rows
 from harness.study.transfer.models import (
     COMPONENTS,
     ON_BOTH,
@@ -25,6 +35,7 @@ from harness.study.transfer.models import (
     TrainedModel,
     committed_models,
     fitted_models,
+    input_rows,
 )
 from harness.study.transfer.traffic import (
     LONG_STEPS,
@@ -41,20 +52,8 @@ from harness.study.transfer.traffic import (
     snippet_windows,
     split_pairs,
 )
-from harness.study.transfer.verdicts import Comparison, compare_transfer
-from harness.training.following import Following, following_windows, join
-from harness.training.recorded import EDGE_S, pair_windows
-from harness.training.recording import load_all, record_all
-from harness.training.scenarios import (
-    FIRST_TRAINING_SEED,
-    REPORTING_DURATION_S,
-    TRAINING_DURATION_S,
-    default_cache,
-    open_scenario,
-    scenarios,
-)
-from harness.truth.network import Network
-from mmpf.road import FloatArray
+from harness.study.transfer.verdicts import Comparison, Outcome, Trend, compare_transfer
+from harness.truth.network.network import Network
 from mmpf.state import ACCEL, LON
 
 STUDY = "transfer"
@@ -89,40 +88,6 @@ class TransferPlan:
     training_recordings: int = 8
     most_windows: int = 3000
     cache: Path | None = None
-
-
-@dataclass(frozen=True)
-class Trend:
-    """Where errors come from; arrays over the steps after the start.
-
-    Attributes:
-        bias_m: Mean of estimated minus true position.
-        accel_kept: How much of the acceleration at the start the estimate still has: regression through the origin.
-        accel_kept_true: How much of it the true vehicles still have.
-    """
-
-    bias_m: FloatArray
-    accel_kept: FloatArray
-    accel_kept_true: FloatArray
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How one model did on the cases of one length of one test set.
-
-    Attributes:
-        model: The model.
-        tested_on: Name of the test set.
-        part: The cases.
-        scores: Errors, coverage and sharpness.
-        trend: What the mean estimate does over time.
-    """
-
-    model: TrainedModel
-    tested_on: str
-    part: HeldOutPart
-    scores: Scores
-    trend: Trend
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.driving.scores import RESAMPLES, Scores
 from harness.scoring.statistics import bootstrap_ci
-from harness.study.scores import RESAMPLES
 from harness.study.targets import Target
-from harness.study.transfer.models import ON_NOTHING, ON_REAL, ON_SUMO, UNTRAINED
-from mmpf.road import FloatArray
+from harness.study.transfer.models import (
+    ON_NOTHING,
+    ON_REAL,
+    ON_SUMO,
+    UNTRAINED,
+    TrainedModel,
+)
+from harness.study.transfer.traffic import (
+    HeldOutPart,
+)
+from mmpf.compute.arrays import FloatArray
 
-if TYPE_CHECKING:
-    from harness.study.transfer.transfer import Outcome
+
+@dataclass(frozen=True)
+class Trend:
+    """Where errors come from; arrays over the steps after the start.
+
+    Attributes:
+        bias_m: Mean of estimated minus true position.
+        accel_kept: How much of the acceleration at the start the estimate still has: regression through the origin.
+        accel_kept_true: How much of it the true vehicles still have.
+    """
+
+    bias_m: FloatArray
+    accel_kept: FloatArray
+    accel_kept_true: FloatArray
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one model did on the cases of one length of one test set.
+
+    Attributes:
+        model: The model.
+        tested_on: Name of the test set.
+        part: The cases.
+        scores: Errors, coverage and sharpness.
+        trend: What the mean estimate does over time.
+    """
+
+    model: TrainedModel
+    tested_on: str
+    part: HeldOutPart
+    scores: Scores
+    trend: Trend
+
 
 OURS = ("gmm", "gmm-short")
 RIVALS = (*((name, ON_NOTHING) for name in UNTRAINED), ("idm-fitted", ON_SUMO))

@@ -11,7 +11,7 @@ import numpy as np
 from harness.errors import UserError
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
 VERSIONS = ("2018b", "2020a")

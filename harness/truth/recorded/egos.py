@@ -10,7 +10,7 @@ import numpy as np
 from harness.errors import UserError
 from harness.truth.recorded.resample import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic
-from mmpf.road import IntArray
+from mmpf.compute.arrays import IntArray
 
 AUTO, EACH = "auto", "each"
 # each:12 is twelve of them, evenly spaced.

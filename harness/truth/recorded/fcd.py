@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.errors import UserError
-from harness.truth.network import Network, load_network
-from harness.truth.reading import OFF_ROAD_WITHIN_M
+from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.road import FloatArray, IntArray, Road
+from harness.truth.sumo.reading import OFF_ROAD_WITHIN_M
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 
 # SUMO's own sizes of its vehicle classes, metres.
 DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.2, 0.9), "bus": (12.0, 2.5)}

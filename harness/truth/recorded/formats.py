@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.errors import UserError
+from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.rows import ReadTraffic
 
 OPTION = "--replay"
-ROAD_OF_RECORDING = "recording"
 HEAD_BYTES = 65_536
 LONGEST_HEADER = 4_096
 

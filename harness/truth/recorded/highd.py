@@ -14,7 +14,8 @@ import pyarrow.csv
 
 from harness.errors import UserError
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.road import FloatArray, Lane, Road
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Lane, Road
 
 TRACK_COLUMNS = ("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity")
 META_COLUMNS = ("id", "drivingDirection")

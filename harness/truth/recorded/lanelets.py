@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.road import FloatArray, Lane, Road
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Lane, Road
 
 SAMPLE_M = 2.0
 # The drawn lanelets kink where they were cut; the road does not.

@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.truth.recorded.resample import STEP_S, Clocked
 from harness.truth.recorded.rows import Rows
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 HALF_WIDTH_STEPS = 5
 CREEP_MPS = 2.0

@@ -16,9 +16,10 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from harness.errors import UserError
-from harness.truth.network import load_network
+from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, name_codes, unknown
-from mmpf.road import FloatArray, Road
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Road
 
 FOOT_M = 0.3048
 COLUMNS = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel")

@@ -10,7 +10,7 @@ import numpy as np
 from harness.errors import UserError
 from harness.truth.frame import StringArray
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from mmpf.road import IntArray
+from mmpf.compute.arrays import IntArray
 
 # Times closer together than this are one time.
 TIME_RESOLUTION_S = 1e-3

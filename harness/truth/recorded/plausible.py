@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.errors import UserError
 from harness.truth.recorded.order import Stays
-from mmpf.road import FloatArray
+from mmpf.compute.arrays import FloatArray
 
 # Vehicles that move or drive less than this say nothing about units.
 TELLING_DISTANCE_M = 10.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.truth.recorded.order import Stays
 from harness.truth.recorded.rows import Rows
-from mmpf.road import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 STEP_S = 0.1
 # How far a recorded time may be off the clock and still be taken as on it.

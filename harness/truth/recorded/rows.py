@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.truth.frame import StringArray
-from mmpf.road import FloatArray, IntArray, Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 
 Selection = npt.NDArray[np.bool_] | IntArray
 

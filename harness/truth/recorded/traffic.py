@@ -15,7 +15,8 @@ from harness.truth.recorded.order import Stays, order_rows
 from harness.truth.recorded.plausible import check_units
 from harness.truth.recorded.resample import STEP_S, on_clock
 from harness.truth.recorded.rows import ReadTraffic
-from mmpf.road import FloatArray, IntArray, Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
 
 # Where so many vehicles come or go so near to each other is an edge of what was recorded.
 EDGE_VEHICLES = 3

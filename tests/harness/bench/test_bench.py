@@ -13,7 +13,7 @@ from harness.bench.written import plot
 from harness.cli import run_command_line
 from harness.errors import UserError
 from mmpf.scan import Scan
-from mmpf.state import Tracks
+from mmpf.tracks import Tracks
 
 CALLS: list[str] = []
 

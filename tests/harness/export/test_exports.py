@@ -15,7 +15,7 @@ import pytest
 from harness.cli import EXIT_USER_ERROR, run_command_line
 from harness.errors import UserError
 from harness.export.formats import export_run
-from harness.recorded import read_recorded_run
+from harness.runfolder.finished import read_recorded_run
 from harness.scoring.settings import ScoringSettings
 from mmpf.road import Lane, Road
 from tests.harness.recorded_scene import GIVEN_UP, STEPS, metrics_of, write_recorded_scene
@@ -73,7 +73,7 @@ def test_sumo_reads_the_floating_car_data(bent):
 
 def test_the_harness_reads_its_own_floating_car_data(tmp_path):
     fcd = pytest.importorskip("harness.truth.recorded.fcd")
-    from harness.truth.network import load_network  # noqa: PLC0415
+    from harness.truth.network.network import load_network  # noqa: PLC0415
 
     folder = write_recorded_scene(tmp_path / "run", road=load_network("us101").road)
     (file,) = export_run(folder, "fcd")

@@ -7,7 +7,7 @@ import pytest
 
 from harness.fidelity.candidate import averaged, first_candidate, improved, misfit
 from harness.fidelity.measured import read_measured
-from harness.truth.network import load_network
+from harness.truth.network.network import load_network
 
 NAMES = ("us101-0750", "us101-0805", "us101-0820")
 

@@ -15,7 +15,7 @@ from harness.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields
 from harness.fidelity.measured import read_measured
 from harness.fidelity.samples import UNITS, Samples
 from harness.fidelity.simulate import Run
-from harness.truth.network import load_network
+from harness.truth.network.network import load_network
 
 FIELDS = (
     Path(os.environ.get("MMPF_REALDATA", Path(__file__).parents[3].parent / "shared" / "realdata")) / "us101_fields"

@@ -12,7 +12,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.truth.frame import Frame
 from mmpf.road import Lane, Road, highway
-from mmpf.state import CONFIRMED, HIDDEN, Tracks
+from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 
 def jam(seed=4, count=34):

@@ -2,8 +2,8 @@ import copy
 
 import pytest
 
-from harness.metrics import EMPTY_SCORES
 from harness.report.sentences import headlines, summary_sentences, wilson_interval
+from harness.running.metrics import EMPTY_SCORES
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sensor_scenes import MIDDLE, ROAD, frame_of
 
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from mmpf.road import Road, highway
+from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 
 SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}
 

@@ -5,10 +5,10 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sensor_scenes import MIDDLE, ROAD
 
 from harness.sensor.shadows import SECTORS, free_space, shadow_polygons
 from mmpf.scan import BodySizes, Detections, EgoPose
+from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD
 
 EGO = EgoPose(lon_m=300.0, lat_m=MIDDLE, heading_rad=0.0, speed_mps=20.0, length_m=4.7, width_m=1.9)
 

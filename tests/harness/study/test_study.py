@@ -5,19 +5,19 @@ import json
 import numpy as np
 import pytest
 
+from harness.config.lists import seed_range
+from harness.driving.cases import Cases, following_cases
+from harness.driving.filtering import MeasurementNoise, follow, measure
+from harness.driving.following import following_windows
+from harness.driving.scores import mean_with_interval, score, weighted_crps
 from harness.errors import UserError
-from harness.study.cases import Cases, following_cases
-from harness.study.filtering import MeasurementNoise, follow, measure
-from harness.study.scores import mean_with_interval, score, weighted_crps
-from harness.study.seeds import seed_range
 from harness.study.study import COMPLETE, PARTIAL, run_study
 from harness.study.targets import lane_keeping_targets
 from harness.study.written import as_json, as_markdown, write_study
-from harness.training.following import following_windows
-from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
-from mmpf.motion.process_noise import ProcessNoise
+from mmpf.motion.kinematic import ConstantAcceleration, ConstantVelocity
+from mmpf.motion.kinematics import ProcessNoise
 from mmpf.state import LON, SPEED
-from tests.harness.training.test_windows import ROAD, steady, traffic
+from tests.harness.driving.test_windows import ROAD, steady, traffic
 
 STEP_S = 0.1
 

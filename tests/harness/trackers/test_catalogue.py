@@ -9,9 +9,9 @@ import pytest
 
 from harness.errors import UserError
 from harness.trackers.catalogue import available_trackers, build_tracker
-from harness.trackers.checks import TrackerCheck, tracker_checks
+from harness.trackers.conformance.checks import TrackerCheck, tracker_checks
+from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR
 from harness.trackers.protocol import TrackerSetting, TruthAssociatedTracker
-from harness.trackers.scripted_scenes import ROAD, SENSOR
 
 # The published rule weighs components by products over time: some starve, and their vehicles go without a track.
 BEYOND_THE_PUBLISHED_RULE = {"identities_stay_with_their_cars"}
@@ -56,7 +56,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones():
 
 
 def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delitem(sys.modules, "harness.trackers.stonesoup_trackers", raising=False)
+    monkeypatch.delitem(sys.modules, "harness.trackers.stonesoup.trackers", raising=False)
     monkeypatch.setitem(sys.modules, "stonesoup.dataassociator.neighbour", None)
     with pytest.raises(UserError, match=r"pip install 'mmpf-harness\[baselines\]'"):
         build_tracker("stonesoup-gnn", setting(), {})

@@ -2,9 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.trackers.oracle import build_oracle_kalman
-from harness.trackers.protocol import TrackerSetting
-from harness.trackers.scripted_scenes import (
+from harness.trackers.conformance.scripted_scenes import (
     EGO_START_M,
     ROAD,
     SENSOR,
@@ -13,7 +11,9 @@ from harness.trackers.scripted_scenes import (
     labelled_scan,
     scripted_scans,
 )
-from mmpf.state import CONFIRMED, HIDDEN, TENTATIVE, Tracks
+from harness.trackers.oracle import build_oracle_kalman
+from harness.trackers.protocol import TrackerSetting
+from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 TIMES_S = [0.1 * step for step in range(31)]
 

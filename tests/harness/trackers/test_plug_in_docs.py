@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from harness.trackers.catalogue import available_trackers, build_tracker
-from harness.trackers.checks import check_tracker
+from harness.trackers.conformance.checks import check_tracker
+from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR
 from harness.trackers.protocol import TrackerSetting
-from harness.trackers.scripted_scenes import ROAD, SENSOR
 
 PAGE = Path(__file__).parents[3] / "docs" / "plug-in-a-tracker.md"
 

@@ -5,13 +5,12 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.training import driver_fit, train
-from harness.training.card import write_card
-from harness.training.evaluation import RegimeError
+from harness.training.card import RegimeError, write_card
 from harness.training.train import TrainingPlan
-from harness.truth.network import load_network
+from harness.truth.network.network import load_network
 from mmpf.learning.fit import SizeScore
-from mmpf.motion.learned_driver import load_learned_driver
-from mmpf.motion.short_driver import load_short_driver
+from mmpf.motion.learned.driver import load_learned_driver
+from mmpf.motion.learned.short_driver import load_short_driver
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from mmpf.motion.features import log_headway, situation
-from mmpf.motion.learned_driver import HABIT, LearnedDriver, without_lane_changes
+from mmpf.motion.learned.driver import HABIT, LearnedDriver, without_lane_changes
+from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.protocol import Neighbour
 from mmpf.state import ACCEL, SPEED
-
-from .surroundings import around, states
+from tests.mmpf.motion.surroundings import around, states
 
 FOLLOWERS = 7
 

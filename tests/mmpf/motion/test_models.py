@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401  fills the registry
-from mmpf.motion.bicycle import ConstantSteeringAcceleration, ConstantSteeringVelocity
-from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
 from mmpf.motion.idm import TREIBER_2000, IntelligentDriver, idm_acceleration
-from mmpf.motion.process_noise import ProcessNoise
+from mmpf.motion.kinematic import (
+    ConstantAcceleration,
+    ConstantSteeringAcceleration,
+    ConstantSteeringVelocity,
+    ConstantVelocity,
+)
+from mmpf.motion.kinematics import ProcessNoise
 from mmpf.motion.protocol import motion_models
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
-
-from .surroundings import around, nobody, states, vehicle
+from tests.mmpf.motion.surroundings import around, nobody, states, vehicle
 
 QUIET = ProcessNoise(0.0, 0.0)
 STEP_S = 0.1

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from mmpf.motion.adaptive_idm import Adaptation, AdaptiveDriver
-from mmpf.motion.idm import TREIBER_2000, idm_acceleration
-from mmpf.motion.lane_changer import LaneChangeDriver
-from mmpf.motion.process_noise import ProcessNoise
+from mmpf.motion.idm import TREIBER_2000, Adaptation, AdaptiveDriver, idm_acceleration
+from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.learned.lane_changer import LaneChangeDriver
 from mmpf.motion.protocol import take_surroundings
 from mmpf.state import ACCEL, LAT, LAT_SPEED, SPEED
-
-from .surroundings import around, states, vehicle
+from tests.mmpf.motion.surroundings import around, states, vehicle
 
 STEP_S = 0.1
 

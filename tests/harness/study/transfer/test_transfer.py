@@ -10,22 +10,21 @@ import numpy as np
 import pytest
 
 from harness.cli import run_command_line
+from harness.driving.filtering import follow
+from harness.driving.pairs import pair_windows
+from harness.driving.scores import mean_with_interval, score
 from harness.errors import UserError
-from harness.study.filtering import follow
-from harness.study.scores import mean_with_interval, score
 from harness.study.transfer import models as transfer_models
 from harness.study.transfer import transfer
-from harness.study.transfer.inputs import INPUTS, input_rows
-from harness.study.transfer.models import ON_NOTHING, ON_SUMO, TrainedModel, committed_models
+from harness.study.transfer.models import INPUTS, ON_NOTHING, ON_SUMO, TrainedModel, committed_models, input_rows
 from harness.study.transfer.traffic import held_out_set, mixed, snippet_windows, split_pairs
-from harness.study.transfer.transfer import Outcome, TransferPlan, Trend, make_transfer_study
-from harness.study.transfer.verdicts import compare_transfer
+from harness.study.transfer.transfer import TransferPlan, make_transfer_study
+from harness.study.transfer.verdicts import Outcome, Trend, compare_transfer
 from harness.study.transfer.written import as_json, summary_lines, write_transfer
 from harness.training import driver_fit
-from harness.training.recorded import pair_windows
-from harness.truth.network import load_network
-from mmpf.motion.constant import ConstantAcceleration, ConstantVelocity
-from mmpf.motion.process_noise import ProcessNoise
+from harness.truth.network.network import load_network
+from mmpf.motion.kinematic import ConstantAcceleration, ConstantVelocity
+from mmpf.motion.kinematics import ProcessNoise
 from tests.harness.training.recorded_pairs import write_pairs
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
 

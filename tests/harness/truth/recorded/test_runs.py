@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness import runfolder
+from harness.config.layers import resolve_run_config
 from harness.errors import UserError
-from harness.replay_config import resolve_run_config
 from harness.report.sentences import summary_sentences
 from harness.report.summary import print_summary
-from harness.run import run
+from harness.runfolder import folder as runfolder
+from harness.running.run import run
 from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, write_ngsim_csv
 
 ECHO = "tests.harness.stand_ins:echo_tracker"

@@ -1,0 +1,99 @@
+"""What is compared: the rows of a run folder or of a stress folder, or of one tracker of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.errors import UserError
+from harness.grid.rows import flattened
+from harness.grid.stress import GRID, RUNS
+from harness.grid.summary import label_of
+from harness.runfolder import folder as runfolder
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+IDENTITY = ("tracker", "variant", "model", "update", "label")
+STANDARD = "standard"
+SETTING = ("net", "density", "demand")
+
+
+@dataclass(frozen=True)
+class Source:
+    """One side of a comparison.
+
+    Attributes:
+        name: What the user typed.
+        folder: Where it lies.
+        rows: One row per successful run, with a column ``label``.
+        failed: Number of runs that failed.
+        is_run: Whether it is a single run's folder.
+        axes: Columns that were varied beside density, demand and seed.
+    """
+
+    name: str
+    folder: Path
+    rows: pd.DataFrame
+    failed: int
+    is_run: bool
+    axes: tuple[str, ...] = ()
+
+    @property
+    def labels(self) -> list[str]:
+        """The trackers, with their settings and models."""
+        return list(dict.fromkeys(self.rows["label"]))
+
+
+def open_source(text: str, option: str) -> Source:
+    """Open ``FOLDER`` or, for one tracker of a grid, ``FOLDER@LABEL``.
+
+    A folder of baselines stands for the standard suite's in it.
+
+    Raises:
+        UserError: There is no such folder or label.
+    """
+    whole = Path(text)
+    path, at, label = (text, "", "") if whole.exists() else text.rpartition("@") if "@" in text else (text, "", "")
+    folder = Path(path)
+    if (folder / STANDARD / RUNS).is_file():
+        folder = folder / STANDARD
+    source = _open_grid(text, folder, option) if (folder / RUNS).is_file() else _open_run(text, folder, option)
+    if not at:
+        return source
+    rows = source.rows[source.rows["label"] == label]
+    if not len(rows):
+        raise UserError(f"{option}: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
+    return Source(text, folder, rows, source.failed, source.is_run, source.axes)
+
+
+def _open_grid(name: str, folder: Path, option: str) -> Source:
+    table = runfolder.read_table(folder, RUNS, option, (*SETTING, "seed", "succeeded", "variant", "model"))
+    done = table[table["succeeded"].astype(bool)].copy()
+    done["label"] = [label_of(row) for _, row in done.iterrows()]
+    try:
+        vary = json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]
+    except (OSError, ValueError, KeyError):
+        raise UserError(f"{option}: {folder / GRID} is missing or broken; make the grid again") from None
+    axes = tuple(word.partition("=")[0].strip() for word in vary)
+    return Source(name, folder, done, len(table) - len(done), False, axes)
+
+
+def _open_run(name: str, folder: Path, option: str) -> Source:
+    import pandas as pd  # noqa: PLC0415
+
+    if not folder.is_dir():
+        raise UserError(f"{option}: {folder} is no folder; give the folder of a run or of a stress test")
+    runfolder.read_manifest(folder, option)
+    try:
+        metrics: dict[str, Any] = json.loads((folder / runfolder.METRICS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise UserError(f"{option}: {folder / runfolder.METRICS} is missing or broken; make the run again") from None
+    run = metrics.pop("run")
+    row = {**run, "variant": run["tracker"], **flattened(metrics)}
+    table = pd.DataFrame([row])
+    table["label"] = [label_of(one) for _, one in table.iterrows()]
+    return Source(name, folder, table, 0, True)

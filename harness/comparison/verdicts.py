@@ -1,0 +1,218 @@
+"""From two arms' values to a verdict on each metric, at most 5 % false alarms over all of them together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.statistics import Interval, PairedDifference, paired_difference
+from mmpf.compute.arrays import FloatArray, IntArray
+
+LEVEL = 0.05
+DRAWS = 10_000
+BETTER, WORSE, SAME, UNTESTED = "better", "worse", "no difference", "not tested"
+
+
+@dataclass(frozen=True)
+class ComparedMetric:
+    """A metric that verdicts are given on.
+
+    Attributes:
+        name: Its key in ``metrics.json``, keys joined by dots.
+        label: Its name with its unit, for people.
+        higher_is_better: Its direction.
+    """
+
+    name: str
+    label: str
+    higher_is_better: bool = False
+
+
+METRICS = (
+    ComparedMetric("mae.visible.lon_m", "MAE visible, m"),
+    ComparedMetric("mae.visible.speed_mps", "speed MAE visible, m/s"),
+    ComparedMetric("mae.partial.lon_m", "MAE partly hidden, m"),
+    ComparedMetric("mae.hidden.lon_m", "MAE hidden, m"),
+    ComparedMetric("mae.hidden.speed_mps", "speed MAE hidden, m/s"),
+    ComparedMetric("hidden_outcomes.tracked_percent", "hidden tracked, %", True),
+    ComparedMetric("occlusion.same_id_percent", "same identity, %", True),
+    ComparedMetric("mot.hota", "HOTA in sight, %", True),
+    ComparedMetric("mot.idf1", "IDF1 in sight, %", True),
+    ComparedMetric("mot_all.hota", "HOTA last 10 s, %", True),
+    ComparedMetric("gospa.mean", "GOSPA, m"),
+)
+
+
+@dataclass(frozen=True)
+class Arms:
+    """The values of one metric in both arms.
+
+    Attributes:
+        label: What is compared: tracker and model.
+        metric: The metric.
+        a: Values of the first arm, shape (n,).
+        b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
+        paired: Whether a and b were made on the same traffic and detections.
+        stratum_a: Setting of each value of a where not paired, shape (n,): densities and the like are kept apart.
+        stratum_b: Likewise of b.
+        testable: Whether a test makes sense; a single value of each arm can't be tested.
+    """
+
+    label: str
+    metric: ComparedMetric
+    a: FloatArray
+    b: FloatArray
+    paired: bool = True
+    stratum_a: IntArray | None = None
+    stratum_b: IntArray | None = None
+    testable: bool = True
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one metric.
+
+    Attributes:
+        label: What is compared: tracker and model.
+        metric: Key of the metric.
+        a: Mean of the first arm.
+        b: Mean of the second.
+        difference: b minus a.
+        ci95: Bootstrap interval of the difference.
+        p: p value of no difference, corrected for the number of metrics and trackers by Holm's method.
+        pairs: Number of pairs, or of values of the smaller arm where not paired.
+        verdict: ``better``, ``worse``, ``no difference`` or ``not tested``, of b.
+        regression: Whether b is worse by more than the tolerance.
+    """
+
+    label: str
+    metric: str
+    a: float
+    b: float
+    difference: float
+    ci95: tuple[float, float]
+    p: float
+    pairs: int
+    verdict: str
+    regression: bool
+
+
+def judge(arms: Sequence[Arms], tolerance: float = 0.0, draws: int = DRAWS) -> list[Verdict]:
+    """Give a verdict on every metric.
+
+    Paired arms are tested by flipping the signs of the differences, others by exchanging values between the arms within
+    each setting; both are exact, so that with Holm's correction the probability of any false verdict is at most 5 %.
+
+    Args:
+        arms: The values.
+        tolerance: A worse value is a regression if the difference exceeds this share of a.
+        draws: Number of resamples, and of permutations where they are too many to try all.
+    """
+    compared = [_cleaned(arm) for arm in arms]
+    differences = [_difference(arm, draws) for arm in compared]
+    corrected = holm(np.array([difference.p for difference in differences]))
+    return [
+        _verdict(arm, difference, p, tolerance)
+        for arm, difference, p in zip(compared, differences, corrected.tolist(), strict=True)
+    ]
+
+
+def holm(p: FloatArray) -> FloatArray:
+    """Correct p values for their number (Holm 1979); nan is no test and counts for nothing.
+
+    Args:
+        p: p values, shape (n,).
+    """
+    tested = np.flatnonzero(np.isfinite(p))
+    order = tested[np.argsort(p[tested], kind="stable")]
+    steps = p[order] * (len(order) - np.arange(len(order)))
+    corrected = np.full(len(p), np.nan)
+    corrected[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
+    return corrected
+
+
+def fewest_pairs(tests: int) -> int:
+    """Return how many pairs the sign-flip test needs before any verdict can fall, given the number of tests."""
+    return int(np.ceil(1.0 + np.log2(tests / LEVEL)))
+
+
+def unpaired_difference(
+    a: FloatArray, b: FloatArray, stratum_a: IntArray, stratum_b: IntArray, rng: np.random.Generator, draws: int = DRAWS
+) -> PairedDifference:
+    """Compare two arms that ran on different seeds, by exchanging values between them within each setting.
+
+    The statistic is the mean over settings of the difference of the arms' means.
+
+    Args:
+        a: Values of the first arm, shape (n,).
+        b: Values of the second, shape (m,).
+        stratum_a: Setting of each value of a, shape (n,).
+        stratum_b: Setting of each value of b, shape (m,).
+        rng: Source of the permutations and resamples.
+        draws: Number of each.
+
+    Returns:
+        The difference; nan where no setting is in both arms.
+    """
+    permuted, resampled, observed = np.zeros(draws), np.zeros(draws), 0.0
+    common = np.intersect1d(stratum_a, stratum_b)
+    for stratum in common:
+        left, right = a[stratum_a == stratum], b[stratum_b == stratum]
+        observed += float(right.mean() - left.mean())
+        pool = np.tile(np.concatenate([left, right]), (draws, 1))
+        mixed = rng.permuted(pool, axis=1)
+        permuted += mixed[:, len(left) :].mean(axis=1) - mixed[:, : len(left)].mean(axis=1)
+        resampled += rng.choice(right, (draws, len(right))).mean(axis=1) - rng.choice(left, (draws, len(left))).mean(
+            axis=1
+        )
+    if not len(common):
+        return PairedDifference(np.nan, Interval(np.nan, np.nan), np.nan)
+    low, high = np.quantile(resampled, (0.025, 0.975)) / len(common)
+    extreme = np.count_nonzero(np.abs(permuted) >= abs(observed) * (1.0 - 1e-12))
+    return PairedDifference(observed / len(common), Interval(float(low), float(high)), (extreme + 1) / (draws + 1))
+
+
+def _cleaned(arms: Arms) -> Arms:
+    """Leave out values that are nan, with their partners where paired."""
+    a, b = np.isfinite(arms.a), np.isfinite(arms.b)
+    if arms.paired:
+        return Arms(arms.label, arms.metric, arms.a[a & b], arms.b[a & b], testable=arms.testable)
+    assert arms.stratum_a is not None
+    assert arms.stratum_b is not None
+    return Arms(
+        arms.label, arms.metric, arms.a[a], arms.b[b], False, arms.stratum_a[a], arms.stratum_b[b], arms.testable
+    )
+
+
+def _difference(arms: Arms, draws: int) -> PairedDifference:
+    rng = np.random.default_rng(0)
+    if not arms.testable:
+        mean = float(arms.b.mean() - arms.a.mean()) if len(arms.a) and len(arms.b) else np.nan
+        return PairedDifference(mean, Interval(np.nan, np.nan), np.nan)
+    if arms.paired:
+        return paired_difference(arms.a, arms.b, rng, draws=draws)
+    assert arms.stratum_a is not None
+    assert arms.stratum_b is not None
+    return unpaired_difference(arms.a, arms.b, arms.stratum_a, arms.stratum_b, rng, draws)
+
+
+def _verdict(arms: Arms, difference: PairedDifference, p: float, tolerance: float) -> Verdict:
+    a, b = (float(values.mean()) if len(values) else np.nan for values in (arms.a, arms.b))
+    word = UNTESTED
+    if np.isfinite(p):
+        improved = (difference.difference > 0.0) == arms.metric.higher_is_better
+        word = SAME if p > LEVEL else BETTER if improved else WORSE
+    return Verdict(
+        label=arms.label,
+        metric=arms.metric.name,
+        a=a,
+        b=b,
+        difference=difference.difference,
+        ci95=(difference.interval.low, difference.interval.high),
+        p=p,
+        pairs=min(len(arms.a), len(arms.b)),
+        verdict=word,
+        regression=word == WORSE and abs(difference.difference) > tolerance * abs(a),
+    )

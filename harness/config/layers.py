@@ -1,0 +1,242 @@
+"""``config.toml``, options and ``--set`` merged, checked and filled up with defaults, and written back to a file.
+
+Later layers win: defaults, then the file of ``--config``, then the command's options, then ``--set``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, ValidationError
+
+from harness.config.model import DEFAULT_TRACKER, RunConfig
+from harness.errors import UserError
+from harness.runfolder import folder as runfolder
+
+Table = dict[str, Any]
+
+# Where the command line spells a key its own way.
+OPTION_OF_KEY = {
+    "seed": "--seed",
+    "replay": "--replay",
+    "traffic.net": "--net",
+    "traffic.demand": "--demand",
+    "traffic.density": "--density",
+    "traffic.duration_s": "--duration",
+    "traffic.recording.format": "--format",
+    "traffic.recording.ego": "--ego",
+    "sensor.profile": "--sensor",
+    "tracker.name": "--tracker",
+    "tracker.model": "--model",
+    "tracker.update": "--update",
+    "tracker.particles": "--particles",
+    "tracker.model_file": "--model-file",
+}
+KEY_OF_OPTION = {option.removeprefix("--"): key for key, option in OPTION_OF_KEY.items()}
+
+# Of these keys at most one can hold; a later layer's choice replaces an earlier layer's other.
+EXCLUSIVE = ("demand", "density")
+
+
+def merge_layers(
+    config_file: Path | None = None, options: Mapping[str, object] | None = None, settings: Sequence[str] = ()
+) -> Table:
+    """Return what the user set, unchecked, as one nested table.
+
+    Args:
+        config_file: TOML file of ``--config``.
+        options: The command's options by name without dashes (``net``, ``duration``, ...); None where not given.
+        settings: The ``KEY=VALUE`` words of ``--set``.
+
+    Raises:
+        UserError: The file can't be read, or a word of ``--set`` is not ``KEY=VALUE``.
+    """
+    merged: Table = {}
+    layers = [
+        read_toml(config_file, "--config") if config_file is not None else {},
+        _table_of_options(options or {}),
+        _table_of_settings(settings),
+    ]
+    for layer in layers:
+        _forget_another_trackers_options(merged, layer)
+        _merge_into(merged, layer)
+    return merged
+
+
+def config_from_table(table: Table) -> RunConfig:
+    """Check a nested table and fill in the defaults.
+
+    Raises:
+        UserError: A key is unknown or a value is out of bounds; the message names the key or option.
+    """
+    try:
+        return RunConfig.model_validate(table)
+    except ValidationError as error:
+        raise UserError(_first_problem(error)) from None
+
+
+def read_toml(path: Path, option: str) -> Table:
+    """Read a TOML file that ``option`` named.
+
+    Raises:
+        UserError: The file can't be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{option}: can't read {path}: {error.strerror}; give the path of a TOML file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{option}: {path} is not valid TOML: {error}") from None
+
+
+def write_config(config: RunConfig, path: Path) -> None:
+    """Write a configuration so that ``--config`` reads the same one back."""
+    path.write_text(tomli_w.dumps(config.as_table()), encoding="utf-8")
+
+
+def _table_of_options(options: Mapping[str, object]) -> Table:
+    table: Table = {}
+    for name, value in options.items():
+        if value is not None:
+            _put(table, KEY_OF_OPTION[name].split("."), value)
+    return table
+
+
+def _table_of_settings(settings: Sequence[str]) -> Table:
+    table: Table = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        parts = [part.strip() for part in key.split(".")]
+        if not equals or not all(parts):
+            raise UserError(f"--set: {setting!r} is not KEY=VALUE, for example --set sensor.range_m=80")
+        _put(table, parts, _toml_value(text.strip()))
+    return table
+
+
+def _toml_value(text: str) -> object:
+    """Read a value as TOML would; what is no TOML value is a plain word."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _put(table: Table, parts: Sequence[str], value: object) -> None:
+    for part in parts[:-1]:
+        table = table.setdefault(part, {})
+        if not isinstance(table, dict):
+            raise UserError(f"--set: {'.'.join(parts)} lies below {part}, which is set to a value")
+    table[parts[-1]] = value
+
+
+def _forget_another_trackers_options(merged: Table, layer: Table) -> None:
+    """Drop earlier layers' tracker table where the layer names another tracker, whose options are others."""
+    earlier, later = merged.get("tracker"), layer.get("tracker")
+    if isinstance(earlier, dict) and isinstance(later, dict):
+        present = earlier.get("name", DEFAULT_TRACKER)
+        if later.get("name", present) != present:
+            del merged["tracker"]
+
+
+def _merge_into(merged: Table, layer: Table) -> None:
+    for key, value in layer.items():
+        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+            _merge_into(merged[key], value)
+            continue
+        if key in EXCLUSIVE:
+            for other in set(EXCLUSIVE) - {key} - set(layer):
+                merged.pop(other, None)
+        merged[key] = value
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        return f"unknown key {key!r}{_nearest(key)}"
+    option = OPTION_OF_KEY.get(key)
+    place = f"{option} ({key})" if option else key or "configuration"
+    message = problem["msg"].removeprefix("Value error, ")
+    if isinstance(problem["input"], dict):
+        return f"{place}: {message}"
+    return f"{place}: {message[0].lower()}{message[1:]}, not {problem['input']!r}"
+
+
+def _nearest(key: str) -> str:
+    known = list(_known_keys(RunConfig))
+    near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
+    if not near:
+        leaf = key.rsplit(".", 1)[-1]
+        near = [name for name in known if difflib.get_close_matches(leaf, [name.rsplit(".", 1)[-1]], cutoff=0.6)]
+    return f"; did you mean {' or '.join(near)}?" if near else f"; known keys are {', '.join(known)}"
+
+
+def _known_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _known_keys(field.annotation, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}"
+
+
+def resolve_run_config(
+    config_file: Path | None = None, options: Mapping[str, object] | None = None, settings: Sequence[str] = ()
+) -> RunConfig:
+    """Return the checked configuration of a run.
+
+    Args:
+        config_file: TOML file of ``--config``.
+        options: The command's options by name without dashes (``net``, ``duration``, ...); None where not given.
+        settings: The ``KEY=VALUE`` words of ``--set``.
+
+    Raises:
+        UserError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
+            traffic, a sensor or a folder that the recording does not have; or the file is no recorded traffic.
+    """
+    table = merge_layers(config_file, options, settings)
+    replay = table.get("replay")
+    if isinstance(replay, str):
+        path = Path(replay).resolve()
+        part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
+        table |= part | {"replay": str(path)}
+    elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):
+        option = next(iter(traffic["recording"]))
+        raise UserError(f"--{option}: simulated traffic has no such choice; add --replay FILE of recorded traffic")
+    return config_from_table(table)
+
+
+def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the traffic's table with the file's format and the network that it is driven on."""
+    from harness.truth.recorded.formats import network_of, recognise  # noqa: PLC0415
+
+    traffic = dict(asked.get("traffic", {}))
+    recording = {"ego": "auto"} | dict(traffic.get("recording", {}))
+    entry = recognise(path, recording.get("format"))
+    traffic["recording"] = recording | {"format": entry.name}
+    return {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
+
+
+def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return traffic, sensor and (unless asked otherwise) seed of the recording; refuse what contradicts them."""
+    runfolder.read_manifest(folder, "--replay")
+    recorded = config_from_table(runfolder.read_config_table(folder, "--replay")).as_table()
+    part = {name: recorded[name] for name in ("traffic", "sensor")}
+    for key, value in _leaves({name: asked[name] for name in part if name in asked}):
+        if value != dict(_leaves(part)).get(key):
+            raise UserError(
+                f"{OPTION_OF_KEY.get(key, key)}: a replay takes traffic and sensor from the recording; leave it out"
+            )
+    return part | {"seed": asked.get("seed", recorded["seed"])}
+
+
+def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

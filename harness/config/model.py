@@ -1,0 +1,176 @@
+"""A run's configuration: what it may hold, and the checks on it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from harness.truth.network.demand import DEFAULT_DENSITY, DENSITY_RANGE
+from harness.truth.network.network import default_demand
+from mmpf.options import FilterOptions
+
+DEFAULT_TRACKER = "mmpf"
+
+# What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
+MMPF_DEFAULTS: dict[str, str | int] = {
+    "model": "gmm",
+    "update": FilterOptions().update,
+    "particles": FilterOptions().particles,
+}
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class RecordingConfig(_Strict):
+    """Which recorded traffic takes the simulated one's place.
+
+    Attributes:
+        format: Name of the file's format.
+        ego: Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn.
+        start_s: Where in the recording the run begins, seconds after its first row.
+    """
+
+    format: Annotated[str, Field(min_length=1)]
+    ego: Annotated[str, Field(min_length=1)] = "auto"
+    start_s: Annotated[float, Field(ge=0.0)] = 0.0
+
+
+class TrafficConfig(_Strict):
+    """Which traffic is driven, and for how long.
+
+    Attributes:
+        net: Name of a network that travels with the package, or a folder or ``.sumocfg`` file.
+        demand: Name of one of the network's demands; excludes ``density``. The network's default if neither is given.
+        density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given and the network names
+            no default demand, unless it is a SUMO configuration with a demand of its own.
+        duration_s: Scored time in seconds; warm-up comes on top. Of a recording, the seconds used.
+        recording: Set where the traffic was recorded on a real road; there is neither demand nor density then.
+    """
+
+    net: Annotated[str, Field(min_length=1)] = "us101"
+    demand: Annotated[str, Field(min_length=1)] | None = None
+    density: Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])] | None = None
+    duration_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 60.0
+    recording: RecordingConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_way_to_set_traffic(self) -> Self:
+        if self.demand is not None and self.density is not None:
+            raise ValueError("give either a demand or a density, not both")
+        if self.recording is not None:
+            if self.demand is not None or self.density is not None:
+                raise ValueError("recorded traffic is as it was; leave demand and density out")
+            return self
+        if self.demand is None and self.density is None and not brings_its_own_demand(self.net):
+            demand = default_demand(self.net)
+            # The model is frozen for its users; during validation the default is still being filled in.
+            object.__setattr__(self, "demand", demand)
+            object.__setattr__(self, "density", DEFAULT_DENSITY if demand is None else None)
+        return self
+
+
+class SensorConfig(_Strict):
+    """Which sensor looks at the traffic.
+
+    Any other key overrides the profile's setting of that name, for example ``range_m``.
+
+    Attributes:
+        profile: Name of the sensor profile.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+    profile: Annotated[str, Field(min_length=1)] = "lidar"
+
+    @property
+    def overrides(self) -> dict[str, object]:
+        """Settings that differ from the profile's."""
+        return dict(self.model_extra or {})
+
+
+class TrackerConfig(_Strict):
+    """Which tracker follows the vehicles.
+
+    Attributes:
+        name: Name of the tracker.
+        model: Name of the motion model, for trackers that take one.
+        update: Name of the measurement update, for trackers that have several.
+        particles: Particles per vehicle, for particle filters.
+        model_file: File of a fitted behaviour model to use in place of the one that travels with the package.
+        options: The tracker's own settings by name.
+    """
+
+    name: Annotated[str, Field(min_length=1)] = DEFAULT_TRACKER
+    model: Annotated[str, Field(min_length=1)] | None = None
+    update: Annotated[str, Field(min_length=1)] | None = None
+    particles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    model_file: Annotated[str, Field(min_length=1)] | None = None
+    options: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _defaults_of_the_own_tracker(self) -> Self:
+        if self.name == DEFAULT_TRACKER:
+            for name, value in MMPF_DEFAULTS.items():
+                if getattr(self, name) is None:
+                    object.__setattr__(self, name, value)
+        return self
+
+    def all_options(self) -> dict[str, object]:
+        """Return everything that is set as the options of the tracker's factory."""
+        named = {name: getattr(self, name) for name in ("model", "update", "particles", "model_file")}
+        return {name: value for name, value in named.items() if value is not None} | self.options
+
+
+class RunConfig(_Strict):
+    """Everything that decides a run's results; same configuration and versions, same results.
+
+    Attributes:
+        seed: Root of all randomness.
+        replay: Run folder whose recorded truth and detections are used in place of SUMO and the sensor, or a file of
+            traffic recorded on a real road.
+        traffic: The traffic.
+        sensor: The sensor.
+        tracker: The tracker.
+    """
+
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    replay: Annotated[str, Field(min_length=1)] | None = None
+    traffic: TrafficConfig = Field(default_factory=TrafficConfig)
+    sensor: SensorConfig = Field(default_factory=SensorConfig)
+    tracker: TrackerConfig = Field(default_factory=TrackerConfig)
+
+    def as_table(self) -> dict[str, object]:
+        """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
+        return self.model_dump(exclude_none=True)
+
+    def title(self) -> str:
+        """Return what is run in a few words."""
+        traffic, tracker = self.traffic, self.tracker
+        demand = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
+        if traffic.recording is not None and self.replay is not None:
+            road = "" if traffic.net == "recording" else f" on {traffic.net}"
+            recorded = f"{Path(self.replay).stem}{road}, ego {traffic.recording.ego}"
+            return ", ".join(part for part in (recorded, tracker.name, tracker.model, tracker.update) if part)
+        parts = [traffic.net, demand, tracker.name, tracker.model, tracker.update]
+        return ", ".join(part for part in parts if part)
+
+    def default_folder_name(self) -> str:
+        """Return a name for the run's folder that tells its main settings."""
+        traffic = self.traffic
+        demand = f"d{traffic.density:g}" if traffic.density is not None else traffic.demand
+        network = traffic.net.rstrip("/").rsplit("/", 1)[-1].removesuffix(".sumocfg")
+        if traffic.recording is not None and self.replay is not None:
+            network, demand = Path(self.replay).stem, f"ego-{traffic.recording.ego}"
+        parts = [network, self.tracker.name, self.tracker.model, demand, f"s{self.seed}"]
+        return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))
+
+
+def brings_its_own_demand(net: str) -> bool:
+    """Whether a network is a SUMO configuration of the user's own, with its own vehicles."""
+    path = Path(net)
+    return path.suffix == ".sumocfg" or (path.is_dir() and not (path / "network.toml").is_file())

@@ -1,0 +1,1 @@
+"""Recorded and made driving that studies and training share."""

@@ -1,0 +1,186 @@
+"""Windows of a recording around a lane change: five seconds before and after, as the paper takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from harness.driving.neighbours import NOBODY, Ordering, order_by_lane, row_ahead, row_behind
+from harness.driving.recording import Recording
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import NO_LANE, Road
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+
+HALF_WINDOW_S = 5.0
+
+
+@dataclass(frozen=True)
+class Others:
+    """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
+
+    lon_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    length_m: FloatArray
+
+
+@dataclass(frozen=True)
+class LaneChanges:
+    """Windows around lane changes, lateral from the original lane's middle and positive towards the target lane.
+
+    Attributes:
+        state: States as in ``mmpf.state``, shape (6, windows, steps).
+        length_m: Vehicle length, shape (windows,).
+        lane_width_m: Mean width of original and target lane, shape (windows,).
+        leader: Leader in the original lane.
+        follower: Follower in the target lane.
+        target_leader: Leader in the target lane.
+    """
+
+    state: FloatArray
+    length_m: FloatArray
+    lane_width_m: FloatArray
+    leader: Others
+    follower: Others
+    target_leader: Others
+
+    def __len__(self) -> int:
+        return len(self.length_m)
+
+    def take(self, chosen: IntArray) -> LaneChanges:
+        """Return some of the windows."""
+
+        def some(others: Others) -> Others:
+            return Others(**{column.name: getattr(others, column.name)[chosen] for column in fields(Others)})
+
+        return LaneChanges(
+            self.state[:, chosen],
+            self.length_m[chosen],
+            self.lane_width_m[chosen],
+            some(self.leader),
+            some(self.follower),
+            some(self.target_leader),
+        )
+
+
+def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
+    """Cut out every change between two neighbouring main lanes that is the only one within five seconds around it.
+
+    Args:
+        recording: Recorded traffic.
+        road: Where the lanes are.
+        step_s: Time between steps.
+    """
+    half = round(HALF_WINDOW_S / step_s)
+    by_vehicle = np.lexsort((recording.step, recording.vehicle))
+    rows = by_vehicle[_single_changes(recording, by_vehicle, half)[:, None] + np.arange(-half, half + 1)]
+    strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
+    original, target = recording.lane[rows[:, half - 1]], recording.lane[rows[:, half]]
+    known = np.array([int(a) in strip and int(b) in strip for a, b in zip(original, target, strict=True)], dtype=bool)
+    rows, original, target = rows[known], original[known], target[known]
+    first, second = _lines(strip, original), _lines(strip, target)
+    direction = np.sign(second.mean(axis=1) - first.mean(axis=1))
+    ordering = order_by_lane(recording)
+    step, lon = recording.step[rows], recording.lon_m[rows]
+    on_original, on_target = (
+        np.broadcast_to(original[:, None], rows.shape),
+        np.broadcast_to(target[:, None], rows.shape),
+    )
+    return LaneChanges(
+        state=_mirrored_states(recording, rows, direction, first.mean(axis=1), step_s),
+        length_m=recording.length_m[rows[:, 0]],
+        lane_width_m=np.abs(second.mean(axis=1) - first.mean(axis=1)),
+        leader=_others(recording, _ahead(ordering, step, on_original, lon)),
+        follower=_others(recording, _behind(ordering, step, on_target, lon)),
+        target_leader=_others(recording, _ahead(ordering, step, on_target, lon)),
+    )
+
+
+def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
+    """Return how often a driver on a lane of the road changes to the one side, and as often to the other, per second.
+
+    Args:
+        recordings: Recorded traffic.
+        step_s: Time between steps.
+    """
+    changes, steps = 0, 0
+    for recording in recordings:
+        by_vehicle = np.lexsort((recording.step, recording.vehicle))
+        lane, vehicle = recording.lane[by_vehicle], recording.vehicle[by_vehicle]
+        driven_on = (vehicle[1:] == vehicle[:-1]) & (lane[1:] != NO_LANE) & (lane[:-1] != NO_LANE)
+        changes += int((driven_on & (lane[1:] != lane[:-1])).sum())
+        steps += int(driven_on.sum())
+    return changes / (2.0 * steps * step_s) if steps else 0.0
+
+
+def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:
+    """Put the windows of several recordings together."""
+
+    def all_of(name: str) -> Others:
+        return Others(
+            **{
+                column.name: np.concatenate([getattr(getattr(part, name), column.name) for part in parts])
+                for column in fields(Others)
+            }
+        )
+
+    return LaneChanges(
+        np.concatenate([part.state for part in parts], axis=1),
+        np.concatenate([part.length_m for part in parts]),
+        np.concatenate([part.lane_width_m for part in parts]),
+        all_of("leader"),
+        all_of("follower"),
+        all_of("target_leader"),
+    )
+
+
+def _single_changes(recording: Recording, by_vehicle: IntArray, half: int) -> IntArray:
+    """Return places in the sorted rows where a lane differs from the step before, and none other does nearby."""
+    lane, vehicle, step = (column[by_vehicle] for column in (recording.lane, recording.vehicle, recording.step))
+    n = len(lane)
+    changed = np.concatenate([[False], (lane[1:] != lane[:-1]) & (vehicle[1:] == vehicle[:-1])])
+    place = np.flatnonzero(changed)
+    place = place[(place >= half) & (place < n - half)]
+    running = np.concatenate([[0], np.cumsum(changed)])
+    alone = running[place + half + 1] - running[place - half + 1] == 1
+    whole = (vehicle[place - half] == vehicle[place + half]) & (step[place + half] - step[place - half] == 2 * half)
+    on_road = (lane[place] != NO_LANE) & (lane[place - 1] != NO_LANE)
+    return np.asarray(place[alone & whole & on_road])
+
+
+def _lines(strip: dict[int, tuple[float, float]], lane: IntArray) -> FloatArray:
+    return np.array([strip[int(number)] for number in lane]).reshape(-1, 2)
+
+
+def _mirrored_states(
+    recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray, step_s: float
+) -> FloatArray:
+    state = np.empty((STATE_SIZE, *rows.shape))
+    state[LON], state[SPEED], state[ACCEL] = (
+        recording.lon_m[rows],
+        recording.speed_mps[rows],
+        recording.accel_mps2[rows],
+    )
+    state[LAT] = direction[:, None] * (recording.lat_m[rows] - origin_m[:, None])
+    state[LAT_SPEED] = direction[:, None] * recording.lat_speed_mps[rows]
+    state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / step_s
+    return state
+
+
+def _ahead(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
+    return row_ahead(ordering, step.ravel(), lane.ravel(), lon_m.ravel()).reshape(step.shape)
+
+
+def _behind(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
+    return row_behind(ordering, step.ravel(), lane.ravel(), lon_m.ravel()).reshape(step.shape)
+
+
+def _others(recording: Recording, rows: IntArray) -> Others:
+    missing = rows == NOBODY
+
+    def of(column: FloatArray) -> FloatArray:
+        return np.where(missing, np.nan, column[rows])
+
+    return Others(of(recording.lon_m), of(recording.speed_mps), of(recording.accel_mps2), of(recording.length_m))

@@ -1,0 +1,56 @@
+"""Where recordings of real roads lie: not part of the project, beside it or where the user says."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from harness.errors import UserError
+
+VARIABLE = "MMPF_REALDATA"
+OPTION = "--real-data"
+PAIRS = "car_following_pairs.parquet"
+SNIPPETS = ("commonroad/*.xml", "ngsim/*.csv")
+
+
+def real_data_folder(given: Path | None = None) -> Path:
+    """Return the folder of real recordings.
+
+    Args:
+        given: What the user said; None for the environment variable ``MMPF_REALDATA``, or ``shared/realdata`` beside
+            the project.
+
+    Raises:
+        UserError: There is no such folder.
+    """
+    beside = Path(__file__).resolve().parents[3] / "shared" / "realdata"
+    folder = given or Path(os.environ.get(VARIABLE, beside))
+    if not folder.is_dir():
+        raise UserError(
+            f"{OPTION}: no real recordings in {folder}; name their folder with {OPTION} or the variable {VARIABLE}"
+        )
+    return folder
+
+
+def pairs_file(folder: Path) -> Path:
+    """Return the file of leader-follower pairs.
+
+    Raises:
+        UserError: It is not there.
+    """
+    path = folder / PAIRS
+    if not path.is_file():
+        raise UserError(f"{OPTION}: {folder} has no {PAIRS}; name another folder")
+    return path
+
+
+def snippet_files(folder: Path, patterns: tuple[str, ...] = SNIPPETS) -> list[Path]:
+    """Return the files of recorded traffic, sorted by name within each layout.
+
+    Raises:
+        UserError: There is none.
+    """
+    found = [path for pattern in patterns for path in sorted(folder.glob(pattern))]
+    if not found:
+        raise UserError(f"{OPTION}: {folder} has no recorded traffic ({', '.join(patterns)}); name another folder")
+    return found

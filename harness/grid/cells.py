@@ -1,0 +1,115 @@
+"""The grid of a stress test: cells of shared truth and detections, and the runs over each."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.config.model import RunConfig, TrackerConfig
+
+DENSITY, DEMAND, SEED, RECORDING = "density", "demand", "seed", "replay"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All cells of a stress test.
+
+    Attributes:
+        cells: The cells, sorted as their rows are.
+        axes: Keys of ``--vary``.
+    """
+
+    cells: tuple[Cell, ...]
+    axes: tuple[str, ...]
+
+    @property
+    def runs(self) -> tuple[PlannedRun, ...]:
+        """All runs, in the order of the rows."""
+        return tuple(run for cell in self.cells for run in cell.runs)
+
+    @property
+    def is_replay(self) -> bool:
+        """Whether the traffic was recorded, not simulated."""
+        return self.cells[0].config.replay is not None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Runs that share their truth and detections.
+
+    Attributes:
+        runs: The runs; net, traffic, sensor and seed are the same in all.
+    """
+
+    runs: tuple[PlannedRun, ...]
+
+    @property
+    def config(self) -> RunConfig:
+        """A configuration that traffic and sensor can be opened from."""
+        return self.runs[0].config
+
+    def describe(self) -> str:
+        """Return what is simulated in a few words."""
+        return f"{self.config.traffic.net} {_traffic_word(self.config)} seed {self.config.seed}"
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run of the grid.
+
+    Attributes:
+        config: Its whole configuration.
+        variant: The tracker as the user wrote it, with its own settings.
+        varied: Values of the other axes by key; absent where an axis does not concern the tracker.
+    """
+
+    config: RunConfig
+    variant: str
+    varied: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """Name of its result file; the same configuration has the same key in every grid."""
+        traffic, tracker = self.config.traffic, self.config.tracker
+        words = [traffic.net, _traffic_word(self.config), f"s{self.config.seed}", tracker.name, tracker.model]
+        readable = "-".join(word for word in words if word)
+        readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[-80:]
+        content = json.dumps([self.config.as_table(), self.variant], sort_keys=True)
+        return f"{readable.lstrip('-.')}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
+
+    def identity(self) -> dict[str, Any]:
+        """Return the columns that tell this run from the others."""
+        traffic, tracker = self.config.traffic, self.config.tracker
+        return {
+            "net": traffic.net,
+            DENSITY: traffic.density,
+            DEMAND: traffic.demand,
+            **({RECORDING: Path(self.config.replay).name} if self.config.replay is not None else {}),
+            "tracker": tracker.name,
+            "variant": self.variant,
+            "model": tracker.model,
+            "update": tracker.update,
+            SEED: self.config.seed,
+            **self.varied,
+        }
+
+
+def distinct_trackers(grid: Grid) -> Iterator[RunConfig]:
+    """Yield one configuration for each distinct tracker with its settings."""
+    seen: list[TrackerConfig] = []
+    first_seed = grid.cells[0].config.seed
+    for run in (run for cell in grid.cells if cell.config.seed == first_seed for run in cell.runs):
+        if run.config.tracker not in seen:
+            seen.append(run.config.tracker)
+            yield run.config
+
+
+def _traffic_word(config: RunConfig) -> str:
+    traffic = config.traffic
+    if config.replay is not None:
+        return Path(config.replay).stem
+    return f"d{traffic.density:g}" if traffic.density is not None else traffic.demand or ""

@@ -1,0 +1,85 @@
+"""Runs cells on an existing Dask cluster; the rows are the same as on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+from harness.errors import UserError
+from harness.grid.cells import Cell
+from harness.grid.pool import OnRow, run_cells
+from harness.grid.rows import Row, failed_row
+
+# Dask has no types of its own.
+Client = Any
+Future = Any
+
+OPTION = "--scheduler"
+EXAMPLE = "tcp://host:8786"
+CONNECT_S = 10
+RETRIES = 3
+
+
+def connect(address: str) -> Client:
+    """Return a connection to a cluster's scheduler.
+
+    Raises:
+        UserError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise UserError(f"{OPTION} needs Dask, which is not installed: pip install 'mmpf-harness[cluster]'") from None
+    try:
+        return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(
+            f"{OPTION} {address}: no scheduler answers ({problem}); for example {OPTION} {EXAMPLE}"
+        ) from None
+
+
+def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float | None, on_row: OnRow) -> None:
+    """Run all cells on the cluster's workers, a cell a task.
+
+    A cell whose worker disappears is given to another one; its runs are made again.
+
+    Args:
+        client: The cluster.
+        cells: What to run.
+        timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
+        on_row: Called with the key and row of every run once.
+    """
+    distributed: Any = import_module("distributed")
+    tasks: dict[Future, Cell] = {
+        client.submit(run_cell, cell, timeout_s, pure=False, retries=RETRIES): cell for cell in cells
+    }
+    try:
+        for task in distributed.as_completed(list(tasks), loop=client.loop):
+            for key, row in _rows_of(task, tasks[task]):
+                on_row(key, row)
+            task.release()
+    finally:
+        client.cancel([task for task in tasks if not task.done()])
+
+
+def run_cell(cell: Cell, timeout_s: float | None) -> list[tuple[str, Row]]:
+    """Run one cell in a process of its own, on the machine that this is called on.
+
+    Args:
+        cell: What to run.
+        timeout_s: As for the whole grid.
+    """
+    rows: list[tuple[str, Row]] = []
+    run_cells([cell], 1, timeout_s, lambda key, row: rows.append((key, row)))
+    return rows
+
+
+def _rows_of(task: Future, cell: Cell) -> list[tuple[str, Row]]:
+    error = task.exception()
+    if error is None:
+        rows: list[tuple[str, Row]] = task.result()
+        return rows
+    reason = f"the cluster gave the task up: {type(error).__name__}: {error}"
+    return [(run.key, failed_row(run, reason, 0.0)) for run in cell.runs]

@@ -1,0 +1,64 @@
+"""Hidden vehicles against the simplest guess: that each goes on at the speed that it was last seen with.
+
+The guess is made by Kalman filters of constant velocity that are told which vehicle each detection is of, so that no
+mix-up weighs on it. Errors are compared on the vehicle-steps that both follow: a tracker that lets go of difficult
+vehicles does not look better for it.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.config.model import RunConfig, TrackerConfig
+from harness.running.follow import StageTimes
+from harness.running.looks import ObservedTraffic, track
+from harness.scoring import score_run
+from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.sensor.observation import HIDDEN, VISIBILITY_STATES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+COASTING = "oracle-kalman"
+
+
+def coasting_errors(traffic: ObservedTraffic, config: RunConfig) -> pd.DataFrame:
+    """Return the error table of coasting over observed traffic; the configuration's own tracker is not used."""
+    coasting = config.model_copy(update={"tracker": TrackerConfig(name=COASTING)})
+    tables = track(traffic, coasting, StageTimes())
+    return score_run(tables.truth, tables.detections, tables.tracks, config.seed).errors
+
+
+def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, Any]:
+    """Return mean errors of hidden vehicles beside those of coasting on the same rows.
+
+    Args:
+        errors: Error table of a tracker.
+        coasting: That of coasting.
+
+    Returns:
+        ``hidden`` over all, ``by_seconds_hidden`` by the time since the last detection: mean absolute longitudinal
+        errors ``lon_m`` and ``coasting_lon_m``, None without rows, and their number ``n``.
+    """
+    from harness.scoring.paired import paired_errors  # noqa: PLC0415  pandas is slow to import
+
+    both = paired_errors(errors, coasting)
+    both = both[both["state"] == VISIBILITY_STATES[HIDDEN]]
+    unseen_s = both["seconds_hidden"].to_numpy(dtype=np.float64)
+    bins = []
+    for from_s, to_s in pairwise(ScoringSettings().hidden_bins_s):
+        inside = (unseen_s > from_s + TIME_TOLERANCE_S) & (unseen_s <= to_s + TIME_TOLERANCE_S)
+        bins.append({"from_s": from_s, "to_s": to_s, **_means(both, inside)})
+    return {"hidden": _means(both, np.ones(len(both), dtype=np.bool_)), "by_seconds_hidden": bins}
+
+
+def _means(both: pd.DataFrame, chosen: npt.NDArray[np.bool_]) -> dict[str, Any]:
+    own, coasting = (both[f"lon_error_m_{side}"].to_numpy(dtype=np.float64)[chosen] for side in ("a", "b"))
+    if not len(own):
+        return {"lon_m": None, "coasting_lon_m": None, "n": 0}
+    return {"lon_m": float(np.abs(own).mean()), "coasting_lon_m": float(np.abs(coasting).mean()), "n": len(own)}

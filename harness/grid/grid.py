@@ -1,0 +1,217 @@
+"""From the lists that a user writes to the grid of a stress test: every combination, each a checked configuration.
+
+Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
+``mmpf+joint.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the tracker's named
+settings, everything else is one of its options. ``--models`` goes with the project's own tracker; settings of
+``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned settings.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.config.layers import resolve_run_config
+from harness.config.lists import names, numbers, seed_values
+from harness.config.model import DEFAULT_TRACKER, RunConfig
+from harness.errors import UserError
+from harness.grid.cells import DEMAND, DENSITY, RECORDING, Cell, Grid, PlannedRun
+from harness.truth.recorded.egos import EACH
+
+MOST_RUNS = 100_000
+NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
+VARY_EXAMPLE = "sensor.range_m=40:160:20"
+TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
+
+
+@dataclass(frozen=True)
+class GridRequest:
+    """A grid as the user wrote it.
+
+    Attributes:
+        net: Network by name, or a path. Of recorded traffic ``None`` is the one that its format has.
+        densities: Vehicles per km and lane, a range or list; None with ``demands`` or a network with its own demand.
+        demands: Named demands, a list; None with ``densities``.
+        trackers: Trackers, a list.
+        models: Motion models, a list; None for the tracker's default.
+        seeds: Number or range of seeds.
+        duration_s: Scored seconds of each run.
+        particles: Particles per vehicle.
+        sensor: Sensor profile.
+        settings: ``KEY=VALUE`` words that hold for all runs.
+        vary: ``KEY=VALUES`` words; each is one more axis.
+        replay: Files of recorded traffic in place of simulated traffic.
+        ego: Which recorded vehicles carry the sensor, as in ``run --ego``.
+    """
+
+    net: str | None = "us101"
+    densities: str | None = None
+    demands: str | None = None
+    trackers: str = DEFAULT_TRACKER
+    models: str | None = None
+    seeds: str = "10"
+    duration_s: float | None = None
+    particles: int | None = None
+    sensor: str | None = None
+    settings: tuple[str, ...] = ()
+    vary: tuple[str, ...] = ()
+    replay: tuple[str, ...] = ()
+    ego: str | None = None
+
+
+def plan_grid(request: GridRequest) -> Grid:
+    """Turn what the user wrote into runs, each with a checked configuration.
+
+    Raises:
+        UserError: A list is wrong, a key or name is unknown, or there are too many runs.
+    """
+    places = _traffic_points(request)
+    seeds = seed_values(request.seeds)
+    axes = _axes(request.vary)
+    variants = _variants(request)
+    sizes = (len(places), len(seeds), *(len(values) for values in axes.values()), len(variants))
+    if math.prod(sizes) > MOST_RUNS:
+        raise UserError(
+            f"the grid has {math.prod(sizes)} runs, at most {MOST_RUNS} are allowed; fewer densities, seeds or values, "
+            "for example --densities 5:65:10 --seeds 10"
+        )
+    shared = {key: values for key, values in axes.items() if not key.startswith("tracker.")}
+    own = {key: values for key, values in axes.items() if key.startswith("tracker.")}
+    cells = []
+    for place, varied in itertools.product(places, _combinations(shared)):
+        # Every configuration is checked once; only the seed differs among those that follow.
+        first = [
+            PlannedRun(_config(request, variant, place, seeds[0], each), variant.text, _kept(variant, each))
+            for variant in variants
+            for each in ([varied | more for more in _combinations(own)] if variant.takes_settings else [varied])
+        ]
+        cells += [
+            Cell(
+                tuple(
+                    PlannedRun(run.config.model_copy(update={"seed": seed}), run.variant, run.varied) for run in first
+                )
+            )
+            for seed in seeds
+        ]
+    return Grid(tuple(cells), tuple(axes))
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """A tracker with settings of its own and, where it takes one, a model."""
+
+    text: str
+    name: str
+    settings: tuple[str, ...]
+    model: str | None = None
+
+    @property
+    def takes_settings(self) -> bool:
+        """Whether ``tracker.*`` settings that hold for the whole grid concern it."""
+        return self.name == DEFAULT_TRACKER or ":" in self.name
+
+
+def _variants(request: GridRequest) -> list[_Variant]:
+    models = names(request.models, "--models", "gmm,idm,cvm,cam") if request.models is not None else (None,)
+    variants = []
+    for text in names(request.trackers, "--trackers", TRACKER_EXAMPLE):
+        name, *settings = text.split("+")
+        for setting in settings:
+            key, equals, value = setting.partition("=")
+            if not (key and equals and value):
+                raise UserError(
+                    f"--trackers {text}: {setting!r} is not KEY=VALUE; for example mmpf+update=max_likelihood"
+                )
+        crossed = name == DEFAULT_TRACKER and not any(setting.startswith("model=") for setting in settings)
+        full = tuple(_full_key(setting) for setting in settings)
+        variants += [_Variant(text, name, full, model) for model in (models if crossed else (None,))]
+    if request.models is not None and not any(variant.model for variant in variants):
+        raise UserError("--models: only mmpf takes them here; for example --trackers mmpf --models gmm,cvm")
+    return variants
+
+
+def _full_key(setting: str) -> str:
+    key = setting.partition("=")[0]
+    return f"tracker.{setting}" if key in NAMED_TRACKER_SETTINGS else f"tracker.options.{setting}"
+
+
+def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
+    if request.densities is not None and request.demands is not None:
+        raise UserError("--demands: give either densities or demands, not both; for example --densities 5:65:10")
+    if request.replay and (request.densities is not None or request.demands is not None):
+        raise UserError("--replay: recorded traffic is as it was; leave densities and demands out")
+    if request.ego is not None and not request.replay:
+        raise UserError("--ego: simulated traffic has no such choice; add --replay FILE of recorded traffic")
+    if request.demands is not None:
+        return [{DEMAND: name} for name in names(request.demands, "--demands", "us101-0750,us101-0805")]
+    if request.densities is not None:
+        return [{DENSITY: value} for value in numbers(request.densities, "--densities", "5:65:10")]
+    if request.replay:
+        if len({Path(path).name for path in request.replay}) < len(request.replay):
+            raise UserError("--replay: two of the files have the same name; results are told apart by it")
+        return [{RECORDING: path, "ego": request.ego or EACH} for path in request.replay]
+    return [{}]
+
+
+def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    axes: dict[str, tuple[float, ...]] = {}
+    for word in words:
+        key, equals, text = (part.strip() for part in word.partition("="))
+        if not equals or not key:
+            raise UserError(
+                f"--vary {word!r}: give KEY=START:STOP:STEP or KEY=A,B,C; for example --vary {VARY_EXAMPLE}"
+            )
+        if key in axes:
+            raise UserError(f"--vary {key}: given twice; for example --vary {VARY_EXAMPLE}")
+        instead = {"seed": "--seeds 10", "traffic.density": "--densities 5:65:10"}.get(key)
+        if instead:
+            raise UserError(f"--vary {key}: this axis has an option of its own; for example {instead}")
+        if not key.startswith(("sensor.", "tracker.", "traffic.")):
+            raise UserError(f"--vary {key}: no such setting can be varied; for example --vary {VARY_EXAMPLE}")
+        axes[key] = numbers(text, f"--vary {key}:", VARY_EXAMPLE)
+    return axes
+
+
+def _combinations(axes: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:
+    for values in itertools.product(*axes.values()):
+        yield dict(zip(axes, values, strict=True))
+
+
+def _config(
+    request: GridRequest, variant: _Variant, place: Mapping[str, Any], seed: int, varied: Mapping[str, float]
+) -> RunConfig:
+    options = {
+        "net": request.net,
+        **place,
+        "duration": request.duration_s,
+        "sensor": request.sensor,
+        "tracker": variant.name,
+        "model": variant.model,
+        "particles": request.particles if variant.takes_settings else None,
+        "seed": seed,
+    }
+    settings = [word for word in request.settings if variant.takes_settings or not word.startswith("tracker.")]
+    words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
+    try:
+        return resolve_run_config(None, options, [*settings, *variant.settings, *words])
+    except UserError as error:
+        if "traffic.density" in str(error):
+            raise UserError(
+                f"--densities {request.densities}: densities lie between 5 and 65; for example --densities 5:65:10"
+            ) from None
+        raise with_example(error, varied) from None
+
+
+def with_example(error: UserError, varied: Iterable[str]) -> UserError:
+    """Return the error, with an example of ``--vary`` where it is about one of its keys."""
+    if any(key.split(".", 1)[-1] in str(error) for key in varied):
+        return UserError(f"--vary: {error}; for example --vary {VARY_EXAMPLE}")
+    return error
+
+
+def _kept(variant: _Variant, varied: Mapping[str, float]) -> dict[str, float]:
+    return {key: value for key, value in varied.items() if variant.takes_settings or not key.startswith("tracker.")}

@@ -1,0 +1,164 @@
+"""Worker processes that are kept busy, watched, and replaced when they die or hang."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from time import monotonic
+from typing import IO
+
+from harness.grid.cells import Cell, PlannedRun
+from harness.grid.rows import Row, failed_row
+from harness.grid.worker import CELL, CellDone, Finished, Message, Started
+
+OnRow = Callable[[str, Row], None]
+
+# Numerical libraries must not start threads of their own: the workers use all cores already.
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS"), "1"
+)
+CELLS_PER_PROCESS = 50
+"""After so many cells a worker is replaced, so that nothing that a library leaks adds up."""
+LONGEST_WAIT_S = 5.0
+
+
+def run_cells(cells: Sequence[Cell], workers: int, timeout_s: float | None, on_row: OnRow) -> None:
+    """Run all cells in worker processes.
+
+    Args:
+        cells: What to run.
+        workers: Number of processes.
+        timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
+        on_row: Called with the key and row of every run once, in the order in which they end.
+    """
+    waiting = deque(cells)
+    pool: list[_Worker] = []
+    try:
+        while waiting or pool:
+            while waiting and len(pool) < workers:
+                pool.append(_Worker(timeout_s))
+                pool[-1].give(waiting.popleft())
+            wait([worker.connection for worker in pool], _patience(pool))
+            for worker in tuple(pool):
+                worker.take_in(on_row)
+                if worker.idle and waiting and worker.cells < CELLS_PER_PROCESS:
+                    worker.give(waiting.popleft())
+                elif worker.idle or worker.gone:
+                    pool.remove(worker)
+                    worker.stop()
+                    if worker.rest:
+                        waiting.appendleft(Cell(tuple(worker.rest.values())))
+    finally:
+        for worker in pool:
+            worker.stop()
+
+
+def _patience(pool: Sequence[_Worker]) -> float:
+    deadlines = [worker.deadline for worker in pool if worker.deadline is not None]
+    return min([LONGEST_WAIT_S, *(max(0.0, deadline - monotonic()) for deadline in deadlines)])
+
+
+@dataclass
+class _Worker:
+    """A worker process as its owner sees it.
+
+    Attributes:
+        timeout_s: Longest time between two beginnings.
+        rest: Runs of the present cell that have not ended, by key.
+        cells: How many cells it was given.
+        idle: Whether it waits for a cell.
+        gone: Whether it died or was stopped.
+        deadline: When the present piece of work must have ended.
+    """
+
+    timeout_s: float | None
+    connection: Connection = field(init=False)
+    process: subprocess.Popen[bytes] = field(init=False)
+    rest: dict[str, PlannedRun] = field(default_factory=dict)
+    cells: int = 0
+    idle: bool = True
+    gone: bool = False
+    deadline: float | None = None
+    _now: Started = field(default_factory=lambda: Started(CELL))
+    _since: float = 0.0
+    _complaints: IO[bytes] = field(default_factory=tempfile.TemporaryFile)
+
+    def __post_init__(self) -> None:
+        self.connection, theirs = Pipe()
+        paths = os.pathsep.join(path for path in sys.path if path)
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "from harness.grid.worker import main; main()", str(theirs.fileno())],
+            env=os.environ | ONE_THREAD | {"PYTHONPATH": paths},
+            pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._complaints,
+            start_new_session=True,
+        )
+        theirs.close()
+
+    def give(self, cell: Cell) -> None:
+        """Send a cell to work on."""
+        self.rest = {run.key: run for run in cell.runs}
+        self.cells += 1
+        self.idle = False
+        self._now, self._since = Started(CELL), monotonic()
+        try:
+            self.connection.send(cell)
+        except OSError:
+            self.gone = True
+
+    def take_in(self, on_row: OnRow) -> None:
+        """Take in what the worker reported; notice when it died or has taken too long."""
+        try:
+            while self.connection.poll():
+                self._take(self.connection.recv(), on_row)
+        except (EOFError, OSError):
+            self._give_up(f"the worker process died ({self._death()})", on_row)
+            return
+        if self.deadline is not None and not self.idle and monotonic() > self.deadline:
+            what = "traffic and sensor" if self._now.what == CELL else "the run"
+            self._give_up(f"timeout: {what} took longer than {self.timeout_s:g} s", on_row)
+
+    def stop(self) -> None:
+        """End the process."""
+        self.process.kill()
+        self.process.wait()
+        self.connection.close()
+        self._complaints.close()
+
+    def _take(self, message: Message, on_row: OnRow) -> None:
+        match message:
+            case Started():
+                self._now, self._since = message, monotonic()
+                self.deadline = None if self.timeout_s is None else self._since + self.timeout_s
+            case Finished(key, row):
+                del self.rest[key]
+                on_row(key, row)
+            case CellDone():
+                self.idle = True
+                self.deadline = None
+
+    def _give_up(self, reason: str, on_row: OnRow) -> None:
+        """Fail the run that was under way, or all that wait for the traffic; what else remains is done elsewhere."""
+        self.gone = True
+        failed = [self._now.key] if self._now.key in self.rest else list(self.rest) if not self._now.key else []
+        for key in failed:
+            on_row(key, failed_row(self.rest.pop(key), reason, monotonic() - self._since))
+
+    def _death(self) -> str:
+        code = self.process.wait()
+        if code >= 0:
+            self._complaints.seek(0)
+            last = self._complaints.read().decode(errors="replace").strip().rpartition("\n")[2]
+            return f"exit code {code}{': ' if last else ''}{last}"
+        hint = ", out of memory perhaps" if -code == signal.SIGKILL else ""
+        return f"signal {signal.Signals(-code).name}{hint}"

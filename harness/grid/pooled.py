@@ -1,0 +1,268 @@
+"""One table over all files of recorded traffic: each tracker's scores pooled, with intervals over the files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.grid.cells import RECORDING
+from harness.grid.coasting import COASTING
+from harness.grid.summary import labelled
+from harness.scoring.statistics import cluster_bootstrap
+from mmpf.compute.arrays import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+DRAWS = 2000
+STEPS_A_MINUTE = 600.0
+HIDDEN_AGAINST_COASTING = 0.7
+# Times hidden, from and to, that this is aimed at; the last is all of them together.
+JUDGED = ((2.0, 3.0), (0.0, None))
+JPDA, OURS = "stonesoup-jpda", "mmpf"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column of the table: a mean over samples of all files.
+
+    Attributes:
+        name: Its key.
+        label: Its heading, with its unit.
+        column: Column of each file's mean, or of its sum.
+        weight: Column of the samples behind it.
+        decimals: How many are shown.
+        is_sum: Whether ``column`` holds sums.
+        scale: Factor of the sums.
+    """
+
+    name: str
+    label: str
+    column: str
+    weight: str
+    decimals: int = 1
+    is_sum: bool = False
+    scale: float = 1.0
+
+
+QUANTITIES = (
+    Quantity("hota", "HOTA in sight, %", "mot.hota", "mot.truth_n"),
+    Quantity("idf1", "IDF1 in sight, %", "mot.idf1", "mot.truth_n"),
+    Quantity(
+        "id_switches_per_vehicle_minute",
+        "identity switches a vehicle-minute",
+        "mot.id_switches",
+        "mot.truth_n",
+        decimals=3,
+        is_sum=True,
+        scale=STEPS_A_MINUTE,
+    ),
+    Quantity("mae.visible.lon_m", "MAE visible, m", "mae.visible.lon_m", "mae.visible.n", 3),
+    Quantity("mae.hidden.lon_m", "MAE hidden (while followed), m", "mae.hidden.lon_m", "mae.hidden.n", 2),
+    Quantity("hidden_followed", "hidden and followed, %", "hidden_outcomes.tracked_percent", "hidden_outcomes.n"),
+    Quantity("same_id", "same identity after occlusion, %", "occlusion.same_id", "occlusion.events", 1, True, 100.0),
+)
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A mean over all files.
+
+    Attributes:
+        tracker: The tracker with its settings and model.
+        quantity: Key of the quantity.
+        mean: The mean; None without a sample.
+        ci95: Bootstrap interval over files; None with fewer than two files.
+        n: Samples behind it.
+    """
+
+    tracker: str
+    quantity: str
+    mean: float | None
+    ci95: tuple[float, float] | None
+    n: int
+
+
+@dataclass(frozen=True)
+class HiddenError:
+    """Errors of hidden vehicles beside those of coasting on the same vehicle-steps.
+
+    Attributes:
+        tracker: The tracker with its settings and model.
+        from_s: Last detected more than so long ago.
+        to_s: And at most so long ago; None for all times together.
+        lon_m: Mean absolute longitudinal error.
+        lon_m_ci95: Its interval over files.
+        coasting_lon_m: That of coasting.
+        ratio: One over the other.
+        ratio_ci95: Its interval over files.
+        n: Vehicle-steps.
+    """
+
+    tracker: str
+    from_s: float
+    to_s: float | None
+    lon_m: float | None
+    lon_m_ci95: tuple[float, float] | None
+    coasting_lon_m: float | None
+    ratio: float | None
+    ratio_ci95: tuple[float, float] | None
+    n: int
+
+
+@dataclass(frozen=True)
+class FileCount:
+    """How much of a file was driven.
+
+    Attributes:
+        file: Its name.
+        vehicles_read: Vehicles in it.
+        vehicles_kept: Vehicles of them that were driven.
+        vehicles_left_out: The others.
+        egos: Vehicles that carried the sensor.
+        runs: Runs over it that ended well.
+    """
+
+    file: str
+    vehicles_read: int
+    vehicles_kept: int
+    vehicles_left_out: int
+    egos: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was aimed at on recorded traffic and what came of it."""
+
+    text: str
+    met: bool
+    measured: str
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Everything that a grid over recorded traffic tells.
+
+    Attributes:
+        files: The files.
+        id_switches: Identity switches of each tracker over all files.
+        means: Each tracker's scores.
+        hidden: Each tracker's errors by the time since the last detection, all times together last.
+        verdicts: Targets.
+    """
+
+    files: Sequence[FileCount]
+    id_switches: dict[str, int]
+    means: Sequence[Mean]
+    hidden: Sequence[HiddenError]
+    verdicts: Sequence[Verdict]
+
+
+def pool_files(table: pd.DataFrame) -> Pooled:
+    """Pool the runs over recorded files; a run that failed leaves its file out for its tracker alone.
+
+    Args:
+        table: The rows of ``runs.parquet``.
+    """
+    done = labelled(table)
+    groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
+    switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
+    hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
+    means = [_mean(label, quantity, runs) for label, runs in groups for quantity in QUANTITIES]
+    return Pooled(_files(done), switches, means, hidden, _verdicts(switches, hidden))
+
+
+def _files(done: pd.DataFrame) -> list[FileCount]:
+    counts = []
+    for name, runs in done.groupby(RECORDING, sort=False):
+        first = runs.iloc[0]
+        read, kept, egos = (int(first[f"recording.{key}"]) for key in ("vehicles_read", "vehicles_kept", "egos"))
+        counts.append(FileCount(str(name), read, kept, read - kept, egos, len(runs)))
+    return counts
+
+
+def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
+    values = runs[quantity.column].to_numpy(dtype=np.float64)
+    weight = runs[quantity.weight].to_numpy(dtype=np.float64)
+    sums = quantity.scale * (values if quantity.is_sum else values * weight)
+    sums, counts = _by_file(runs, sums, weight)
+    mean, interval = _ratio(sums, counts)
+    return Mean(label, quantity.name, mean, interval, int(counts.sum()))
+
+
+def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
+    prefix = "against_coasting.by_seconds_hidden."
+    names = [str(name) for name in runs]
+    bins = sorted({int(name.removeprefix(prefix).split(".")[0]) for name in names if name.startswith(prefix)})
+    errors = []
+    for key in (*(f"{prefix}{number}" for number in bins), "against_coasting.hidden"):
+        n, own, coasting = (
+            runs[f"{key}.{name}"].to_numpy(dtype=np.float64) for name in ("n", "lon_m", "coasting_lon_m")
+        )
+        own_sums, counts = _by_file(runs, own * n, n)
+        coasting_sums, _ = _by_file(runs, coasting * n, n)
+        is_bin = f"{key}.from_s" in runs
+        lon_m, lon_interval = _ratio(own_sums, counts)
+        ratio, ratio_interval = _ratio(own_sums, coasting_sums)
+        errors.append(
+            HiddenError(
+                tracker=label,
+                from_s=float(runs[f"{key}.from_s"].iloc[0]) if is_bin else 0.0,
+                to_s=float(runs[f"{key}.to_s"].iloc[0]) if is_bin else None,
+                lon_m=lon_m,
+                lon_m_ci95=lon_interval,
+                coasting_lon_m=_ratio(coasting_sums, counts)[0],
+                ratio=ratio,
+                ratio_ci95=ratio_interval,
+                n=int(counts.sum()),
+            )
+        )
+    return errors
+
+
+def _by_file(runs: pd.DataFrame, sums: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return sums and weights of each file, seeds of one file together; runs without a value count nothing."""
+    known = np.isfinite(sums) & np.isfinite(weight)
+    file = np.unique(runs[RECORDING].to_numpy(dtype=str), return_inverse=True)[1]
+    summed, counted = (np.bincount(file, weights=np.where(known, values, 0.0)) for values in (sums, weight))
+    return summed.astype(np.float64), counted.astype(np.float64)
+
+
+def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[float, float] | None]:
+    """Return the ratio of the totals and its bootstrap interval over files."""
+    total = float(counts.sum())
+    if total <= 0.0:
+        return None, None
+    interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
+    ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
+    return float(sums.sum()) / total, ends
+
+
+def _verdicts(switches: dict[str, int], hidden: Sequence[HiddenError]) -> list[Verdict]:
+    """Hold each variant of the project's own tracker against JPDA's switches and against coasting."""
+    verdicts = []
+    for label, own_switches in switches.items():
+        if not label.startswith(OURS):
+            continue
+        if JPDA in switches:
+            text = f"{label}: fewer identity switches than {JPDA}"
+            verdicts.append(Verdict(text, own_switches < switches[JPDA], f"{own_switches} to {switches[JPDA]}"))
+        verdicts += [
+            _below_coasting(error)
+            for error in hidden
+            if error.tracker == label and (error.from_s, error.to_s) in JUDGED and error.ratio is not None
+        ]
+    return verdicts
+
+
+def _below_coasting(error: HiddenError) -> Verdict:
+    ratio = error.ratio if error.ratio is not None else np.nan
+    when = "hidden" if error.to_s is None else f"{error.from_s:g} to {error.to_s:g} s hidden"
+    text = f"{error.tracker}: error while {when} at most {HIDDEN_AGAINST_COASTING:g} of coasting's ({COASTING})"
+    ends = f" [{error.ratio_ci95[0]:.2f}, {error.ratio_ci95[1]:.2f}]" if error.ratio_ci95 is not None else ""
+    return Verdict(text, ratio <= HIDDEN_AGAINST_COASTING, f"{ratio:.2f}{ends} over {error.n} vehicle-steps")

@@ -1,0 +1,132 @@
+"""The pooled scores over recorded traffic as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from harness.grid.coasting import COASTING
+from harness.grid.pooled import QUANTITIES, HiddenError, Mean, Pooled
+from harness.grid.tables import COLOURS
+from harness.writing.markdown import markdown_table
+from harness.writing.plots import label_ends
+
+TITLE = "Recorded traffic"
+
+
+def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
+    """Return all tables, what was aimed at, and what failed."""
+    lines = [
+        f"# {TITLE}",
+        "",
+        "Every vehicle that carries the sensor is an episode of its own; all trackers saw the same detections. Means "
+        "over all samples of all files, with 95 % bootstrap intervals over files.",
+        "",
+        *_score_table(pooled),
+        "",
+        "## Hidden vehicles by the time since their last detection",
+        "",
+        "Mean absolute longitudinal error, m; in brackets that of coasting at constant velocity, told the true "
+        "association, on the same vehicle-steps; then the ratio with its interval and the number of vehicle-steps.",
+        "",
+        *_hidden_table(pooled),
+        "",
+        "![hidden](figures/hidden.png)",
+        "",
+        "## Targets",
+        "",
+        *(f"- {'met' if verdict.met else 'MISSED'}: {verdict.text}: {verdict.measured}" for verdict in pooled.verdicts),
+        "",
+        "## Files",
+        "",
+        *_file_table(pooled),
+        "",
+    ]
+    if failures:
+        lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]
+    return "\n".join(lines)
+
+
+def _score_table(pooled: Pooled) -> list[str]:
+    found = {(mean.tracker, mean.quantity): mean for mean in pooled.means}
+    rows = [
+        [label, str(switches), *(_cell(found[label, quantity.name], quantity.decimals) for quantity in QUANTITIES)]
+        for label, switches in pooled.id_switches.items()
+    ]
+    return markdown_table(["tracker", "identity switches", *(quantity.label for quantity in QUANTITIES)], rows)
+
+
+def _hidden_table(pooled: Pooled) -> list[str]:
+    heads = list(dict.fromkeys(_time(error) for error in pooled.hidden))
+    found = {(error.tracker, _time(error)): error for error in pooled.hidden}
+    rows = [[label, *(_hidden_cell(found[label, head]) for head in heads)] for label in pooled.id_switches]
+    return markdown_table(["tracker", *heads], rows)
+
+
+def _file_table(pooled: Pooled) -> list[str]:
+    rows = [
+        [
+            count.file,
+            *map(str, (count.vehicles_read, count.vehicles_kept, count.vehicles_left_out, count.egos, count.runs)),
+        ]
+        for count in pooled.files
+    ]
+    total = ["all", *(str(sum(int(row[place]) for row in rows)) for place in range(1, 6))]
+    heads = ["file", "vehicles read", "driven", "left out", "carried the sensor", "runs"]
+    return markdown_table(heads, [*rows, total])
+
+
+def _time(error: HiddenError) -> str:
+    return "all" if error.to_s is None else f"{error.from_s:g} to {error.to_s:g} s"
+
+
+def _cell(mean: Mean, decimals: int) -> str:
+    if mean.mean is None:
+        return "-"
+    text = f"{mean.mean:.{decimals}f}"
+    return f"{text} [{mean.ci95[0]:.{decimals}f}, {mean.ci95[1]:.{decimals}f}]" if mean.ci95 is not None else text
+
+
+def _hidden_cell(error: HiddenError) -> str:
+    if error.lon_m is None or error.ratio is None:
+        return "-"
+    ends = f" [{error.ratio_ci95[0]:.2f}, {error.ratio_ci95[1]:.2f}]" if error.ratio_ci95 is not None else ""
+    return f"{error.lon_m:.2f} ({error.coasting_lon_m:.2f}); {error.ratio:.2f}{ends}; {error.n}"
+
+
+OFFSET_S = 0.06
+
+
+def hidden_figure(pooled: Pooled) -> Figure:
+    """Draw each tracker's mean hidden error over the bins' middles, with 95 % intervals over files."""
+    figure = Figure(figsize=(7.6, 4.4), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    labels = list(pooled.id_switches)
+    ends = []
+    for place, label in enumerate(labels):
+        shown = [error for error in pooled.hidden if error.tracker == label and error.to_s is not None and error.n]
+        if not shown:
+            continue
+        colour = COLOURS[place % len(COLOURS)]
+        shift = OFFSET_S * (place - 0.5 * (len(labels) - 1))
+        time_s = [0.5 * (error.from_s + (error.to_s or 0.0)) + shift for error in shown]
+        means = np.array([error.lon_m for error in shown], dtype=np.float64)
+        for time, error in zip(time_s, shown, strict=True):
+            if error.lon_m_ci95 is not None:
+                axes.vlines(time, *error.lon_m_ci95, color=colour, linewidth=1.2, alpha=0.7)
+        axes.plot(time_s, means, "o-", color=colour, markersize=4, linewidth=1.8)
+        ends.append((shown[-1].from_s, time_s[-1], float(means[-1]), label, colour))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0)
+    for from_s in {end[0] for end in ends}:
+        here = [end for end in ends if end[0] == from_s]
+        label_ends(axes, [(mean, label, colour) for _, _, mean, label, colour in here], max(end[1] for end in here))
+    axes.set_xlabel("time since the last detection, s")
+    axes.set_ylabel("MAE of longitudinal position while followed, m")
+    axes.set_title(
+        f"Hidden vehicles in recorded traffic, 95 % intervals over files; {COASTING} coasts", loc="left", fontsize=10
+    )
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure

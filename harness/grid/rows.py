@@ -1,0 +1,94 @@
+"""Rows of a grid: a run's result as flat columns, a small file each on the way, one table in the end."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.grid.cells import DENSITY, RECORDING, Grid, PlannedRun
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+Row = dict[str, Any]
+
+TEXT_COLUMNS = (
+    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error"),
+    *(f"recording.{name}" for name in ("file", "format", "ego")),
+)
+FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")
+OUTCOME_COLUMNS = ("succeeded", "error", "total_s")
+TEMPORARY = ".partial"
+
+
+def finished_row(run: PlannedRun, metrics: Mapping[str, Any], total_s: float) -> Row:
+    """Return the row of a run that ended well."""
+    scores = {name: value for name, value in metrics.items() if name != "run"}
+    return {**run.identity(), "succeeded": True, "error": None, "total_s": total_s, **flattened(scores)}
+
+
+def failed_row(run: PlannedRun, error: str, total_s: float) -> Row:
+    """Return the row of a run that did not."""
+    return {**run.identity(), "succeeded": False, "error": " ".join(error.split()), "total_s": total_s}
+
+
+def flattened(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested tables and lists as one, keys joined by dots; intervals end in ``.low`` and ``.high``."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        if key.endswith("_ci95"):
+            low, high = value if value is not None else (None, None)
+            flat |= {f"{name}.low": low, f"{name}.high": high}
+        elif isinstance(value, Mapping):
+            flat |= flattened(value, f"{name}.")
+        elif isinstance(value, list):
+            flat |= flattened({str(place): item for place, item in enumerate(value)}, f"{name}.")
+        else:
+            flat[name] = value
+    return flat
+
+
+def is_timing(column: str) -> bool:
+    """Return whether a column holds wall time, which differs between runs of the same configuration."""
+    return column == "total_s" or (column.startswith("timing.") and column != "timing.steps")
+
+
+def write_row(folder: Path, key: str, row: Row) -> None:
+    """Write a run's row so that it is there whole or not at all."""
+    final = folder / f"{key}.json"
+    temporary = folder / f"{key}.{os.getpid()}{TEMPORARY}"
+    temporary.write_text(json.dumps(row, allow_nan=False), encoding="utf-8")
+    temporary.replace(final)
+
+
+def read_rows(folder: Path, keys: Iterable[str]) -> dict[str, Row]:
+    """Return the rows that are there, by key."""
+    rows = {}
+    for key in keys:
+        try:
+            rows[key] = json.loads((folder / f"{key}.json").read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            continue
+    return rows
+
+
+def assemble(grid: Grid, rows: Mapping[str, Row]) -> pd.DataFrame:
+    """Return the table of a grid, one row for each run in the grid's order, columns in a fixed order."""
+    import pandas as pd  # noqa: PLC0415
+
+    ordered = [rows[run.key] for run in grid.runs]
+    metrics = dict.fromkeys(name for row in ordered for name in row)
+    head = [*FIRST_COLUMNS, *grid.axes, *OUTCOME_COLUMNS]
+    columns = [*head, *sorted(name for name in metrics if name not in head)]
+    table = pd.DataFrame({name: [row.get(name) for row in ordered] for name in columns})
+    for name in columns:
+        if name in TEXT_COLUMNS:
+            table[name] = table[name].astype(object).where(table[name].notna(), None)
+        elif name not in ("seed", "succeeded"):
+            table[name] = table[name].astype("float64")
+    return table

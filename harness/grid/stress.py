@@ -1,0 +1,290 @@
+"""A stress test from grid to finished folder, which an interrupted one takes up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.errors import RunInterruptedError, UserError
+from harness.grid.cells import RECORDING, Cell, Grid, distinct_trackers
+from harness.grid.grid import GridRequest, plan_grid, with_example
+from harness.grid.pool import OnRow
+from harness.grid.rows import TEMPORARY, Row, assemble, read_rows, write_row
+from harness.grid.summary import Break, Point, breaks, curve_points
+from harness.runfolder import folder as runfolder
+from harness.runfolder.manifest import write_manifest
+from harness.writing.numbers import without_nan
+from harness.writing.progress import progress_bar
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+ROWS, RUNS, SUMMARY, TABLE, FIGURES, GRID = "runs", "runs.parquet", "summary.json", "table.md", "figures", "grid.json"
+
+RunCells = Callable[[list[Cell], OnRow], None]
+
+
+@dataclass(frozen=True)
+class FinishedGrid:
+    """A grid that ended.
+
+    Attributes:
+        folder: Where its files lie.
+        summary: Content of its ``summary.json``.
+        points: The curves.
+        breaks: Where each tracker breaks.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+    points: Sequence[Point]
+    breaks: Sequence[Break]
+
+    @property
+    def failures(self) -> list[str]:
+        """One line for each run that failed."""
+        return [failure["run"] + ": " + failure["error"] for failure in self.summary["failures"]]
+
+
+def run_stress(
+    request: GridRequest,
+    out: Path,
+    execute: RunCells,
+    *,
+    resume: bool = False,
+    retry_failed: bool = False,
+    quiet: bool = True,
+    warn: Callable[[str], object] = str,
+    tell: Callable[[str], object] = str,
+    command: str = "",
+) -> FinishedGrid:
+    """Run a grid and write its folder.
+
+    Args:
+        request: The grid.
+        out: The folder.
+        execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
+        resume: Whether runs that the folder already holds are kept.
+        retry_failed: Whether those of them that failed are made again.
+        quiet: Whether to leave out the progress bar.
+        warn: Called with a line that the user should read.
+        tell: Called with what was read of each file of recorded traffic.
+        command: What the user typed, for the manifest.
+
+    Raises:
+        UserError: The grid or the folder is wrong; no run was made.
+        RunInterruptedError: The user stopped it; finished runs are kept.
+    """
+    grid = plan_grid(request)
+    check_grid(grid, tell)
+    rows_folder = _open_folder(out, resume)
+    done = read_rows(rows_folder, (run.key for run in grid.runs))
+    if retry_failed:
+        done = {key: row for key, row in done.items() if row["succeeded"]}
+    versions = _versions(out)
+    _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
+    if done and versions != _versions(out):
+        warn(f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?")
+    open_cells = [cell for cell in (_without(cell, done) for cell in grid.cells) if cell.runs]
+    if open_cells:
+        _forget_outcome(out)
+    (out / GRID).write_text(json.dumps(asdict(request), indent=2) + "\n", encoding="utf-8")
+    total = len(grid.runs) - len(done)
+    title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
+    try:
+        with progress_bar(title, total, quiet) as advance:
+
+            def keep(key: str, row: Row) -> None:
+                write_row(rows_folder, key, without_nan(row))
+                done[key] = row
+                advance()
+
+            # The longest first, so that no worker is left alone with it in the end.
+            execute(sorted(open_cells, key=lambda cell: -(cell.config.traffic.density or 0.0)), keep)
+    except KeyboardInterrupt:
+        raise RunInterruptedError(
+            f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and --resume"
+        ) from None
+    finished = _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
+    _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
+    return finished
+
+
+def check_grid(grid: Grid, tell: Callable[[str], object] = str) -> None:
+    """Find a wrong network, recording, sensor or tracker before any run is made.
+
+    Args:
+        grid: The grid.
+        tell: Called with what was read of each recording.
+
+    Raises:
+        UserError: One is wrong.
+    """
+    from harness.truth.network.network import load_network  # noqa: PLC0415
+
+    traffic = grid.cells[0].config.traffic
+    if grid.is_replay:
+        _check_sensors_and_trackers(grid)
+        _check_recordings(grid, tell)
+        return
+    network = load_network(traffic.net)
+    if network.configuration is not None and (traffic.density is not None or traffic.demand is not None):
+        raise UserError(f"--densities: {network.name} brings its own demand; leave densities and demands out")
+    for demand in {cell.config.traffic.demand for cell in grid.cells} - {None}:
+        network.demand(str(demand))
+    _check_sensors_and_trackers(grid)
+
+
+def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
+    """Read every file once, so that a broken one is told before hours of runs over the others."""
+    from harness.running.follow import Streams  # noqa: PLC0415
+    from harness.running.open import open_inputs  # noqa: PLC0415
+
+    for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
+        tell(open_inputs(config, Streams.from_seed(config.seed)).report)
+
+
+def _check_sensors_and_trackers(grid: Grid) -> None:
+    from harness.running.open import check_tracker  # noqa: PLC0415
+    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
+
+    for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
+        try:
+            sensor_settings(config.sensor.profile, config.sensor.overrides)
+        except UserError as error:
+            raise with_example(error, grid.axes) from None
+    for config in distinct_trackers(grid):
+        check_tracker(config)
+
+
+def _open_folder(out: Path, resume: bool) -> Path:
+    if out.exists() and not resume:
+        raise UserError(f"--out: {out} exists; add --resume to go on with it, or choose another folder")
+    rows = out / ROWS
+    if out.exists() and not rows.is_dir() and any(out.iterdir()):
+        raise UserError(f"--out: {out} is not a stress test's folder; choose another folder")
+    try:
+        rows.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out: can't write in {out}: {error.strerror}; choose another folder") from None
+    for leftover in rows.glob(f"*{TEMPORARY}"):
+        leftover.unlink()
+    return rows
+
+
+def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
+    write_manifest(
+        out / runfolder.MANIFEST,
+        status=status,
+        command=command,
+        seed=grid.cells[0].config.seed,
+        inputs={},
+        wall_times_s={},
+        steps=runs,
+    )
+
+
+def _versions(out: Path) -> Any:  # noqa: ANN401
+    """Return what made the folder's runs, as far as its manifest tells."""
+    try:
+        manifest = json.loads((out / runfolder.MANIFEST).read_text(encoding="utf-8"))
+        return manifest["git_revision"], manifest["versions"]
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _without(cell: Cell, done: Mapping[str, Row]) -> Cell:
+    return Cell(tuple(run for run in cell.runs if run.key not in done))
+
+
+def _forget_outcome(out: Path) -> None:
+    """Remove what was made of fewer runs."""
+    for name in (RUNS, SUMMARY, TABLE):
+        (out / name).unlink(missing_ok=True)
+
+
+def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
+    from harness.grid.tables import as_markdown, curves_figure  # noqa: PLC0415
+    from harness.runfolder.tables import write_table  # noqa: PLC0415
+
+    table = assemble(grid, rows)
+    failures = [
+        {"key": run.key, "run": _in_words(rows[run.key]), "error": rows[run.key]["error"]}
+        for run in grid.runs
+        if not rows[run.key]["succeeded"]
+    ]
+    if grid.is_replay:
+        return _write_pooled(grid, request, out, table, failures)
+    title = f"Stress test on {request.net}"
+    points, broken = curve_points(table, grid.axes), breaks(table)
+    summary: dict[str, Any] = without_nan(
+        {
+            "grid": asdict(request),
+            "runs": len(grid.runs),
+            "failed": len(failures),
+            "failures": failures,
+            "breaks": [asdict(entry) for entry in broken],
+            "curves": [asdict(point) for point in points],
+        }
+    )
+    (out / FIGURES).mkdir(exist_ok=True)
+    for axis in dict.fromkeys(point.axis for point in points):
+        curves_figure(points, axis, title).savefig(out / FIGURES / f"over_{axis.replace('.', '_')}.png")
+    _replace(
+        out / TABLE,
+        lambda path: path.write_text(as_markdown(title, points, broken, _lines(failures)), encoding="utf-8"),
+    )
+    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
+    _replace(out / RUNS, lambda path: write_table(table, path))
+    return FinishedGrid(out, summary, points, broken)
+
+
+def _write_pooled(
+    grid: Grid, request: GridRequest, out: Path, table: pd.DataFrame, failures: Sequence[Mapping[str, str]]
+) -> FinishedGrid:
+    """Write what recorded traffic tells: one table over all files."""
+    from harness.grid.pooled import pool_files  # noqa: PLC0415
+    from harness.grid.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
+    from harness.runfolder.tables import write_table  # noqa: PLC0415
+
+    pooled = pool_files(table)
+    summary: dict[str, Any] = without_nan(
+        {
+            "grid": asdict(request),
+            "runs": len(grid.runs),
+            "failed": len(failures),
+            "failures": list(failures),
+            **asdict(pooled),
+        }
+    )
+    (out / FIGURES).mkdir(exist_ok=True)
+    hidden_figure(pooled).savefig(out / FIGURES / "hidden.png")
+    text = pooled_markdown(pooled, _lines(failures))
+    _replace(out / TABLE, lambda path: path.write_text(text, encoding="utf-8"))
+    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
+    _replace(out / RUNS, lambda path: write_table(table, path))
+    return FinishedGrid(out, summary, (), ())
+
+
+def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:
+    return [failure["run"] + ": " + failure["error"] for failure in failures]
+
+
+def _replace(final: Path, write: Callable[[Path], object]) -> None:
+    """Write a file so that it is there whole or not at all."""
+    temporary = final.with_name(f".{final.name}{TEMPORARY}")
+    write(temporary)
+    temporary.replace(final)
+
+
+def _in_words(row: Mapping[str, Any]) -> str:
+    """Return in words which run a row is of."""
+    names = ("net", "density", "demand", RECORDING, "variant", "model", "seed")
+    words = [f"{name} {row[name]}" for name in names if row.get(name) is not None]
+    return ", ".join(
+        [*words, *(f"{key}={row[key]:g}" for key in row if key.startswith(("sensor.", "tracker.", "traffic.")))]
+    )

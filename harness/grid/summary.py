@@ -1,0 +1,251 @@
+"""What a grid tells: each tracker's curves over every axis with intervals over seeds, and where each tracker breaks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.scoring.statistics import cluster_bootstrap
+from mmpf.compute.arrays import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+DRAWS = 2000
+BREAK_PERCENT = 50.0
+BREAK_METRIC = "occlusion.same_id"
+FEWEST_EVENTS = 20
+"""With fewer occlusions at a density, over all seeds, their share says nothing."""
+
+
+@dataclass(frozen=True)
+class CurveMetric:
+    """A quantity whose curve is drawn.
+
+    Attributes:
+        name: Its key.
+        label: Its name with its unit, for people.
+        heading: The same, short enough for a column of a screen.
+        column: Column of the values.
+        weight: Column of the samples behind each value; empty where every run counts the same.
+        is_count: Whether the values are counts out of ``weight``, shown as a share in percent.
+    """
+
+    name: str
+    label: str
+    heading: str
+    column: str
+    weight: str = ""
+    is_count: bool = False
+
+
+CURVES = (
+    CurveMetric("mae.visible.lon_m", "MAE visible, m", "MAE seen m", "mae.visible.lon_m", "mae.visible.n"),
+    CurveMetric(
+        "mae.hidden.lon_m", "MAE hidden (while followed), m", "MAE hidden m", "mae.hidden.lon_m", "mae.hidden.n"
+    ),
+    CurveMetric(
+        "occlusion.survived", "occlusions survived, %", "survived %", "occlusion.survived", "occlusion.events", True
+    ),
+    CurveMetric(BREAK_METRIC, "same identity after occlusion, %", "same id %", BREAK_METRIC, "occlusion.events", True),
+    CurveMetric("mot.hota", "HOTA in sight, %", "HOTA %", "mot.hota"),
+    CurveMetric("timing.tracker_ms.p50", "time of a step, ms", "ms a step", "timing.tracker_ms.p50"),
+)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point of a curve.
+
+    Attributes:
+        label: Tracker with its settings and model.
+        axis: What the curve runs over.
+        value: Where on that axis, a number or a demand's name.
+        metric: Key of the quantity.
+        mean: Mean over seeds; None without a sample. Errors are pooled by their samples, shares by their events.
+        ci95: Bootstrap interval over seeds; None with fewer than two seeds.
+        seeds: Number of seeds with a sample.
+        n: Samples or events behind it.
+    """
+
+    label: str
+    axis: str
+    value: float | str
+    metric: str
+    mean: float | None
+    ci95: tuple[float, float] | None
+    seeds: int
+    n: int
+
+
+@dataclass(frozen=True)
+class Break:
+    """The density at which a tracker breaks.
+
+    A tracker breaks where, with growing density, the share of occlusions after which a vehicle has its old identity
+    again first falls below 50 %, pooled over seeds and interpolated between the densities of the grid.
+
+    Attributes:
+        label: Tracker with its settings and model.
+        density: That density; None if it holds over the whole grid or nothing was occluded.
+        ci95: Bootstrap interval over seeds; an end at which resamples hold is None.
+        held_to: Highest density of the grid with enough occlusions to tell; None if there is none.
+        at_lowest: Whether it is broken at the lowest such density already, so that it may break below.
+    """
+
+    label: str
+    density: float | None
+    ci95: tuple[float | None, float | None] | None
+    held_to: float | None
+    at_lowest: bool
+
+
+def label_of(row: pd.Series) -> str:
+    """Return what a run is called in tables and figures: the tracker as it was written, and its model."""
+    model = row["model"]
+    return (
+        f"{row['variant']} {model}"
+        if isinstance(model, str) and "model=" not in row["variant"]
+        else str(row["variant"])
+    )
+
+
+def labelled(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs that succeeded, with a column ``label``."""
+    done = table[table["succeeded"].astype(bool)].copy()
+    done["label"] = [label_of(row) for _, row in done.iterrows()]
+    return done
+
+
+def axes_of(table: pd.DataFrame, varied: Sequence[str]) -> list[str]:
+    """Return the axes that have curves: density or demand, and every varied key with at least two values."""
+    own = [axis for axis in varied if _values(table, axis) > 1]
+    traffic = [axis for axis in ("density", "demand") if _values(table, axis) > 1]
+    if not traffic and not own:
+        traffic = [axis for axis in ("density", "demand") if table[axis].notna().any()]
+    return [*traffic, *own]
+
+
+def _values(table: pd.DataFrame, axis: str) -> int:
+    return len(set(table[axis].dropna()))
+
+
+def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
+    """Return all curves' points.
+
+    Args:
+        table: The rows of ``runs.parquet``.
+        varied: Keys of the axes other than density and demand.
+    """
+    done = labelled(table)
+    points = []
+    for axis in axes_of(done, varied) if len(done) else []:
+        for (label, value), runs in done.groupby(["label", axis], sort=False):
+            points += [
+                _point(str(label), axis, value if isinstance(value, str) else float(str(value)), metric, runs)
+                for metric in CURVES
+            ]
+    return points
+
+
+def breaks(table: pd.DataFrame) -> list[Break]:
+    """Return where each tracker breaks; none without at least two densities."""
+    done = labelled(table)
+    if _values(done, "density") < 2:
+        return []
+    return [_break(str(label), runs) for label, runs in done.groupby("label", sort=False)]
+
+
+def _point(label: str, axis: str, value: float | str, metric: CurveMetric, runs: pd.DataFrame) -> Point:
+    sums, counts = _by_seed(runs, metric)
+    total = float(counts.sum())
+    interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
+    return Point(
+        label=label,
+        axis=axis,
+        value=value,
+        metric=metric.name,
+        mean=float(sums.sum()) / total if total > 0.0 else None,
+        ci95=(interval.low, interval.high) if np.isfinite(interval.low) else None,
+        seeds=int(np.count_nonzero(counts)),
+        n=round(total),
+    )
+
+
+def _by_seed(runs: pd.DataFrame, metric: CurveMetric) -> tuple[FloatArray, FloatArray]:
+    """Return the sum of a quantity and its number of samples for each seed, both of shape (seeds,)."""
+    values = runs[metric.column].to_numpy(dtype=np.float64)
+    weight = runs[metric.weight].to_numpy(dtype=np.float64) if metric.weight else np.ones(len(runs))
+    sums = 100.0 * values if metric.is_count else values * weight
+    known = np.isfinite(sums) & np.isfinite(weight)
+    _, seed = np.unique(runs["seed"].to_numpy(), return_inverse=True)
+    return (
+        np.bincount(seed, weights=np.where(known, sums, 0.0)).astype(np.float64),
+        np.bincount(seed, weights=np.where(known, weight, 0.0)).astype(np.float64),
+    )
+
+
+def _break(label: str, runs: pd.DataFrame) -> Break:
+    metric = next(metric for metric in CURVES if metric.name == BREAK_METRIC)
+    seeds = np.unique(runs["seed"].to_numpy())
+    kept, sums, counts = [], [], []
+    for density, at_density in runs.groupby("density", sort=True):
+        share, events = _on_all_seeds(at_density, metric, seeds)
+        if events.sum() >= FEWEST_EVENTS:
+            kept.append(float(str(density)))
+            sums.append(share)
+            counts.append(events)
+    if not kept:
+        return Break(label, None, None, None, False)
+    densities, sums_array, counts_array = np.array(kept), np.array(sums).T, np.array(counts).T
+    one = np.ones((1, len(seeds)))
+    (crossing,) = _crossings(densities, one @ sums_array, one @ counts_array)
+    interval = None
+    if len(seeds) > 1:
+        rng = np.random.default_rng(0)
+        drawn = rng.multinomial(len(seeds), np.full(len(seeds), 1.0 / len(seeds)), size=DRAWS).astype(np.float64)
+        ends = np.quantile(
+            _crossings(densities, drawn @ sums_array, drawn @ counts_array), (0.025, 0.975), method="lower"
+        )
+        interval = (_finite(ends[0]), _finite(ends[1])) if np.isfinite(ends).any() else None
+    at_lowest = bool(crossing == densities[0])
+    return Break(label, _finite(crossing), interval, kept[-1], at_lowest)
+
+
+def _on_all_seeds(runs: pd.DataFrame, metric: CurveMetric, seeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    sums, counts = np.zeros(len(seeds)), np.zeros(len(seeds))
+    place = np.searchsorted(seeds, np.unique(runs["seed"].to_numpy()))
+    sums[place], counts[place] = _by_seed(runs, metric)
+    return sums, counts
+
+
+def _crossings(densities: FloatArray, sums: FloatArray, counts: FloatArray) -> FloatArray:
+    """Return where each row's share first falls below the limit; infinite where it never does, shape (rows,)."""
+    shares = np.divide(sums, counts, out=np.full_like(sums, np.inf), where=counts > 0.0)
+    crossings = np.full(len(shares), np.inf)
+    for row, share in enumerate(shares):
+        below = np.flatnonzero(share < BREAK_PERCENT)
+        if not len(below):
+            continue
+        first = below[0]
+        crossings[row] = densities[first]
+        if first and np.isfinite(share[first - 1]):
+            before, after = share[first - 1], share[first]
+            part = (before - BREAK_PERCENT) / (before - after)
+            crossings[row] = densities[first - 1] + part * (densities[first] - densities[first - 1])
+    return crossings
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def points_of(points: Sequence[Point], axis: str, metric: str) -> Iterator[tuple[str, list[Point]]]:
+    """Yield each label's points of one quantity over one axis, sorted along it."""
+    chosen = [point for point in points if point.axis == axis and point.metric == metric and point.mean is not None]
+    for label in dict.fromkeys(point.label for point in points):
+        yield label, sorted((point for point in chosen if point.label == label), key=lambda point: point.value)

@@ -1,0 +1,174 @@
+"""The tables of a grid: Markdown for a file, rich for the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, CURVES, Break, Point, points_of
+from harness.writing.markdown import markdown_table
+
+HEADINGS = tuple(metric.label for metric in CURVES)
+
+
+def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
+    """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
+    lines = [f"# {title}", "", "Means over seeds with 95 % bootstrap intervals over seeds.", ""]
+    for axis in dict.fromkeys(point.axis for point in points):
+        lines += [
+            f"## Over {axis}",
+            "",
+            *markdown_table(["tracker", axis, *HEADINGS, "seeds"], _rows(points, axis, True)),
+            "",
+        ]
+    if broken:
+        lines += [
+            "## Where each tracker breaks",
+            "",
+            *(f"- {break_sentence(entry)}" for entry in broken),
+            "",
+            DEFINITION,
+            "",
+        ]
+    if failures:
+        lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]
+    return "\n".join(lines)
+
+
+def print_result(
+    title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str], place: str
+) -> None:
+    """Print the same in short on stderr."""
+    parts: list[Table | Text] = [Text(f"\n{title}", style="bold")]
+    for axis in dict.fromkeys(point.axis for point in points):
+        table = Table(title=f"Means over seeds, by {axis}", box=None, title_justify="left", padding=(0, 2, 0, 0))
+        table.add_column("tracker", no_wrap=True)
+        for heading in (axis.rpartition(".")[2], *(metric.heading for metric in CURVES)):
+            table.add_column(heading, justify="right")
+        for row in _rows(points, axis, False):
+            table.add_row(*row[:-1])
+        parts.append(table)
+    parts += [Text(break_sentence(entry)) for entry in broken]
+    parts += [Text(f"failed: {failure}", style="red") for failure in failures[:10]]
+    Console(stderr=True, highlight=False).print(Group(*parts, Text(f"Results: {place}", style="bold")))
+
+
+DEFINITION = (
+    f"A tracker breaks where, with growing density, fewer than {BREAK_PERCENT:g} % of the occluded vehicles have their "
+    "old identity again half a second after they are seen again; pooled over seeds, interpolated between densities."
+)
+
+
+def break_sentence(entry: Break) -> str:
+    """Return in words where a tracker breaks."""
+    if entry.held_to is None:
+        return f"{entry.label}: too few occlusions to tell"
+    if entry.density is None:
+        return f"{entry.label}: holds up to {entry.held_to:g} veh/km/lane, the highest tested with enough occlusions"
+    where = f"{entry.label}: breaks at {'or below ' if entry.at_lowest else ''}{entry.density:.0f} veh/km/lane"
+    if entry.ci95 is None:
+        return where
+    low, high = (f"{end:.0f}" if end is not None else "beyond the grid" for end in entry.ci95)
+    return f"{where} (95 % interval {low} to {high})"
+
+
+def _rows(points: Sequence[Point], axis: str, with_intervals: bool) -> list[list[str]]:
+    places = dict.fromkeys((point.label, point.value) for point in points if point.axis == axis)
+    rows = []
+    for label, value in places:
+        here = {
+            point.metric: point for point in points if (point.axis, point.label, point.value) == (axis, label, value)
+        }
+        cells = [_cell(here[metric.name], with_intervals) for metric in CURVES]
+        place = value if isinstance(value, str) else f"{value:g}"
+        rows.append([label, place, *cells, str(max(point.seeds for point in here.values()))])
+    return rows
+
+
+def _cell(point: Point, with_interval: bool) -> str:
+    if point.mean is None:
+        return "-"
+    decimals = 2 if point.metric.startswith("mae") else 1
+    text = f"{point.mean:.{decimals}f}"
+    if with_interval and point.ci95 is not None:
+        text += f" [{point.ci95[0]:.{decimals}f}, {point.ci95[1]:.{decimals}f}]"
+    return text
+
+
+# Okabe and Ito's colours, which colour-blind readers can tell apart; after them the lines change their dashes.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MOST_TICKS = 8
+DASHES = ("-", "--", ":", "-.")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+AXIS_LABELS = {"density": "density, vehicles per km and lane", "demand": "demand"}
+
+
+def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
+    """Return one panel a quantity, one line a tracker, with the 95 % band over seeds.
+
+    Args:
+        points: All points.
+        axis: The axis to draw over.
+        title: Heading.
+    """
+    figure = Figure(figsize=(12.0, 7.2), dpi=120, layout="constrained")
+    panels = figure.subplots(2, 3, sharex=True)
+    here = [point for point in points if point.axis == axis]
+    lines = {}
+    for axes, metric in zip(panels.flat, CURVES, strict=True):
+        for place, (label, curve) in enumerate(points_of(here, axis, metric.name)):
+            lines[label] = _draw(axes, curve, place)
+        axes.set_ylim(bottom=0.0)
+        if metric.label.endswith("%"):
+            axes.set_ylim(0.0, 102.0)
+        if metric.name == BREAK_METRIC and axis == "density":
+            axes.axhline(BREAK_PERCENT, color="0.5", linewidth=0.8)
+            axes.annotate("a tracker below this is broken", (0.02, BREAK_PERCENT - 2.0), va="top", color="0.4",
+                          xycoords=("axes fraction", "data"), fontsize=8)  # fmt: skip
+        if not any(point.metric == metric.name and point.mean is not None for point in here):
+            axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.4")
+        axes.set_title(metric.label, loc="left", fontsize=10)
+        axes.spines[["top", "right"]].set_visible(False)
+    values = sorted({point.value for point in here if not isinstance(point.value, str)})
+    for axes in panels[-1]:
+        if 1 < len(values) <= MOST_TICKS:
+            axes.set_xticks(values)
+        axes.set_xlabel(AXIS_LABELS.get(axis, axis))
+    handles = [line for line in lines.values() if line is not None]
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4) or 1, frameon=False)
+    figure.suptitle(f"{title}: means and 95 % intervals over seeds", fontsize=11)
+    return figure
+
+
+def _draw(axes: Axes, curve: Sequence[Point], place: int) -> Line2D | None:
+    if not curve:
+        return None
+    x = [point.value for point in curve]
+    means, low, high = (np.array(column, dtype=np.float64) for column in zip(*map(_heights, curve), strict=True))
+    colour = COLOURS[place % len(COLOURS)]
+    (line,) = axes.plot(
+        x,
+        means,
+        color=colour,
+        linestyle=DASHES[place // len(COLOURS) % len(DASHES)],
+        marker=MARKERS[place % len(MARKERS)],
+        markersize=4,
+        linewidth=1.8,
+        label=curve[0].label,
+    )
+    if isinstance(x[0], str):
+        axes.vlines(x, low, high, color=colour, linewidth=1.2)
+    else:
+        axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
+    return line
+
+
+def _heights(point: Point) -> tuple[float | None, float | None, float | None]:
+    return (point.mean, *(point.ci95 or (None, None)))

@@ -1,0 +1,151 @@
+"""One worker process: simulates a cell, then runs every tracker over it, and reports row by row.
+
+A process of its own because libsumo holds one simulation a process, and because only a process can be stopped when a
+run hangs.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from harness.grid.cells import Cell, PlannedRun
+from harness.grid.coasting import against_coasting, coasting_errors
+from harness.grid.rows import Row, failed_row, finished_row
+from harness.running.follow import StageTimes
+from harness.running.looks import ObservedTraffic, observe_traffic, track
+from harness.scoring import score_run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+CELL, RUN, STEPPING = "cell", "run", "stepping"
+
+
+@dataclass(frozen=True)
+class Started:
+    """A worker begins something that may take no longer than the time limit.
+
+    Attributes:
+        what: ``cell``: the traffic; ``run``: a run; ``stepping``: that run's first step is done and kernels compiled.
+        key: Key of the run, empty for a cell.
+    """
+
+    what: str
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run ended, well or not.
+
+    Attributes:
+        key: Key of the run.
+        row: Its row.
+    """
+
+    key: str
+    row: Row
+
+
+@dataclass(frozen=True)
+class CellDone:
+    """A cell is done; the worker waits for the next."""
+
+
+Message = Started | Finished | CellDone
+Report = Callable[[Message], None]
+
+
+def work_on_cell(cell: Cell, report: Report) -> None:
+    """Simulate a cell's traffic once and run every tracker over it; failures are rows.
+
+    Args:
+        cell: What to run.
+        report: Called with what happens, in order.
+    """
+    report(Started(CELL))
+    begin = perf_counter()
+    try:
+        traffic = observe_traffic(cell.config)
+        coasting = coasting_errors(traffic, cell.config) if cell.config.replay is not None else None
+    except Exception as error:
+        for run in cell.runs:
+            report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
+    else:
+        for run in cell.runs:
+            report(Started(RUN, run.key))
+            report(Finished(run.key, run_over(traffic, run, partial(report, Started(STEPPING, run.key)), coasting)))
+    report(CellDone())
+
+
+def run_over(
+    traffic: ObservedTraffic,
+    run: PlannedRun,
+    on_first_step: Callable[[], None] = lambda: None,
+    coasting: pd.DataFrame | None = None,
+) -> Row:
+    """Run one tracker over observed traffic, score it, and return its row.
+
+    Args:
+        traffic: Truth and observations.
+        run: The run.
+        on_first_step: Called once the first step is done.
+        coasting: Errors of constant-velocity coasting over the same traffic, to compare hidden vehicles with.
+    """
+    begin = perf_counter()
+    try:
+        return _scored_row(traffic, run, on_first_step, begin, coasting)
+    except Exception as error:
+        return failed_row(run, _reason(error), perf_counter() - begin)
+
+
+def _scored_row(
+    traffic: ObservedTraffic,
+    run: PlannedRun,
+    on_first_step: Callable[[], None],
+    begin: float,
+    coasting: pd.DataFrame | None,
+) -> Row:
+    from harness.running.metrics import assemble_metrics  # noqa: PLC0415
+
+    times = StageTimes()
+    tables = track(traffic, run.config, times, on_first_step)
+    scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
+    total_s = perf_counter() - begin
+    scores = scored.metrics | dict(traffic.about)
+    if coasting is not None:
+        scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
+    metrics = assemble_metrics(run.config, scores, times, traffic.step_s, total_s, tables.truth, traffic.road)
+    return finished_row(run, metrics, total_s)
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+def main() -> None:
+    """Work on the cells that come through the connection, whose file descriptor is the argument, until it closes."""
+    connection = Connection(int(sys.argv[1]))
+    cells: queue.SimpleQueue[Cell] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(connection, cells), daemon=True).start()
+    while True:
+        work_on_cell(cells.get(), connection.send)
+
+
+def _receive(connection: Connection, cells: queue.SimpleQueue[Cell]) -> None:
+    """Pass cells on; leave at once, in the middle of a run too, when the other end is gone."""
+    while True:
+        try:
+            cells.put(connection.recv())
+        except (EOFError, OSError):
+            os._exit(0)

@@ -1,0 +1,102 @@
+"""A finished run as its folder holds it, for whoever draws or exports it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from harness.config.layers import config_from_table
+from harness.config.model import RunConfig
+from harness.errors import UserError
+from harness.runfolder import folder as runfolder
+from harness.runfolder.road import read_road
+from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS
+from harness.sensor.profiles import SensorSettings, sensor_settings
+from mmpf.road import Road
+
+WHEN = ("step", "time_s", "episode")
+ERROR_COLUMNS = ("step", "vehicle_id", "track_id", "lon_error_m", "lat_error_m", "outcome")
+PARTICLE_COLUMNS = ("step", "lon_m", "lat_m")
+EVENT_COLUMNS = ("vehicle_id", "from_step", "to_step", "duration_s", "track_id", "outcome", "reacquire_s")
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """Everything that a run folder says.
+
+    Attributes:
+        folder: The folder.
+        config: What was run.
+        metrics: Content of ``metrics.json``.
+        manifest: Content of ``manifest.json``.
+        road: The lanes.
+        sensor: Settings of the sensor.
+        truth: One row per vehicle and step.
+        detections: One row per detection.
+        tracks: One row per track and step.
+        errors: One row per vehicle that has been detected and step.
+        events: One row per occlusion event.
+        particles: A few particles of each step; None of a tracker without particles.
+    """
+
+    folder: Path
+    config: RunConfig
+    metrics: dict[str, Any]
+    manifest: dict[str, Any]
+    road: Road
+    sensor: SensorSettings
+    truth: pd.DataFrame
+    detections: pd.DataFrame
+    tracks: pd.DataFrame
+    errors: pd.DataFrame
+    events: pd.DataFrame
+    particles: pd.DataFrame | None
+
+
+def read_recorded_run(folder: Path, option: str = "RUN") -> RecordedRun:
+    """Read a run folder.
+
+    Args:
+        folder: The folder.
+        option: Option that named it, for the message.
+
+    Raises:
+        UserError: It is no finished run's folder, or one of its files is missing, truncated or broken.
+    """
+    manifest = runfolder.read_manifest(folder, option)
+    config = config_from_table(runfolder.read_config_table(folder, option))
+
+    def table(name: str, columns: Collection[str]) -> pd.DataFrame:
+        return runfolder.read_table(folder, name, option, columns)
+
+    truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
+    return RecordedRun(
+        folder=folder,
+        config=config,
+        metrics=_read_metrics(folder, option),
+        manifest=manifest,
+        road=read_road(folder / runfolder.ROAD, option),
+        sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
+        truth=table(runfolder.TRUTH, truth_columns),
+        detections=table(runfolder.DETECTIONS, (*WHEN, *DETECTION_NUMBERS, "truth_id")),
+        tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state")),
+        errors=table(runfolder.ERRORS, ERROR_COLUMNS),
+        events=table(runfolder.EVENTS, EVENT_COLUMNS),
+        particles=table(runfolder.PARTICLES, PARTICLE_COLUMNS) if (folder / runfolder.PARTICLES).is_file() else None,
+    )
+
+
+def _read_metrics(folder: Path, option: str) -> dict[str, Any]:
+    path = folder / runfolder.METRICS
+    try:
+        metrics = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{option}: {path} is missing or broken ({error}); make the run again") from None
+    if not isinstance(metrics, dict):
+        raise UserError(f"{option}: {path} is broken; make the run again")
+    return metrics

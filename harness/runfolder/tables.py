@@ -1,0 +1,184 @@
+"""Collects a run's steps as columns and turns them into the tables of the run folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from harness.sensor.observation import VISIBILITY_STATES, Observation
+from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
+from mmpf.compute.arrays import FloatArray
+from mmpf.scan import BodySizes, Detections
+from mmpf.tracks import TRACK_STATES, Tracks
+
+Columns = dict[str, npt.NDArray[np.generic]]
+
+TRACK_DECIMALS = 4
+
+TRUTH_NUMBERS = (
+    "lon_m",
+    "lat_m",
+    "heading_rad",
+    "speed_mps",
+    "lat_speed_mps",
+    "accel_mps2",
+    "lane",
+    "length_m",
+    "width_m",
+)
+DETECTION_NUMBERS = ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps")
+DETECTION_SIZES = ("length_m", "width_m", "std_length_m", "std_width_m")
+TRACK_NUMBERS = (
+    "lon_m",
+    "lat_m",
+    "speed_mps",
+    "lat_speed_mps",
+    "accel_mps2",
+    "std_lon_m",
+    "std_lat_m",
+    "std_speed_mps",
+    "existence",
+)
+
+
+@dataclass(frozen=True)
+class RunTables:
+    """The tables of a run.
+
+    Attributes:
+        truth: One row per vehicle and step.
+        detections: One row per detection; ``truth_id`` is empty for clutter.
+        tracks: One row per track and step.
+    """
+
+    truth: pd.DataFrame
+    detections: pd.DataFrame
+    tracks: pd.DataFrame
+
+
+@dataclass
+class ColumnRecorder:
+    """Keeps every step's columns; only whole steps are ever handed out.
+
+    Attributes:
+        steps: How many steps are recorded.
+    """
+
+    steps: int = 0
+    _truth: list[Columns] = field(default_factory=list)
+    _detections: list[Columns] = field(default_factory=list)
+    _tracks: list[Columns] = field(default_factory=list)
+
+    def add(self, frame: Frame, observation: Observation, tracks: Tracks) -> None:
+        """Record one step."""
+        self._truth.append(_truth_columns(frame, observation))
+        self._detections.append(_detection_columns(frame, observation))
+        self._tracks.append(_track_columns(frame, tracks))
+        self.steps += 1
+
+    def tables(self) -> RunTables:
+        """Return what was recorded; an interrupt in the middle of a step leaves that step out."""
+        return RunTables(
+            truth=_joined(self._truth[: self.steps]),
+            detections=_joined(self._detections[: self.steps]),
+            tracks=_joined(self._tracks[: self.steps]),
+        )
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a table as parquet; the same table gives the same bytes."""
+    columns = {name: _arrow_column(table[name].to_numpy()) for name in table}
+    pq.write_table(pa.table(columns), path, compression="zstd")
+
+
+def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:
+    # An empty column of names would otherwise have no type.
+    return pa.array(values, type=pa.string() if values.dtype == object else None)
+
+
+def _truth_columns(frame: Frame, observation: Observation) -> Columns:
+    count = len(frame)
+    is_ego = np.zeros(count, dtype=bool)
+    is_ego[frame.ego] = True
+    occluder = np.append(frame.vehicle_id, "")[observation.occluder]
+    return {
+        **_when(frame, count),
+        "vehicle_id": frame.vehicle_id.astype(object),
+        **{name: getattr(frame, name) for name in TRUTH_NUMBERS},
+        "is_ego": is_ego,
+        "in_range": observation.in_range,
+        "visible_fraction": np.round(observation.visible_fraction, TRACK_DECIMALS),
+        "state": _named(VISIBILITY_STATES, observation.state),
+        "occluder_id": occluder.astype(object),
+        **_window_columns(frame, count),
+    }
+
+
+def _window_columns(frame: Frame, count: int) -> Columns:
+    """Return where the record of the road begins and ends, if it does."""
+    if frame.window_m == EVERYWHERE:
+        return {}
+    return {name: np.full(count, edge_m) for name, edge_m in zip(WINDOW_COLUMNS, frame.window_m, strict=True)}
+
+
+def _detection_columns(frame: Frame, observation: Observation) -> Columns:
+    detections = observation.scan.detections
+    return {
+        **_when(frame, len(detections)),
+        "detection": np.arange(len(detections)),
+        **{name: getattr(detections, name) for name in DETECTION_NUMBERS},
+        **_size_columns(detections),
+        "visible_fraction": np.round(observation.detection_visible_fraction, TRACK_DECIMALS),
+        "truth_id": observation.truth_id.astype(object),
+    }
+
+
+def _size_columns(detections: Detections) -> Columns:
+    """Return the measured sizes, if the sensor measures any."""
+    if detections.sizes is None:
+        return {}
+    return {name: getattr(detections.sizes, name) for name in DETECTION_SIZES}
+
+
+def detections_of(rows: pd.DataFrame) -> Detections:
+    """Return the detections that rows of the table record, sizes included where they were measured."""
+
+    def columns(names: tuple[str, ...]) -> list[FloatArray]:
+        return [rows[name].to_numpy(dtype=np.float64) for name in names]
+
+    lon, lat, speed, std_lon, std_lat, std_speed = columns(DETECTION_NUMBERS)
+    sizes = BodySizes(*columns(DETECTION_SIZES)) if set(DETECTION_SIZES) <= set(rows.columns) else None
+    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
+
+
+def _track_columns(frame: Frame, tracks: Tracks) -> Columns:
+    return {
+        **_when(frame, len(tracks)),
+        "track_id": tracks.track_id,
+        **{name: np.round(getattr(tracks, name), TRACK_DECIMALS) for name in TRACK_NUMBERS},
+        "state": _named(TRACK_STATES, tracks.state),
+    }
+
+
+def _when(frame: Frame, count: int) -> Columns:
+    return {
+        "step": np.full(count, frame.step),
+        "time_s": np.full(count, frame.time_s),
+        "episode": np.full(count, frame.episode),
+    }
+
+
+def _named(names: tuple[str, ...], codes: npt.NDArray[np.int8]) -> npt.NDArray[np.object_]:
+    return np.array(names, dtype=object)[codes]
+
+
+def _joined(steps: list[Columns]) -> pd.DataFrame:
+    if not steps:
+        return pd.DataFrame()
+    return pd.DataFrame({name: np.concatenate([step[name] for step in steps]) for name in steps[0]})

@@ -1,0 +1,1 @@
+"""One run: looks in, tracks out, from configuration to finished folder."""

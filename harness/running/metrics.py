@@ -1,0 +1,147 @@
+"""Puts ``metrics.json`` together: what was run, how the traffic was, how long it took, and the scores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harness.config.model import RunConfig
+from harness.running.follow import StageTimes
+from harness.truth.frame import TrafficSummary
+from harness.writing.numbers import without_nan
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import NO_LANE, Road
+
+MOT_KEYS = ("hota", "deta", "assa", "idf1", "mota", "id_switches", "fragmentations", "missed", "false_tracks")
+EMPTY_SCORES: dict[str, Any] = {
+    "mae": {
+        **{
+            group: dict.fromkeys(("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "n"))
+            for group in ("all", "visible", "partial", "hidden")
+        },
+        "by_seconds_hidden": [],
+    },
+    "mot": dict.fromkeys(MOT_KEYS),
+    "mot_all": dict.fromkeys(MOT_KEYS),
+    "gospa": dict.fromkeys(("mean", "localisation", "missed", "false")),
+    "occlusion": dict.fromkeys(("events", "survived", "hijacked", "lost", "same_id", "median_reacquire_s")),
+    "calibration": {"nees": None, "coverage95": dict.fromkeys(("lon", "lat", "speed"))},
+}
+
+
+def assemble_metrics(
+    config: RunConfig,
+    scores: Mapping[str, Any],
+    times: StageTimes,
+    step_s: float,
+    total_s: float,
+    truth: pd.DataFrame,
+    road: Road,
+    stages_ms: Mapping[str, Sequence[float]] | None = None,
+) -> dict[str, Any]:
+    """Return the content of ``metrics.json``; a score that was not made is null, never absent.
+
+    Args:
+        config: The run's configuration.
+        scores: The tables of scores by name (``mae``, ``mot``, ...).
+        times: Wall times of the stages.
+        step_s: Simulated time of a step.
+        total_s: Wall time of the whole run.
+        truth: The recorded truth.
+        road: Where the section lies that the traffic is measured on.
+        stages_ms: Wall times inside the tracker by stage, where it tells them.
+    """
+    metrics = {"run": _identification(config)} | EMPTY_SCORES | dict(scores)
+    metrics["timing"] = timing(times, step_s, total_s) | {"stages": stage_timing(stages_ms or {})}
+    metrics["traffic"] = traffic(truth, road)
+    plain: dict[str, Any] = without_nan(metrics)
+    return plain
+
+
+def timing(times: StageTimes, step_s: float, total_s: float) -> dict[str, Any]:
+    """Return the ``timing`` table; the real-time factor is simulated time over the wall time of the loop."""
+    tracker_ms, sensor_ms, truth_ms = (
+        1e3 * np.array(stage) for stage in (times.tracker_s, times.sensor_s, times.truth_s)
+    )
+    steps = len(times.tracker_s)
+    loop_s = float(tracker_ms.sum() + sensor_ms.sum() + truth_ms.sum()) / 1e3
+    return {
+        "steps": steps,
+        "realtime_factor": steps * step_s / loop_s if loop_s > 0.0 else None,
+        "tracker_ms": {f"p{percent}": _percentile(tracker_ms, percent) for percent in (50, 95, 99)},
+        "sensor_ms": {"p50": _percentile(sensor_ms, 50)},
+        "truth_ms": {"p50": _percentile(truth_ms, 50)},
+        "total_s": total_s,
+    }
+
+
+def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float | None]]:
+    """Return percentiles of each stage's time under keys without blanks: ``prior update`` becomes ``prior_update``."""
+    return {
+        stage.replace(",", "").replace(" ", "_"): {
+            f"p{percent}": _percentile(np.array(took_ms), percent) for percent in (50, 95, 99)
+        }
+        for stage, took_ms in stages_ms.items()
+    }
+
+
+def traffic(truth: pd.DataFrame, road: Road) -> dict[str, Any]:
+    """Return the ``traffic`` table: what was achieved on the section, and how many vehicles were in range."""
+    summary = summarise_traffic(truth, road)
+    others = truth[~truth["is_ego"].to_numpy(dtype=bool)]
+    steps = truth["step"].nunique()
+    return {
+        "density_veh_per_km_lane": summary.density_veh_per_km_lane,
+        "flow_veh_per_h": summary.flow_veh_per_h,
+        "mean_speed_mps": summary.mean_speed_mps,
+        "vehicles_in_range": float(others["in_range"].sum()) / steps if steps else None,
+    }
+
+
+def summarise_traffic(truth: pd.DataFrame, road: Road) -> TrafficSummary:
+    """Return density, flow and speed over the section and the whole time by Edie's definitions (1963).
+
+    Density is the time that all vehicles spent over the section's area in space and time, flow the distance that
+    they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
+    where they are on a lane: those on ramps are left out.
+    """
+    start, end = road.section_m
+    main_lanes = sum(1 for lane in road.lanes if lane.start_m <= start and lane.end_m >= end)
+    on_lane = truth["lane"].to_numpy() != NO_LANE
+    inside = truth["lon_m"].between(start, end).to_numpy() & on_lane
+    speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[inside]
+    steps = truth["step"].nunique()
+    length_km = (end - start) / 1e3
+    if not steps or not len(speeds):
+        return TrafficSummary(0.0, 0.0, math.nan)
+    vehicles_per_km = len(speeds) / steps / length_km
+    mean_speed = float(speeds.mean())
+    return TrafficSummary(
+        density_veh_per_km_lane=vehicles_per_km / max(main_lanes, 1),
+        flow_veh_per_h=vehicles_per_km * mean_speed * 3.6,
+        mean_speed_mps=mean_speed,
+    )
+
+
+def _identification(config: RunConfig) -> dict[str, Any]:
+    traffic_config, tracker = config.traffic, config.tracker
+    return {
+        "net": traffic_config.net,
+        "demand": traffic_config.demand,
+        "density": traffic_config.density,
+        "duration_s": traffic_config.duration_s,
+        "sensor": config.sensor.profile,
+        "tracker": tracker.name,
+        "model": tracker.model,
+        "update": tracker.update,
+        "particles": tracker.particles,
+        "seed": config.seed,
+    }
+
+
+def _percentile(values: FloatArray, percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if len(values) else None

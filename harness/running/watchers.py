@@ -1,0 +1,153 @@
+"""What is kept of a run beside its tables: the best moment, the filter's diagnostics, a sample of its particles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import pandas as pd
+
+from harness.running.follow import AnyTracker
+from harness.sensor.observation import Observation
+from harness.truth.frame import Frame
+from mmpf.cloud.mixture import Mixture, ParticleCloud
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.state import LAT, LON
+from mmpf.tracker import StepReport
+from mmpf.tracks import HIDDEN, Tracks
+
+
+@runtime_checkable
+class ParticleFilter(Protocol):
+    """A tracker that can show its particles."""
+
+    @property
+    def mixture(self) -> Mixture:
+        """The belief after the last scan."""
+        ...
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One instant of a run.
+
+    Attributes:
+        frame: The truth.
+        observation: What the sensor made of it.
+        tracks: The tracks after it.
+        particles: Longitudinal and lateral position of every particle, shape (2, n); None where a tracker has none.
+    """
+
+    frame: Frame
+    observation: Observation
+    tracks: Tracks
+    particles: FloatArray | None
+
+
+@dataclass
+class MomentKeeper:
+    """Keeps the moment with the most hidden tracks on the road on record, the first of equals.
+
+    Attributes:
+        moment: The best moment so far; None before the first step.
+    """
+
+    moment: Moment | None = None
+    _best: int = -1
+
+    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
+        """Look at one step."""
+        start_m, end_m = frame.window_m
+        hidden = int(np.count_nonzero((tracks.state == HIDDEN) & (tracks.lon_m >= start_m) & (tracks.lon_m <= end_m)))
+        if hidden <= self._best:
+            return
+        self._best = hidden
+        particles = tracker.mixture.cloud.state[[LON, LAT]] if isinstance(tracker, ParticleFilter) else None
+        self.moment = Moment(frame, observation, tracks, particles)
+
+
+# The wall times of the stages are no part of the table: equal runs give equal tables.
+COLUMNS = (
+    "components",
+    "effective_share",
+    "births",
+    "deaths",
+    "merges",
+    "reclusterings",
+    "association_entropy",
+)
+DECIMALS = 6
+
+
+@runtime_checkable
+class DiagnosedTracker(Protocol):
+    """A tracker that tells what happened inside its last step."""
+
+    @property
+    def last_report(self) -> StepReport:
+        """What happened inside the last step."""
+        ...
+
+
+@dataclass
+class DiagnosticsKeeper:
+    """Collects the reports of a run's steps.
+
+    Attributes:
+        stages_ms: Wall time of each of the tracker's stages, step by step.
+    """
+
+    stages_ms: dict[str, list[float]] = field(default_factory=dict)
+    _rows: list[dict[str, float]] = field(default_factory=list)
+
+    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+        """Look at one step; a tracker that tells nothing leaves no row."""
+        if not isinstance(tracker, DiagnosedTracker):
+            return
+        report = tracker.last_report
+        when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
+        self._rows.append(when | {name: getattr(report, name) for name in COLUMNS})
+        for stage, took_ms in report.stage_ms.items():
+            self.stages_ms.setdefault(stage, []).append(took_ms)
+
+    def table(self) -> pd.DataFrame | None:
+        """Return one row per step, None if the tracker told nothing."""
+        return pd.DataFrame(self._rows).round(DECIMALS) if self._rows else None
+
+
+SHOWN_PER_COMPONENT = 12
+PLACE_DECIMALS = 2
+
+
+@dataclass
+class ParticleKeeper:
+    """Collects a few particles of every component at every step, of trackers that have particles."""
+
+    _steps: list[pd.DataFrame] = field(default_factory=list)
+
+    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+        """Look at one step."""
+        if not isinstance(tracker, ParticleFilter):
+            return
+        cloud = tracker.mixture.cloud
+        lon_lat = cloud.state[[LON, LAT]][:, systematic_sample(cloud, SHOWN_PER_COMPONENT)]
+        lon_m, lat_m = np.round(lon_lat, PLACE_DECIMALS).astype(np.float32)
+        self._steps.append(pd.DataFrame({"step": np.full(len(lon_m), frame.step), "lon_m": lon_m, "lat_m": lat_m}))
+
+    def table(self) -> pd.DataFrame | None:
+        """Return columns step, lon_m, lat_m; None without any particle."""
+        return pd.concat(self._steps, ignore_index=True) if self._steps else None
+
+
+def systematic_sample(cloud: ParticleCloud, per_component: int) -> IntArray:
+    """Return indices of particles that stand for their component: heavy ones often, and nothing left to chance.
+
+    Evenly spaced positions on the running sum of the weights (Kitagawa 1996), which grows by one with each component.
+    """
+    if not len(cloud):
+        return np.zeros(0, dtype=np.int64)
+    components = int(cloud.component[-1]) + 1
+    positions = (np.arange(components * per_component) + 0.5) / per_component
+    index = np.searchsorted(np.cumsum(np.exp(cloud.log_weight)), positions)
+    return np.minimum(index, len(cloud) - 1)

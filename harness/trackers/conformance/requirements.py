@@ -1,0 +1,132 @@
+"""What the tracker role promises of every step, required while scans are fed to a tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from harness.trackers.conformance.scripted_scenes import LabelledScan, ScriptedCar
+from harness.trackers.protocol import Tracker, TruthAssociatedTracker
+from mmpf.compute.arrays import FloatArray
+from mmpf.scan import InvalidScanError
+from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
+
+AnyTracker = Tracker | TruthAssociatedTracker
+Build = Callable[[int], AnyTracker]
+
+
+class TrackerCheckError(AssertionError):
+    """A tracker does not keep what the role promises; the message says what and when."""
+
+
+def follow(build: Build, scans: Sequence[LabelledScan]) -> list[Tracks]:
+    """Feed the scans to a fresh tracker and return its tracks, each required to be well formed.
+
+    Raises:
+        TrackerCheckError: A step raised, or its tracks are malformed.
+    """
+    tracker = build(0)
+    return [step(tracker, labelled) for labelled in scans]
+
+
+def step(tracker: AnyTracker, labelled: LabelledScan) -> Tracks:
+    """Feed one scan and return the tracks, required to be well formed.
+
+    Raises:
+        TrackerCheckError: The step raised, or its tracks are malformed.
+    """
+    try:
+        tracks = _feed(tracker, labelled)
+    except Exception as error:
+        message = f"step raised {type(error).__name__}: {error}"
+        raise TrackerCheckError(_at(message, labelled)) from error
+    _require_well_formed(tracks, labelled)
+    return tracks
+
+
+def require_refusal(tracker: AnyTracker, labelled: LabelledScan, what: str) -> None:
+    """Feed a scan that no sensor can have made.
+
+    Args:
+        tracker: The tracker.
+        labelled: The scan.
+        what: What is wrong with it.
+
+    Raises:
+        TrackerCheckError: The tracker took it in, or raised anything but ``InvalidScanError``.
+    """
+    try:
+        _feed(tracker, labelled)
+    except InvalidScanError:
+        return
+    except Exception as error:
+        message = f"{what} raised {type(error).__name__}, not InvalidScanError (call mmpf.scan.check_scan first)"
+        raise TrackerCheckError(message) from error
+    raise TrackerCheckError(f"{what} was taken in; it must raise InvalidScanError (call mmpf.scan.check_scan first)")
+
+
+def nearest_position(tracks: Tracks, car: ScriptedCar, labelled: LabelledScan) -> FloatArray:
+    """Return the longitudinal and lateral position of a car's ``nearest_track``, metres, shape (2,)."""
+    nearest = nearest_track(tracks, car, labelled)
+    return np.array([tracks.lon_m[nearest], tracks.lat_m[nearest]])
+
+
+def nearest_track(tracks: Tracks, car: ScriptedCar, labelled: LabelledScan) -> int:
+    """Return the index of the confirmed track nearest to a car.
+
+    Raises:
+        TrackerCheckError: None is within 3 m of it.
+    """
+    confirmed = np.flatnonzero(tracks.state != TENTATIVE)
+    time_s = labelled.scan.time_s
+    distance_m = np.hypot(tracks.lon_m[confirmed] - car.lon_at(time_s), tracks.lat_m[confirmed] - car.lat_m)
+    require(bool((distance_m < 3.0).any()), f"no confirmed track within 3 m of car {car.name!r}", labelled)
+    return int(confirmed[np.argmin(distance_m)])
+
+
+def require(holds: bool, message: str, labelled: LabelledScan | None = None) -> None:
+    """Require that something holds.
+
+    Args:
+        holds: Whether it does.
+        message: What is wrong otherwise.
+        labelled: The scan at which it is.
+
+    Raises:
+        TrackerCheckError: It does not hold.
+    """
+    if not holds:
+        raise TrackerCheckError(message if labelled is None else _at(message, labelled))
+
+
+def _feed(tracker: AnyTracker, labelled: LabelledScan) -> Tracks:
+    if isinstance(tracker, TruthAssociatedTracker):
+        return tracker.step_associated(labelled.scan, labelled.truth_id)
+    return tracker.step(labelled.scan)
+
+
+def _require_well_formed(tracks: Tracks, labelled: LabelledScan) -> None:
+    require(isinstance(tracks, Tracks), f"step returned {type(tracks).__name__}, not Tracks", labelled)
+    for column in fields(Tracks):
+        values, dtype = getattr(tracks, column.name), _column_type(column.name)
+        require(isinstance(values, np.ndarray), f"{column.name} is {type(values).__name__}, not an array", labelled)
+        require(values.shape == (len(tracks),), f"{column.name} has shape {values.shape}, not (m,)", labelled)
+        require(values.dtype == dtype, f"{column.name} is {values.dtype}, not {dtype}", labelled)
+        require(bool(np.isfinite(values).all()), f"{column.name} holds a value that is not finite", labelled)
+    for name in ("std_lon_m", "std_lat_m", "std_speed_mps"):
+        require(bool((getattr(tracks, name) > 0.0).all()), f"{name} is not positive", labelled)
+    inside = (tracks.existence >= 0.0) & (tracks.existence <= 1.0)
+    require(bool(inside.all()), "existence lies outside [0, 1]", labelled)
+    known = np.isin(tracks.state, (TENTATIVE, CONFIRMED, HIDDEN))
+    require(bool(known.all()), "state is none of TENTATIVE, CONFIRMED and HIDDEN", labelled)
+    require(len(np.unique(tracks.track_id)) == len(tracks), "two tracks have one identity", labelled)
+
+
+def _column_type(name: str) -> np.dtype[np.generic]:
+    return np.dtype({"track_id": np.int64, "state": np.int8}.get(name, np.float64))
+
+
+def _at(message: str, labelled: LabelledScan) -> str:
+    return f"at {labelled.scan.time_s:g} s, {len(labelled.scan.detections)} detections: {message}"

@@ -1,0 +1,1 @@
+"""Stone Soup's trackers behind the project's protocol."""

@@ -1,0 +1,148 @@
+"""A tracker of Stone Soup's, once put together, in this project's tracker role: scans in, tracks out.
+
+Stone Soup's tracks carry no existence probability (1 is reported) and no flag for "can't be seen"; a track without an
+update for ``hidden_after_s`` is reported as hidden, so that pictures show it so. Tracks that are still held by the
+initiator are not reported.
+"""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+from stonesoup.hypothesiser.probability import PDAHypothesiser
+from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
+from stonesoup.types.track import Track
+
+from harness.trackers.stonesoup.options import StoneSoupOptions
+from harness.trackers.stonesoup.parts import (
+    BeyondRangeDeleter,
+    DetectionMaker,
+    NumberedInitiator,
+    forget_before_last_update,
+    lent_global_generator,
+    to_datetime,
+    to_seconds,
+)
+from harness.trackers.stonesoup.stitching import IdentityStitcher, Sightings
+from mmpf.compute.arrays import FloatArray
+from mmpf.scan import Scan, check_scan
+from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
+
+_HIGHEST_SPEED_MPS = 40.0
+
+
+class StoneSoupTracker:
+    """A Stone Soup tracker, fed scan by scan."""
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        options: StoneSoupOptions,
+        clutter_density_per_m2: float,
+        rng: np.random.Generator | None = None,
+        stitcher: IdentityStitcher | None = None,
+    ) -> None:
+        """Wrap a tracker that has been put together.
+
+        Args:
+            assembly: The tracker and its parts.
+            options: Its settings.
+            clutter_density_per_m2: Expected false detections per square metre.
+            rng: Lent to Stone Soup as the global generator during each step; None if the tracker draws nothing.
+            stitcher: Hands on identities; None leaves them as they are.
+        """
+        self._assembly = assembly
+        self._options = options
+        self._layout = options.layout
+        self._clutter_density_per_m2 = clutter_density_per_m2
+        self._rng = rng
+        self._stitcher = stitcher
+        self._detections = DetectionMaker(self._layout.size, (self._layout.lon, self._layout.lat, self._layout.speed))
+        self._first_seen_s: dict[int, float] = {}
+        self._time_s: float | None = None
+
+    def step(self, scan: Scan) -> Tracks:
+        """Take in one scan and return the confirmed tracks.
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
+        check_scan(scan, self._time_s)
+        self._time_s = scan.time_s
+        self._follow_ego(scan)
+        moment = to_datetime(scan.time_s)
+        detections = self._detections.make(scan.detections, moment)
+        with nullcontext() if self._rng is None else lent_global_generator(self._rng):
+            self._assembly.tracker.update_tracker(moment, detections)
+        return self._report(scan.time_s)
+
+    def _follow_ego(self, scan: Scan) -> None:
+        assembly = self._assembly
+        assembly.initiator.expect_speed(self._layout.speed, scan.ego.speed_mps)
+        assembly.range_deleter.ego_lon_m = scan.ego.lon_m
+        assembly.range_deleter.ego_lat_m = scan.ego.lat_m
+        with_speed = bool(np.isfinite(scan.detections.speed_mps).all()) and len(scan.detections) > 0
+        span = _HIGHEST_SPEED_MPS if with_speed else 1.0
+        for hypothesiser in assembly.hypothesisers:
+            hypothesiser.clutter_spatial_density = self._clutter_density_per_m2 / span
+
+    def _report(self, time_s: float) -> Tracks:
+        living = list(self._assembly.tracker.tracks)
+        # Before anything is forgotten, a new track's first state is its first detection.
+        started = {track.id: to_seconds(track.states[0].timestamp) for track in living}
+        self._first_seen_s = {number: self._first_seen_s.get(number, first_s) for number, first_s in started.items()}
+        for track in living:
+            forget_before_last_update(track)
+        last_s = np.array([to_seconds(track.states[0].timestamp) for track in living])
+        tracks = self._to_tracks(living, time_s - last_s)
+        return tracks if self._stitcher is None else self._stitch(self._stitcher, tracks, living, last_s)
+
+    def _stitch(self, stitcher: IdentityStitcher, tracks: Tracks, living: list[Track], last_s: FloatArray) -> Tracks:
+        first_s = np.array([self._first_seen_s[track.id] for track in living])
+        stitched = stitcher.stitch(tracks, Sightings(first_s, last_s), self._time_s or 0.0)
+        replaced = set(stitched.replaced.tolist())
+        for track in living:
+            if track.id in replaced:
+                self._assembly.tracker.tracks.discard(track)
+        return stitched.tracks
+
+    def _to_tracks(self, living: list[Track], unseen_s: FloatArray) -> Tracks:
+        if not living:
+            return Tracks.none()
+        layout = self._layout
+        mean = np.array([np.asarray(track.state.mean, dtype=float).ravel() for track in living])
+        covariance = np.array([np.asarray(track.state.covar, dtype=float) for track in living])
+        std = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-12))
+        hidden = unseen_s > self._options.hidden_after_s
+        return Tracks(
+            track_id=np.array([track.id for track in living], dtype=np.int64),
+            lon_m=mean[:, layout.lon],
+            lat_m=mean[:, layout.lat],
+            speed_mps=mean[:, layout.speed],
+            lat_speed_mps=mean[:, layout.lat_speed],
+            accel_mps2=np.zeros(len(living)) if layout.accel is None else mean[:, layout.accel],
+            std_lon_m=std[:, layout.lon],
+            std_lat_m=std[:, layout.lat],
+            std_speed_mps=std[:, layout.speed],
+            existence=np.ones(len(living)),
+            state=np.where(hidden, HIDDEN, CONFIRMED).astype(np.int8),
+        )
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A Stone Soup tracker and those of its parts that follow the ego or the scan.
+
+    Attributes:
+        tracker: The tracker.
+        initiator: Starts its tracks.
+        range_deleter: Ends the ones that have left the sensor's range.
+        hypothesisers: Those that know the density of clutter.
+    """
+
+    tracker: MultiTargetTracker | MultiTargetMixtureTracker
+    initiator: NumberedInitiator
+    range_deleter: BeyondRangeDeleter
+    hypothesisers: tuple[PDAHypothesiser, ...] = ()

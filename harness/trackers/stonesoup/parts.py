@@ -1,0 +1,203 @@
+"""The pieces between this project and Stone Soup: detections, tracks, initiation and the order of things.
+
+Stone Soup keeps tracks and detections in Python sets, whose order follows memory addresses, and its particle code
+draws from NumPy's global generator. Both would make two equal runs differ, so everything here is kept in ordered sets,
+and the global generator is lent for the length of a step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+
+import numpy as np
+from ordered_set import OrderedSet
+from stonesoup.base import Property
+from stonesoup.deleter.base import Deleter
+from stonesoup.hypothesiser.base import Hypothesiser
+from stonesoup.initiator.simple import MultiMeasurementInitiator, SimpleMeasurementInitiator
+from stonesoup.models.measurement.linear import LinearGaussian
+from stonesoup.types.detection import Detection
+from stonesoup.types.multihypothesis import MultipleHypothesis
+from stonesoup.types.state import GaussianState
+from stonesoup.types.track import Track
+from stonesoup.types.update import Update
+
+from mmpf.compute.arrays import IntArray
+from mmpf.scan import Detections
+
+_NOISE_STEP = 1.1
+_MEASURED = "measured values with their standard deviations"
+_COARSE_MARGIN = 1.5
+_EPOCH = datetime(2000, 1, 1)
+
+
+def to_datetime(time_s: float) -> datetime:
+    """Return the moment that stands for a scan's time; Stone Soup counts in dates."""
+    return _EPOCH + timedelta(seconds=time_s)
+
+
+def to_seconds(moment: datetime) -> float:
+    """Return the scan time of a moment."""
+    return (moment - _EPOCH).total_seconds()
+
+
+@contextmanager
+def lent_global_generator(rng: np.random.Generator) -> Iterator[None]:
+    """Seed NumPy's global generator from ``rng`` for the length of the block and restore it afterwards."""
+    state = np.random.get_state()  # noqa: NPY002 - the generator that Stone Soup draws from
+    np.random.seed(int(rng.integers(2**32)))  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
+
+
+class DetectionMaker:
+    """Turns our detections into Stone Soup's, each with its own measurement noise.
+
+    Noise is rounded to a scale of steps of a tenth, and detections of equal noise share one measurement model, so that
+    Stone Soup predicts one measurement for all of them: deviations off by at most 5 % for half the time.
+    """
+
+    def __init__(self, state_size: int, mapping: tuple[int, int, int]) -> None:
+        """Remember where the state holds what is measured.
+
+        Args:
+            state_size: Size of the state vector.
+            mapping: Rows of the longitudinal position, the lateral position and the longitudinal speed.
+        """
+        self._state_size = state_size
+        self._mapping = mapping
+        self._models: dict[tuple[float, ...], LinearGaussian] = {}
+
+    def make(self, detections: Detections, moment: datetime) -> OrderedSet[Detection]:
+        """Return the detections in an order of their own, so that the order of the input means nothing.
+
+        The speed counts if every detection of the scan has it: likelihoods of different dimension can't be compared.
+        """
+        with_speed = bool(np.isfinite(detections.speed_mps).all())
+        order: IntArray = np.lexsort((detections.lat_m, detections.lon_m))
+        return OrderedSet(self._detection(detections, k, with_speed, moment) for k in order.tolist())
+
+    def _detection(self, detections: Detections, k: int, with_speed: bool, moment: datetime) -> Detection:
+        values = [detections.lon_m[k], detections.lat_m[k]]
+        stds = [float(detections.std_lon_m[k]), float(detections.std_lat_m[k])]
+        if with_speed:
+            values.append(detections.speed_mps[k])
+            stds.append(float(detections.std_speed_mps[k]))
+        return Detection(
+            np.array(values)[:, None],
+            timestamp=moment,
+            measurement_model=self._model(tuple(_NOISE_STEP ** round(math.log(std, _NOISE_STEP)) for std in stds)),
+            metadata={_MEASURED: tuple(zip(map(float, values), stds, strict=True))},
+        )
+
+    def _model(self, stds: tuple[float, ...]) -> LinearGaussian:
+        if stds not in self._models:
+            if len(self._models) > 1000:
+                self._models.clear()
+            self._models[stds] = LinearGaussian(
+                ndim_state=self._state_size,
+                mapping=self._mapping[: len(stds)],
+                noise_covar=np.diag(np.square(stds)),
+            )
+        return self._models[stds]
+
+
+class CoarselyGated(Hypothesiser):
+    """Shows the hypothesiser inside only those detections that may lie in its gate.
+
+    A detection whose Mahalanobis distance is within the gate is so in each coordinate too; the rest, which the gate
+    would throw out after long computation, is left out before it.
+    """
+
+    hypothesiser: Hypothesiser = Property(doc="What makes the hypotheses.")
+    mapping: tuple[int, int, int] = Property(doc="State rows of what is measured.")
+    gate_std: float = Property(doc="Width of the gate in standard deviations.")
+
+    def hypothesise(
+        self, track: Track, detections: Iterable[Detection], timestamp: datetime, **kwargs: object
+    ) -> MultipleHypothesis:
+        """Return the hypotheses of one track."""
+        prediction = self.hypothesiser.predictor.predict(track, timestamp=timestamp)
+        mean = np.asarray(prediction.mean, dtype=float).ravel()
+        variance = np.diagonal(np.asarray(prediction.covar, dtype=float))
+        centre = [(float(mean[row]), float(variance[row])) for row in self.mapping]
+        near = OrderedSet(detection for detection in detections if self._may_lie_in_gate(detection, centre))
+        return self.hypothesiser.hypothesise(track, near, timestamp, **kwargs)
+
+    def _may_lie_in_gate(self, detection: Detection, centre: list[tuple[float, float]]) -> bool:
+        reach = _COARSE_MARGIN * self.gate_std
+        return all(
+            abs(value - mean) <= reach * math.sqrt(variance + std**2)
+            for (value, std), (mean, variance) in zip(detection.metadata[_MEASURED], centre, strict=False)
+        )
+
+
+class NumberedInitiator(SimpleMeasurementInitiator):
+    """Starts a track at each detection, in order, numbered from one."""
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)
+        self._next_number = 1
+
+    def expect_speed(self, row: int, speed_mps: float) -> None:
+        """Set the mean speed of new tracks whose speed is not measured."""
+        prior: GaussianState = self.prior_state
+        mean = prior.state_vector.copy()
+        mean[row] = speed_mps
+        self.prior_state: GaussianState = GaussianState(mean, prior.covar)
+
+    def initiate(self, detections: Iterable[Detection], timestamp: datetime, **kwargs: object) -> OrderedSet[Track]:
+        """Return the new tracks."""
+        started: OrderedSet[Track] = OrderedSet()
+        for detection in _in_order(detections):
+            for track in super().initiate({detection}, timestamp, **kwargs):
+                track.id = self._next_number
+                self._next_number += 1
+                started.add(track)
+        return started
+
+
+class OrderedMultiMeasurementInitiator(MultiMeasurementInitiator):
+    """Stone Soup's multi-measurement initiator with its tracks and detections in a fixed order."""
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)
+        self.holding_tracks: OrderedSet[Track] = OrderedSet()
+
+    def initiate(self, detections: Iterable[Detection], timestamp: datetime, **kwargs: object) -> OrderedSet[Track]:
+        """Return the tracks that now have enough detections, oldest first."""
+        confirmed = super().initiate(OrderedSet(_in_order(detections)), timestamp, **kwargs)
+        return OrderedSet(sorted(confirmed, key=lambda track: track.id))
+
+
+class BeyondRangeDeleter(Deleter):
+    """Deletes tracks that have left the sensor's range."""
+
+    mapping: tuple[int, int] = Property(doc="State rows of the longitudinal and the lateral position.")
+    limit_m: float = Property(doc="Distance from the ego beyond which a track ends.")
+    ego_lon_m: float = Property(default=0.0, doc="Where the ego is now.")
+    ego_lat_m: float = Property(default=0.0, doc="Where the ego is now.")
+
+    def check_for_deletion(self, track: Track, **_: object) -> bool:
+        """Return whether the track's mean lies beyond the limit."""
+        mean = np.asarray(track.state.mean).ravel()
+        distance = np.hypot(mean[self.mapping[0]] - self.ego_lon_m, mean[self.mapping[1]] - self.ego_lat_m)
+        return bool(distance > self.limit_m)
+
+
+def forget_before_last_update(track: Track) -> None:
+    """Drop the states before a track's last update, which nothing asks for, so that memory stays bounded."""
+    for index in range(len(track.states) - 1, 0, -1):
+        if isinstance(track.states[index], Update):
+            del track.states[:index]
+            del track.metadatas[:index]
+            return
+
+
+def _in_order(detections: Iterable[Detection]) -> list[Detection]:
+    return sorted(detections, key=lambda detection: tuple(np.asarray(detection.state_vector, dtype=float).ravel()))

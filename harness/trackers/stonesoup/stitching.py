@@ -1,0 +1,183 @@
+"""Identity stitching: a vehicle that comes back from hiding takes its old identity, whatever tracker follows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.optimize import linear_sum_assignment
+
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.options import Positive, Settings
+from mmpf.tracks import TENTATIVE, Tracks
+
+_UNMATCHED_COST = 1e6
+
+
+class StitchingOptions(Settings):
+    """When a new track is an old one come back.
+
+    Attributes:
+        unseen_s: The old track must be unseen for at least this long.
+        overlap_s: It must have been last seen before this long after the new track's first detection.
+        gate_std: Largest longitudinal distance, in standard deviations of the old track's prediction, and
+        margin_m: this much further, since two cars can't be nearer to each other than a length.
+        lat_gate_m: Largest lateral distance.
+        remember_s: A track that ended is remembered until it has been unseen for this long.
+        largest_std_lon_m: And until its prediction has spread to this.
+        speed_noise: Growth of a remembered track's speed variance, m^2/s^3.
+    """
+
+    unseen_s: Positive = 0.2
+    overlap_s: Annotated[float, Field(ge=0.0)] = 0.5
+    gate_std: Positive = 3.0
+    margin_m: Annotated[float, Field(ge=0.0)] = 3.0
+    lat_gate_m: Positive = 1.8
+    remember_s: Positive = 10.0
+    largest_std_lon_m: Positive = 8.0
+    speed_noise: Positive = 1.0
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """When a tracker's tracks were seen, each of shape (m,), in the order of its tracks.
+
+    Attributes:
+        first_s: Time of a track's first detection.
+        last_s: Time of its last detection.
+    """
+
+    first_s: FloatArray
+    last_s: FloatArray
+
+
+@dataclass(frozen=True)
+class Stitched:
+    """Tracks under their stitched identities.
+
+    Attributes:
+        tracks: The tracks, without those that another one replaced.
+        replaced: The tracker's own identities of the tracks that were replaced; it should drop them.
+    """
+
+    tracks: Tracks
+    replaced: IntArray
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """Tracks that are unseen: those that still coast and those that ended, struct of arrays over k tracks."""
+
+    own_id: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    std_lon_m: FloatArray
+    last_seen_s: FloatArray
+
+
+@dataclass(frozen=True)
+class _Snapshot:
+    """The confirmed tracks at one time, under the tracker's own identities."""
+
+    tracks: Tracks
+    last_seen_s: FloatArray
+    time_s: FloatArray
+
+
+class IdentityStitcher:
+    """Hands the identities of lost tracks on to the new tracks that continue them."""
+
+    def __init__(self, options: StitchingOptions) -> None:
+        self._options = options
+        self._reported_id: dict[int, int] = {}
+        self._remembered = _Snapshot(Tracks.none(), np.zeros(0), np.zeros(0))
+
+    def stitch(self, tracks: Tracks, sightings: Sightings, time_s: float) -> Stitched:
+        """Match newly confirmed tracks to lost ones and rename them.
+
+        Args:
+            tracks: The tracker's tracks under its own identities.
+            sightings: When they were seen.
+            time_s: Time of the scan.
+        """
+        confirmed = tracks.state != TENTATIVE
+        known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
+        new = np.flatnonzero(confirmed & ~known)
+        lost = self._lost_tracks(tracks, sightings, time_s)
+        replaced = self._hand_on_identities(tracks, sightings, new, lost)
+        for own in tracks.track_id[new].tolist():
+            self._reported_id.setdefault(own, own)
+        keep = ~np.isin(tracks.track_id, replaced)
+        self._remember(_take(tracks, keep & confirmed), sightings.last_s[keep & confirmed], replaced, time_s)
+        reported = [self._reported_id.get(own, own) for own in tracks.track_id[keep].tolist()]
+        renamed = replace(_take(tracks, keep), track_id=np.array(reported, dtype=np.int64))
+        return Stitched(renamed, replaced)
+
+    def _lost_tracks(self, tracks: Tracks, sightings: Sightings, time_s: float) -> _Lost:
+        options = self._options
+        known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
+        coasting = known & (time_s - sightings.last_s >= options.unseen_s - 1e-6)
+        ended = self._ended(tracks.track_id, time_s)
+        age_s = time_s - ended.time_s
+        spread = np.sqrt(
+            ended.tracks.std_lon_m**2 + (ended.tracks.std_speed_mps * age_s) ** 2 + options.speed_noise * age_s**3 / 3
+        )
+        return _Lost(
+            own_id=np.concatenate([tracks.track_id[coasting], ended.tracks.track_id]),
+            lon_m=np.concatenate([tracks.lon_m[coasting], ended.tracks.lon_m + ended.tracks.speed_mps * age_s]),
+            lat_m=np.concatenate([tracks.lat_m[coasting], ended.tracks.lat_m]),
+            std_lon_m=np.concatenate([tracks.std_lon_m[coasting], spread]),
+            last_seen_s=np.concatenate([sightings.last_s[coasting], ended.last_seen_s]),
+        )
+
+    def _ended(self, present: IntArray, time_s: float) -> _Snapshot:
+        remembered, options = self._remembered, self._options
+        age_s = time_s - remembered.time_s
+        spread = np.hypot(remembered.tracks.std_lon_m, remembered.tracks.std_speed_mps * age_s)
+        keep = (
+            ~np.isin(remembered.tracks.track_id, present)
+            & (time_s - remembered.last_seen_s <= options.remember_s)
+            & (spread <= options.largest_std_lon_m)
+        )
+        return _take_snapshot(remembered, keep)
+
+    def _hand_on_identities(self, tracks: Tracks, sightings: Sightings, new: IntArray, lost: _Lost) -> IntArray:
+        """Match one to one, nearest first over all; return the own identities of the lost tracks that were matched."""
+        if not len(new) or not len(lost.own_id):
+            return np.zeros(0, dtype=np.int64)
+        options = self._options
+        reach = options.gate_std * np.hypot(lost.std_lon_m, tracks.std_lon_m[new, None]) + options.margin_m
+        distance = np.abs(tracks.lon_m[new, None] - lost.lon_m)
+        possible = (
+            (distance < reach)
+            & (np.abs(tracks.lat_m[new, None] - lost.lat_m) < options.lat_gate_m)
+            & (lost.last_seen_s <= sightings.first_s[new, None] + options.overlap_s)
+        )
+        rows, columns = linear_sum_assignment(np.where(possible, distance / reach, _UNMATCHED_COST))
+        matched = possible[rows, columns]
+        for row, column in zip(rows[matched].tolist(), columns[matched].tolist(), strict=True):
+            heir, ancestor = int(tracks.track_id[new[row]]), int(lost.own_id[column])
+            self._reported_id[heir] = self._reported_id[ancestor]
+        return np.asarray(lost.own_id[columns[matched]])
+
+    def _remember(self, tracks: Tracks, last_seen_s: FloatArray, replaced: IntArray, time_s: float) -> None:
+        ended = self._ended(tracks.track_id, time_s)
+        ended = _take_snapshot(ended, ~np.isin(ended.tracks.track_id, replaced))
+        joined = Tracks(
+            *(np.concatenate([getattr(ended.tracks, f.name), getattr(tracks, f.name)]) for f in fields(Tracks))
+        )
+        self._remembered = _Snapshot(
+            joined,
+            np.concatenate([ended.last_seen_s, last_seen_s]),
+            np.concatenate([ended.time_s, np.full(len(tracks), time_s)]),
+        )
+
+
+def _take(tracks: Tracks, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Tracks:
+    return Tracks(*(getattr(tracks, column.name)[keep] for column in fields(Tracks)))
+
+
+def _take_snapshot(snapshot: _Snapshot, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> _Snapshot:
+    return _Snapshot(_take(snapshot.tracks, keep), snapshot.last_seen_s[keep], snapshot.time_s[keep])

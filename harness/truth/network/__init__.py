@@ -1,0 +1,1 @@
+"""Road networks: their files, roads, demands and drivers."""

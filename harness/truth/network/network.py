@@ -1,0 +1,249 @@
+"""Networks: the ones that come with the project, and SUMO networks of the user's own.
+
+A network of the project is a folder with a ``network.toml``: which edges are the main road, where the scored section
+lies, and which demands are known. Adding a network is adding such a folder to ``networks/``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+
+from harness.errors import UserError
+from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
+from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
+from harness.truth.network.drivers import Drivers
+from harness.truth.network.networkfile import METADATA_FILE, CalibrationFile, DemandFile, NetworkFile, read_toml
+from harness.truth.network.sumocfg import SumoConfiguration, read_sumocfg
+from mmpf.road import Road
+
+
+@dataclass(frozen=True)
+class NetworkDescription:
+    """One line about a network, for ``nets``.
+
+    Attributes:
+        name: What ``--net`` takes.
+        description: What it is.
+        demands: Name and description of each demand.
+        section_length_m: Length of the section that is scored.
+        lanes: Number of main lanes.
+        size_kb: Size of the network file.
+    """
+
+    name: str
+    description: str
+    demands: tuple[tuple[str, str], ...]
+    section_length_m: float
+    lanes: int
+    size_kb: float
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network that traffic can be opened on.
+
+    Attributes:
+        name: Its name, or the path that the user gave.
+        description: What it is.
+        net_file: SUMO's network file.
+        corridor: The main road's edges and the road frame along them.
+        section_m: Start and end of the scored section.
+        ego_lanes: Lanes that an ego is chosen from.
+        on_ramps: Ramps that vehicles enter by.
+        off_ramps: Ramps that vehicles leave by.
+        vehicle_types_file: SUMO's file of base vehicle types; none where the user's own demand is used.
+        drivers: How its drivers drive.
+        demand_files: The named demands.
+        default_demand: The demand that is driven where the user asks for none; none where that is a density.
+        calibrated: The demands that come from a calibration.
+        calibration_file: Where the outcome of a calibration is kept, if it is.
+        measured_file: What was measured at the site, if anything.
+        configuration: The user's own SUMO configuration; none for networks with a ``network.toml``.
+    """
+
+    name: str
+    description: str
+    net_file: Path
+    corridor: Corridor
+    section_m: tuple[float, float]
+    ego_lanes: tuple[int, ...]
+    on_ramps: tuple[Ramp, ...] = ()
+    off_ramps: tuple[Ramp, ...] = ()
+    vehicle_types_file: Path | None = None
+    drivers: Drivers = field(default_factory=Drivers)
+    demand_files: dict[str, DemandFile] = field(default_factory=dict)
+    default_demand: str | None = None
+    calibrated: tuple[str, ...] = ()
+    calibration_file: Path | None = None
+    measured_file: Path | None = None
+    configuration: SumoConfiguration | None = None
+
+    @property
+    def demands(self) -> tuple[str, ...]:
+        """Names of the known demands."""
+        return tuple(self.demand_files)
+
+    @property
+    def relation(self) -> Equilibrium:
+        """Speed and flow of its drivers at each density."""
+        return Equilibrium.of(self.drivers)
+
+    @cached_property
+    def road(self) -> Road:
+        """The road frame with the section that is scored."""
+        return self.corridor.road(self.section_m)
+
+    def fingerprint(self) -> str:
+        """Return eight letters that change with the road, the vehicle types and the drivers."""
+        digest = hashlib.sha256(self.net_file.read_bytes())
+        if self.vehicle_types_file is not None:
+            digest.update(self.vehicle_types_file.read_bytes())
+        digest.update(self.drivers.model_dump_json().encode())
+        return digest.hexdigest()[:8]
+
+    def demand(self, name: str) -> Demand:
+        """Return a named demand.
+
+        Raises:
+            UserError: The network has no demand of that name.
+        """
+        if name not in self.demand_files:
+            known = ", ".join(self.demand_files) or "none"
+            raise UserError(f"--demand {name}: {self.name} has no such demand; known are: {known}")
+        entry = self.demand_files[name]
+        standard = self.demand_for_density(entry.density_veh_per_km_lane)
+        given = entry.model_dump(exclude={"description"}, exclude_none=True)
+        return Demand(**{**standard.__dict__, **given})
+
+    def with_demand(self, name: str, demand: DemandFile) -> Network:
+        """Return the same network with one demand added or replaced."""
+        return replace(self, demand_files={**self.demand_files, name: demand})
+
+    def demand_for_density(self, density_veh_per_km_lane: float) -> Demand:
+        """Return the demand that ``--density`` asks for on this network.
+
+        Raises:
+            UserError: The density is not a number or out of range.
+        """
+        return demand_for_density(density_veh_per_km_lane, self.corridor.main_lanes, self.relation)
+
+
+def available_networks() -> tuple[NetworkDescription, ...]:
+    """Describe the networks that come with the project, by name."""
+    return tuple(_describe(load_network(folder.name)) for folder in _network_folders())
+
+
+def load_network(name_or_path: str) -> Network:
+    """Load a network by its name, or from a folder or ``.sumocfg`` file of the user's own.
+
+    Raises:
+        UserError: There is no such network, or its files are missing or malformed.
+    """
+    for folder in _network_folders():
+        if folder.name == name_or_path:
+            return _from_metadata(folder, name_or_path)
+    path = Path(name_or_path)
+    if path.is_dir():
+        return _from_folder(path)
+    if path.suffix == ".sumocfg":
+        return _from_sumocfg(path)
+    known = ", ".join(folder.name for folder in _network_folders())
+    raise UserError(f"--net {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
+
+
+def default_demand(name_or_path: str) -> str | None:
+    """Return the demand that is driven where the user asks for none; None where that is a density.
+
+    Only the network's ``network.toml`` is read; of a network that does not exist nothing is known here.
+    """
+    shipped = [folder for folder in _network_folders() if folder.name == name_or_path]
+    metadata = (shipped[0] if shipped else Path(name_or_path)) / METADATA_FILE
+    return read_toml(metadata, NetworkFile).default_demand if metadata.is_file() else None
+
+
+def _network_folders() -> list[Path]:
+    root = Path(str(files("networks")))
+    return sorted(entry.parent for entry in root.glob(f"*/{METADATA_FILE}"))
+
+
+def _from_folder(folder: Path) -> Network:
+    if (folder / METADATA_FILE).is_file():
+        return _from_metadata(folder, str(folder))
+    configurations = sorted(folder.glob("*.sumocfg"))
+    if len(configurations) != 1:
+        raise UserError(
+            f"--net {folder}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
+            f"it has {len(configurations)} of the latter"
+        )
+    return _from_sumocfg(configurations[0])
+
+
+def _from_metadata(folder: Path, name: str) -> Network:
+    content = read_toml(folder / METADATA_FILE, NetworkFile)
+    calibration_file, measured_file = (
+        None if entry is None else folder / entry for entry in (content.calibration_file, content.measured_file)
+    )
+    drivers, demands = content.drivers or Drivers(), content.demands
+    calibrated_names: tuple[str, ...] = ()
+    if calibration_file is not None and calibration_file.is_file():
+        calibrated = read_toml(calibration_file, CalibrationFile)
+        drivers, demands = calibrated.drivers, {**demands, **calibrated.demands}
+        calibrated_names = tuple(calibrated.demands)
+    if content.default_demand is not None and content.default_demand not in demands:
+        raise UserError(f"{folder / METADATA_FILE}: default_demand {content.default_demand} is none of its demands")
+    net_file = folder / content.net_file
+    net = read_net(net_file)
+    types_file = folder / content.vehicle_types_file
+    if not types_file.is_file():
+        raise UserError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
+    corridor = corridor_from_net(net, content.corridor, content.corridor_start_m)
+    return Network(
+        name=name,
+        description=content.description,
+        net_file=net_file,
+        corridor=corridor,
+        section_m=content.section_m,
+        ego_lanes=content.ego_lanes,
+        on_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=True) for ramp in content.on_ramps),
+        off_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=False) for ramp in content.off_ramps),
+        vehicle_types_file=types_file,
+        drivers=drivers,
+        demand_files=demands,
+        default_demand=content.default_demand,
+        calibrated=calibrated_names,
+        calibration_file=calibration_file,
+        measured_file=measured_file,
+    )
+
+
+def _from_sumocfg(path: Path) -> Network:
+    """Take the longest stretch of road as the main road and leave a margin at its ends unscored."""
+    configuration = read_sumocfg(path)
+    net = read_net(configuration.net_file)
+    edges, length_m = longest_corridor(net)
+    margin_m = min(150.0, 0.15 * length_m)
+    corridor = corridor_from_net(net, edges, -margin_m)
+    return Network(
+        name=str(path),
+        description=f"the user's own network, main road {edges[0]} ... {edges[-1]}",
+        net_file=configuration.net_file,
+        corridor=corridor,
+        section_m=(0.0, length_m - 2.0 * margin_m),
+        ego_lanes=tuple(range(1, corridor.main_lanes + 1))[1:-1] or tuple(range(1, corridor.main_lanes + 1)),
+        configuration=configuration,
+    )
+
+
+def _describe(network: Network) -> NetworkDescription:
+    return NetworkDescription(
+        name=network.name,
+        description=network.description,
+        demands=tuple((name, entry.description) for name, entry in network.demand_files.items()),
+        section_length_m=network.section_m[1] - network.section_m[0],
+        lanes=network.corridor.main_lanes,
+        size_kb=network.net_file.stat().st_size / 1024.0,
+    )

@@ -1,0 +1,123 @@
+"""The one simulation that a run drives, in this process or in a window: start, stop, and errors in our words."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, Protocol
+
+from harness.errors import RunError, UserError
+from harness.truth.sumo.window import SumoWindow, open_window
+
+QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")
+
+
+class Sumo(Protocol):
+    """What is used of SUMO's interface: of the module ``libsumo``, or of a ``harness.truth.sumo.window.SumoWindow``.
+
+    Attributes:
+        vehicle: Commands on vehicles; so on with lanes, edges, routes and the simulation.
+        TraCIException: Raised where SUMO refuses a command.
+        FatalTraCIError: Raised where SUMO is gone.
+    """
+
+    vehicle: Any
+    lane: Any
+    edge: Any
+    route: Any
+    simulation: Any
+    TraCIException: type[Exception]
+    FatalTraCIError: type[Exception]
+
+    def simulationStep(self) -> object:  # noqa: N802  (SUMO's name)
+        """Advance by one step."""
+        ...
+
+    def isLoaded(self) -> bool:  # noqa: N802  (SUMO's name)
+        """Whether a simulation is open."""
+        ...
+
+    def close(self) -> None:
+        """End the simulation."""
+        ...
+
+
+def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = False) -> Sumo:
+    """Start SUMO in this process, or sumo-gui beside it, and return its interface.
+
+    Raises:
+        UserError: SUMO refuses its input, or no window can be opened.
+        RunError: A simulation is already open in this process.
+    """
+    fixed = ("--step-length", f"{step_s:g}", "--seed", str(seed), "--step-method.ballistic", "true")
+    if gui:
+        return open_window([*arguments, *fixed, *QUIET])
+    with _silent_native_streams():
+        import libsumo  # noqa: PLC0415  (heavy)
+
+    if libsumo.isLoaded():
+        raise RunError("a SUMO simulation is open already; a process can hold one at a time")
+    try:
+        with _silent_native_streams():
+            libsumo.start(["sumo", *arguments, *fixed, *QUIET])
+    except libsumo.TraCIException as error:
+        stop_sumo(libsumo)
+        raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
+    except libsumo.FatalTraCIError as error:
+        raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
+    sumo: Sumo = libsumo
+    return sumo
+
+
+@contextmanager
+def sumo_errors_in_words(sumo: Sumo) -> Iterator[None]:
+    """Turn what SUMO raises inside into our own errors.
+
+    Raises:
+        RunError: SUMO fails, or the user has closed its window.
+    """
+    try:
+        yield
+    except (sumo.TraCIException, sumo.FatalTraCIError, ConnectionError) as error:
+        if isinstance(sumo, SumoWindow) and not isinstance(error, sumo.TraCIException):
+            raise RunError(sumo.how_it_ended()) from error
+        raise RunError(f"SUMO failed: {_one_line(error)}") from error
+
+
+def show_ego(sumo: Sumo, vehicle_id: str) -> None:
+    """Let the window, if there is one, follow a vehicle."""
+    if isinstance(sumo, SumoWindow):
+        sumo.follow(vehicle_id)
+
+
+def stop_sumo(sumo: Sumo) -> None:
+    """Close the simulation; harmless where none is open."""
+    with suppress(sumo.TraCIException, sumo.FatalTraCIError), _silent_native_streams():
+        if sumo.isLoaded():
+            sumo.close()
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+@contextmanager
+def _silent_native_streams() -> Iterator[None]:
+    """Keep what the C++ side writes to the process's own streams away from the user's screen and from ``--json``."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = os.dup(1), os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os.dup2(saved[0], 1)
+        os.dup2(saved[1], 2)
+        for descriptor in (*saved, nowhere):
+            os.close(descriptor)

@@ -1,0 +1,1 @@
+"""Markdown, figures, numbers and progress; knows nothing of traffic or tracking."""

@@ -1,0 +1,1 @@
+"""What surrounds each particle: neighbours, lanes, shadows."""

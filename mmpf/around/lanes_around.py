@@ -1,0 +1,122 @@
+"""The lane that each particle is in, its lines, and the lanes beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.threads import in_shares
+from mmpf.road import Road
+
+LaneArray = npt.NDArray[np.int32]
+
+OFF_ROAD = -1
+OWN, LEFT, RIGHT = range(3)
+# A vehicle this far outside of every lane still belongs to the nearest one.
+SHOULDER_M = 1.0
+
+
+@dataclass(frozen=True)
+class LanesAround:
+    """The lanes at each particle, struct of arrays.
+
+    Attributes:
+        index: Indices of its own lane and of the ones to its left and right, rows ``OWN``, ``LEFT`` and ``RIGHT``,
+            ``OFF_ROAD`` for none, shape (3, n).
+        has_beside: Whether there is a lane to its left and to its right, shape (2, n).
+        line_m: Lateral positions of its own lane's right and left line, nan off the road, shape (2, n).
+    """
+
+    index: LaneArray
+    has_beside: npt.NDArray[np.bool_]
+    line_m: FloatArray
+
+
+def lanes_around(lon_m: FloatArray, lat_m: FloatArray, road: Road) -> LanesAround:
+    """Return the lanes at each particle.
+
+    Args:
+        lon_m: Particles' longitudinal positions, shape (n,).
+        lat_m: Particles' lateral positions, shape (n,).
+        road: The lanes.
+    """
+    n = len(lon_m)
+    around = LanesAround(np.empty((3, n), dtype=np.int32), np.empty((2, n), dtype=np.bool_), np.empty((2, n)))
+    left, right = _adjacent_lanes(road)
+    lanes = road.lane_table
+
+    def find_lanes(begin: int, end: int) -> None:
+        _find_lanes(begin, end, lon_m, lat_m, lanes, left, right, around.index, around.has_beside, around.line_m)
+
+    in_shares(find_lanes, n)
+    return around
+
+
+def _adjacent_lanes(road: Road) -> tuple[IntArray, IntArray]:
+    """Return for each lane the index of the lane to its left and to its right, ``OFF_ROAD`` if there is none."""
+    table = road.lane_table
+    touches = np.abs(table[:, None, 2] - table[None, :, 1]) < 0.5
+    left = np.where(touches.any(axis=1), touches.argmax(axis=1), OFF_ROAD)
+    right = np.where(touches.any(axis=0), touches.argmax(axis=0), OFF_ROAD)
+    return left, right
+
+
+@numba.njit(cache=True, nogil=True)
+def _find_lanes(
+    begin: int,
+    end: int,
+    lon: FloatArray,
+    lat: FloatArray,
+    lanes: FloatArray,
+    left: IntArray,
+    right: IntArray,
+    lane: LaneArray,
+    has_lane: npt.NDArray[np.bool_],
+    lane_line: FloatArray,
+) -> None:
+    """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
+    own, own_left, own_right = lane[OWN], lane[LEFT], lane[RIGHT]
+    at, beside_left, beside_right = 0, OFF_ROAD, OFF_ROAD
+    right_m, left_m, start_m, end_m = np.inf, -np.inf, 0.0, 0.0
+    for n in range(begin, end):
+        # A particle is mostly in the lane of the one before it.
+        if not (right_m < lat[n] < left_m and start_m <= lon[n] < end_m):
+            at = _lane_at(lanes, lon[n], lat[n])
+            if at == OFF_ROAD:
+                beside_left, beside_right = OFF_ROAD, OFF_ROAD
+                right_m, left_m = np.nan, np.nan
+            else:
+                beside_left, beside_right = left[at], right[at]
+                right_m, left_m, start_m, end_m = lanes[at, 1], lanes[at, 2], lanes[at, 3], lanes[at, 4]
+        own[n] = at
+        own_left[n] = _lane_if_there(lanes, beside_left, lon[n])
+        own_right[n] = _lane_if_there(lanes, beside_right, lon[n])
+        has_lane[0, n], has_lane[1, n] = own_left[n] >= 0, own_right[n] >= 0
+        lane_line[0, n], lane_line[1, n] = right_m, left_m
+
+
+@numba.njit(cache=True)
+def _lane_if_there(lanes: FloatArray, lane: int, lon: float) -> int:
+    return lane if lane >= 0 and lanes[lane, 3] <= lon < lanes[lane, 4] else OFF_ROAD
+
+
+@numba.njit(cache=True)
+def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
+    """Return the lane that a position is in or next to, ``OFF_ROAD`` if there is none, as on a ramp."""
+    smallest = SHOULDER_M
+    nearest = OFF_ROAD
+    for k in range(len(lanes)):
+        if lon < lanes[k, 3] or lon >= lanes[k, 4]:
+            continue
+        distance = abs(lat - 0.5 * (lanes[k, 1] + lanes[k, 2])) - 0.5 * (lanes[k, 2] - lanes[k, 1])
+        if distance < smallest:
+            smallest = distance
+            nearest = k
+            if distance < 0.0:
+                # Inside it: lanes do not overlap.
+                break
+    return nearest

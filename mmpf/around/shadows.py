@@ -1,0 +1,347 @@
+"""What the tracker's own tracks hide from the sensor: the expected visible fraction of each particle's vehicle.
+
+Every component that probably exists casts a shadow behind a rectangle of its estimated size. A table over bearing
+holds the two nearest surfaces, so that no component lies in its own shadow; each particle looks up the rays over its
+extent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.threads import in_shares
+from mmpf.scan import EgoPose, FreeSpace
+
+BEARINGS = 1440
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Sizes of the components' vehicles, struct of arrays of shape (m,).
+
+    Attributes:
+        length_m: Lengths.
+        width_m: Widths.
+    """
+
+    length_m: FloatArray
+    width_m: FloatArray
+
+
+@dataclass(frozen=True)
+class DepthTable:
+    """The two nearest surfaces in each bearing sector, shapes (2, BEARINGS).
+
+    Attributes:
+        depth_m: Distance of the surface, infinite where there is none.
+        caster: Index of the component that it belongs to, -1 where there is none.
+    """
+
+    depth_m: FloatArray
+    caster: IntArray
+
+
+def depth_table(
+    ego: EgoPose,
+    lon_m: FloatArray,
+    lat_m: FloatArray,
+    casts_shadow: npt.NDArray[np.bool_],
+    bodies: Bodies,
+) -> DepthTable:
+    """Return the surfaces that the components' rectangles present to the sensor.
+
+    Args:
+        ego: Pose of the sensor.
+        lon_m: Components' mean longitudinal positions, shape (m,).
+        lat_m: Components' mean lateral positions, shape (m,).
+        casts_shadow: Which of them count, shape (m,).
+        bodies: Their sizes; they are taken to point along the road.
+    """
+    depth = np.full((2, BEARINGS), np.inf)
+    caster = np.full((2, BEARINGS), -1, dtype=np.int64)
+    _cast_shadows(
+        lon_m - ego.lon_m,
+        lat_m - ego.lat_m,
+        casts_shadow,
+        0.5 * bodies.length_m,
+        0.5 * bodies.width_m,
+        depth,
+        caster,
+    )
+    return DepthTable(depth, caster)
+
+
+def visible_fractions(
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, bodies: Bodies, table: DepthTable
+) -> FloatArray:
+    """Return the share of each particle's angular extent that no other component's shadow covers, shape (n,).
+
+    Args:
+        ego: Pose of the sensor.
+        lon_m: Particles' longitudinal positions, shape (n,).
+        lat_m: Particles' lateral positions, shape (n,).
+        component: Each particle's component, whose own shadow does not count, shape (n,).
+        bodies: Sizes of the components' vehicles.
+        table: The surfaces around.
+    """
+    fraction = np.empty(len(lon_m))
+    x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
+    half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
+
+    def look_up(begin: int, end: int) -> None:
+        some = slice(begin, end)
+        look_up_rays(
+            x[some],
+            y[some],
+            component[some],
+            table.depth_m,
+            table.caster,
+            half_length,
+            half_width,
+            fraction[some],
+        )
+
+    in_shares(look_up, len(fraction), cost=2.0)
+    return fraction
+
+
+def shadowed_share(
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace
+) -> FloatArray:
+    """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
+
+    Args:
+        ego: Pose of the sensor.
+        lon_m: Longitudinal positions, shape (m,).
+        lat_m: Lateral positions, shape (m,).
+        bodies: The vehicles' sizes, shape (m,).
+        free_space: The sensor's own free distances.
+    """
+    depth = np.full((2, len(free_space.range_m)), np.inf)
+    depth[0] = free_space.range_m
+    caster = np.full(depth.shape, -2, dtype=np.int64)
+    fraction = np.empty(len(lon_m))
+    half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
+    each = np.arange(len(lon_m))
+    look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, each, depth, caster, half_length, half_width, fraction)
+    return 1.0 - fraction
+
+
+@numba.njit(cache=True)
+def _cast_shadows(
+    x: FloatArray,
+    y: FloatArray,
+    casts_shadow: npt.NDArray[np.bool_],
+    half_length: FloatArray,
+    half_width: FloatArray,
+    depth: FloatArray,
+    caster: IntArray,
+) -> None:
+    sectors = depth.shape[1]
+    width = 2.0 * np.pi / sectors
+    for m in range(len(x)):
+        if not casts_shadow[m]:
+            continue
+        if abs(x[m]) <= half_length[m] and abs(y[m]) <= half_width[m]:
+            continue
+        centre, half = _angular_extent(x[m], y[m], half_length[m], half_width[m])
+        first = int(np.floor((centre - half + np.pi) / width))
+        last = int(np.floor((centre + half + np.pi) / width))
+        for k in range(first, last + 1):
+            bearing = -np.pi + (k + 0.5) * width
+            entry = _ray_entry(np.cos(bearing), np.sin(bearing), x[m], y[m], half_length[m], half_width[m])
+            if entry < 0.0:
+                continue
+            sector = k % sectors
+            if entry < depth[0, sector]:
+                depth[1, sector], caster[1, sector] = depth[0, sector], caster[0, sector]
+                depth[0, sector], caster[0, sector] = entry, m
+            elif entry < depth[1, sector]:
+                depth[1, sector], caster[1, sector] = entry, m
+
+
+@numba.njit(cache=True)
+def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
+    """Return the centre bearing and the half-width of an axis-aligned rectangle's extent, seen from the origin."""
+    centre = np.arctan2(y, x)
+    if abs(x) <= half_length and abs(y) <= half_width:
+        return centre, np.pi
+    cosine, sine = np.cos(centre), np.sin(centre)
+    half = 0.0
+    for corner in range(4):
+        corner_x = x + (half_length if corner % 2 == 0 else -half_length)
+        corner_y = y + (half_width if corner < 2 else -half_width)
+        along = corner_x * cosine + corner_y * sine
+        across = corner_y * cosine - corner_x * sine
+        half = max(half, abs(np.arctan2(across, along)))
+    return centre, half
+
+
+@numba.njit(cache=True)
+def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: float, half_width: float) -> float:
+    """Return the distance at which a ray from the origin enters the rectangle (slab test), -1 if it misses."""
+    enter, leave = 0.0, np.inf
+    for direction, centre, half in ((cosine, x, half_length), (sine, y, half_width)):
+        if abs(direction) < 1e-12:
+            if abs(centre) > half:
+                return -1.0
+            continue
+        near, far = (centre - half) / direction, (centre + half) / direction
+        if near > far:
+            near, far = far, near
+        enter, leave = max(enter, near), min(leave, far)
+    return enter if enter <= leave else -1.0
+
+
+LARGEST_RAY_COUNT = 16
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def look_up_rays(
+    x: FloatArray,
+    y: FloatArray,
+    component: IntArray,
+    depth: FloatArray,
+    caster: IntArray,
+    half_length: FloatArray,
+    half_width: FloatArray,
+    fraction: FloatArray,
+) -> None:
+    """Write the share of each particle's rays that reach it, shape (n,).
+
+    Args:
+        x: Particles' longitudinal positions from the sensor, metres, shape (n,).
+        y: Their lateral positions from the sensor, metres, shape (n,).
+        component: Their components, whose own surfaces do not count, shape (n,).
+        depth: The two nearest surfaces in each bearing sector, metres, shape (2, sectors).
+        caster: The components that these belong to, shape (2, sectors).
+        half_length: Half the lengths of the components' vehicles, metres, shape (m,).
+        half_width: Half their widths, metres, shape (m,).
+        fraction: The share of the rays, written, shape (n,).
+    """
+    begin = 0
+    while begin < len(x):
+        end = begin + 1
+        while end < len(x) and component[end] == component[begin]:
+            end += 1
+        own = component[begin]
+        own_x, own_y = x[begin:end], y[begin:end]
+        length, width = half_length[own], half_width[own]
+        alike = _fraction_of_all(own_x, own_y, own, depth, caster, length, width)
+        if alike >= 0.0:
+            fraction[begin:end] = alike
+        else:
+            _fraction_of_each(own_x, own_y, own, depth, caster, length, width, fraction[begin:end])
+        begin = end
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fraction_of_all(
+    x: FloatArray, y: FloatArray, own: int, depth: FloatArray, caster: IntArray, half_length: float, half_width: float
+) -> float:
+    """Return 1 if nothing stands before the box around a whole component, 0 if all of it lies in shadow, else -1.
+
+    Exact: where it says 1 or 0, every ray of every particle would.
+    """
+    low_x, high_x, low_y, high_y = x[0], x[0], y[0], y[0]
+    for n in range(len(x)):
+        low_x, high_x = min(low_x, x[n]), max(high_x, x[n])
+        low_y, high_y = min(low_y, y[n]), max(high_y, y[n])
+    if low_x <= 0.0 and low_y <= 0.0 <= high_y:
+        # Around the sensor or across the table's ends, where the box's corners are not its outermost bearings.
+        return -1.0
+    apart_x, apart_y = max(low_x, -high_x, 0.0), max(low_y, -high_y, 0.0)
+    far_x, far_y = max(abs(low_x), abs(high_x)), max(abs(low_y), abs(high_y))
+    near, far = np.sqrt(apart_x * apart_x + apart_y * apart_y), np.sqrt(far_x * far_x + far_y * far_y)
+    corners = (_bearing(low_x, low_y), _bearing(low_x, high_y), _bearing(high_x, low_y), _bearing(high_x, high_y))
+    half = _arctangent((half_length * far_y + half_width * far_x) / max(near * near, 1e-12))
+    sectors = depth.shape[1]
+    per_radian = sectors / (2.0 * np.pi)
+    first = int(np.floor((min(corners) - half + np.pi) * per_radian - 1e-6))
+    last = int(np.floor((max(corners) + half + np.pi) * per_radian + 1e-6))
+    is_clear, is_shadowed = True, True
+    for k in range(first, last + 1):
+        sector = k % sectors
+        surface = depth[1, sector] if caster[0, sector] == own else depth[0, sector]
+        is_clear &= surface >= far
+        is_shadowed &= surface < near
+        if not is_clear and not is_shadowed:
+            return -1.0
+    return 1.0 if is_clear else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fraction_of_each(
+    x: FloatArray,
+    y: FloatArray,
+    own: int,
+    depth: FloatArray,
+    caster: IntArray,
+    half_length: float,
+    half_width: float,
+    fraction: FloatArray,
+) -> None:
+    """Look up each particle's own rays."""
+    sectors = depth.shape[1]
+    per_radian = sectors / (2.0 * np.pi)
+    nearest, behind, nearest_caster = depth[0], depth[1], caster[0]
+    for n in range(len(x)):
+        distance = np.sqrt(x[n] * x[n] + y[n] * y[n])
+        # The rectangle's silhouette: half-width across the line of sight over the distance.
+        across = (half_length * abs(y[n]) + half_width * abs(x[n])) / max(distance, 1e-6)
+        half = _arctangent(across / max(distance, 1e-6)) * per_radian
+        rays = min(max(int(2.0 * half), 3), LARGEST_RAY_COUNT)
+        step = 2.0 * half / rays
+        first = (_bearing(x[n], y[n]) + np.pi) * per_radian - half + 0.5 * step
+        if first < 0.0:
+            first += sectors
+        clear = 0
+        for k in range(rays):
+            sector = int(first + k * step)
+            # At most one turn too far: a remainder would cost more than all the rest.
+            if sector >= sectors:
+                sector -= sectors
+            surface = behind[sector] if nearest_caster[sector] == own else nearest[sector]
+            clear += surface >= distance
+        fraction[n] = clear / rays
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _bearing(x: float, y: float) -> float:
+    """Return the direction of a point seen from the origin, as ``arctan2(y, x)``."""
+    largest = max(abs(x), abs(y))
+    if largest == 0.0:
+        return 0.0
+    angle = _arctangent(min(abs(x), abs(y)) / largest)
+    if abs(y) > abs(x):
+        angle = 0.5 * np.pi - angle
+    if x < 0.0:
+        angle = np.pi - angle
+    return -angle if y < 0.0 else angle
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _arctangent(t: float) -> float:
+    """Return the arctangent of a number that is not negative, in half the library's time (Moshier's Cephes)."""
+    offset = 0.0
+    if t > 2.414213562373095:
+        offset, t = 0.5 * np.pi, -1.0 / t
+    elif t > 0.66:
+        offset, t = 0.25 * np.pi, (t - 1.0) / (t + 1.0)
+    z = t * t
+    above = -8.750608600031904122785e-1
+    above = above * z - 1.615753718733365076637e1
+    above = above * z - 7.500855792314704667340e1
+    above = above * z - 1.228866684490136173410e2
+    above = above * z - 6.485021904942025371773e1
+    below = z + 2.485846490142306297962e1
+    below = below * z + 1.650270098316988542046e2
+    below = below * z + 4.328810604912902668951e2
+    below = below * z + 4.853903996359136964868e2
+    below = below * z + 1.945506571482613964425e2
+    return offset + (t + t * z * above / below)

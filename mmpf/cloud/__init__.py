@@ -1,0 +1,1 @@
+"""Particles and components: moments, resampling, birth, sizes."""

@@ -1,0 +1,118 @@
+"""New components: particles drawn around detections that nothing explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
+from mmpf.cloud.sizes import with_measured_sizes
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.motion.protocol import MotionModel
+from mmpf.options import BirthOptions, Footprint
+from mmpf.scan import Detections
+from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What is known of speeds around a birth place, struct of arrays over k vehicles, the ego among them.
+
+    Attributes:
+        lon_m: Longitudinal positions, shape (k,).
+        speed_mps: Speeds, shape (k,).
+    """
+
+    lon_m: FloatArray
+    speed_mps: FloatArray
+
+
+def give_birth(
+    mixture: Mixture,
+    keep: npt.NDArray[np.bool_],
+    detections: Detections,
+    chosen: IntArray,
+    existence: FloatArray,
+    traffic: Traffic,
+    motion: MotionModel,
+    particles: int,
+    options: BirthOptions,
+    vehicle: Footprint,
+    rng: np.random.Generator,
+) -> Mixture:
+    """Add one component for each chosen detection and let go of those that are not kept: one copy of all particles.
+
+    Where the sensor measures no speed, it is drawn partly near the speed of the traffic around and partly from
+    everything that is possible: a prior near the neighbours alone loses the fast lane.
+
+    Args:
+        mixture: The belief so far.
+        keep: Components that stay, shape (m,).
+        detections: The scan's detections.
+        chosen: Indices of those that start a component, shape (k,).
+        existence: Existence probability of each new component, shape (k,).
+        traffic: Speeds around.
+        motion: Draws the latents of the new particles.
+        particles: Particles per component.
+        options: Spreads.
+        vehicle: Size of a vehicle before it is measured.
+        rng: Source of randomness.
+    """
+    if len(chosen) == 0:
+        return mixture.keep(keep)
+    state = _draw_states(detections, chosen, traffic, particles, options, rng)
+    track_id = mixture.next_track_id + np.arange(len(chosen))
+    even = np.full(state.shape[1], -np.log(particles))
+    cloud = ParticleCloud(
+        state=state,
+        log_weight=even,
+        log_raw_weight=even,
+        component=np.repeat(np.arange(len(chosen)), particles),
+        log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
+        latents=motion.draw_latents(state, rng),
+    )
+    components = Components.newborn(track_id, existence, vehicle)
+    if detections.sizes is not None:
+        components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
+    return mixture.keep_and_join(keep, cloud, components)
+
+
+def _draw_states(
+    detections: Detections,
+    chosen: IntArray,
+    traffic: Traffic,
+    particles: int,
+    options: BirthOptions,
+    rng: np.random.Generator,
+) -> FloatArray:
+    shape = (len(chosen), particles)
+
+    def normal(mean: FloatArray, std: FloatArray | float) -> FloatArray:
+        spread = np.broadcast_to(std, mean.shape)
+        return mean[:, None] + spread[:, None] * rng.standard_normal(shape)
+
+    local_speed = _local_speed(detections.lon_m[chosen], traffic, options.local_range_m)
+    near = normal(local_speed, options.local_speed_std_mps)
+    anything = normal(local_speed, options.other_speed_std_mps)
+    speed = np.where(rng.uniform(size=shape) < options.local_speed_share, near, anything)
+    measured = np.isfinite(detections.speed_mps[chosen])
+    around_measurement = normal(
+        np.nan_to_num(detections.speed_mps[chosen]), np.nan_to_num(detections.std_speed_mps[chosen])
+    )
+    speed = np.where(measured[:, None], around_measurement, speed)
+
+    state = np.empty((STATE_SIZE, *shape))
+    state[LON] = normal(detections.lon_m[chosen], detections.std_lon_m[chosen])
+    state[LAT] = normal(detections.lat_m[chosen], detections.std_lat_m[chosen])
+    state[SPEED] = np.maximum(speed, 0.0)
+    state[LAT_SPEED] = options.lat_speed_std_mps * rng.standard_normal(shape)
+    state[ACCEL] = options.accel_std_mps2 * rng.standard_normal(shape)
+    state[-1] = 0.0
+    return state.reshape(STATE_SIZE, -1)
+
+
+def _local_speed(lon_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:
+    weight = np.exp(-0.5 * ((lon_m[:, None] - traffic.lon_m[None, :]) / range_m) ** 2) + 1e-9
+    return np.asarray(weight @ traffic.speed_mps / weight.sum(axis=1))

@@ -1,0 +1,215 @@
+"""The filter's belief: particles and components, struct of arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.options import MEAN_CAR, Footprint
+from mmpf.state import STATE_SIZE
+
+NEVER = -1
+
+
+@dataclass(frozen=True)
+class ParticleCloud:
+    """All particles of all components, struct of arrays over n particles, those of one component side by side.
+
+    The paper's self-contained particle p = [x, w, w~, c, pi] (section II-B), weights as logarithms.
+
+    Attributes:
+        state: x, shape (6, n): longitudinal and lateral position, speed, acceleration; rows ``LON`` to ``LAT_ACCEL``.
+        log_weight: log w, which sums to one within each component, shape (n,).
+        log_raw_weight: log w~ of equation (10), shape (n,).
+        component: c, index of the particle's component, ascending, shape (n,).
+        log_component_weight: log pi of the particle's component, shape (n,).
+        latents: What the motion model carries beside the state, shape (latent_size, n).
+    """
+
+    state: FloatArray
+    log_weight: FloatArray
+    log_raw_weight: FloatArray
+    component: IntArray
+    log_component_weight: FloatArray
+    latents: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.component)
+
+    def starts(self, components: int) -> IntArray:
+        """Return where each component's particles begin, and the end of the last, shape (components + 1,)."""
+        return np.searchsorted(self.component, np.arange(components + 1))
+
+    def take(self, particles: IntArray, component: IntArray) -> ParticleCloud:
+        """Return the chosen particles under new component indices, weights as they are.
+
+        Args:
+            particles: Indices of the particles to keep, shape (k,).
+            component: Their components' new indices, ascending, shape (k,).
+        """
+        return ParticleCloud(
+            state=self.state.take(particles, axis=1),
+            log_weight=self.log_weight[particles],
+            log_raw_weight=self.log_raw_weight[particles],
+            component=component,
+            log_component_weight=self.log_component_weight[particles],
+            latents=self.latents.take(particles, axis=1),
+        )
+
+    def stretches(
+        self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None
+    ) -> ParticleCloud:
+        """Return stretches of particles one after the other, then another cloud's, weights as they are.
+
+        Args:
+            stretches: Particles to keep.
+            component: New component indices of all, ascending.
+            then: What to put behind.
+        """
+
+        def joined(values: FloatArray, others: FloatArray | None) -> FloatArray:
+            parts = [values[..., :0], *(values[..., stretch] for stretch in stretches)]
+            return np.concatenate(parts if others is None else [*parts, others], axis=-1)
+
+        return ParticleCloud(
+            state=joined(self.state, None if then is None else then.state),
+            log_weight=joined(self.log_weight, None if then is None else then.log_weight),
+            log_raw_weight=joined(self.log_raw_weight, None if then is None else then.log_raw_weight),
+            component=component,
+            log_component_weight=joined(self.log_component_weight, None if then is None else then.log_component_weight),
+            latents=joined(self.latents, None if then is None else then.latents),
+        )
+
+
+@dataclass(frozen=True)
+class Components:
+    """What the filter keeps of each mixture component beside its particles, struct of arrays over m components.
+
+    Attributes:
+        track_id: Identity that is reported.
+        existence: Probability that the component is a vehicle.
+        confirmed: Whether the component has been reported as a track.
+        hits: Scans in which a detection was attributed to it.
+        age_scans: Scans since its birth.
+        unseen_s: Time since its last hit.
+        overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
+        overlap_scans: For how many scans in a row.
+        length_m: Estimated length of the vehicle.
+        width_m: Estimated width.
+        std_length_m: Standard deviation of the length.
+        std_width_m: Standard deviation of the width.
+    """
+
+    track_id: IntArray
+    existence: FloatArray
+    confirmed: npt.NDArray[np.bool_]
+    hits: IntArray
+    age_scans: IntArray
+    unseen_s: FloatArray
+    overlap_with: IntArray
+    overlap_scans: IntArray
+    length_m: FloatArray
+    width_m: FloatArray
+    std_length_m: FloatArray
+    std_width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def take(self, index: IntArray | npt.NDArray[np.bool_]) -> Components:
+        """Return the chosen components."""
+        return Components(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    @classmethod
+    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Components:
+        """Return components of their first scan, one detection each.
+
+        Args:
+            track_id: Their identities, shape (m,).
+            existence: Their existence probabilities, shape (m,).
+            vehicle: Their sizes as far as is known before any is measured.
+        """
+        zeros = np.zeros(len(track_id), dtype=np.int64)
+        return cls(
+            track_id=track_id,
+            existence=existence,
+            confirmed=np.zeros(len(track_id), dtype=np.bool_),
+            hits=zeros + 1,
+            age_scans=zeros,
+            unseen_s=np.zeros(len(track_id)),
+            overlap_with=zeros + NEVER,
+            overlap_scans=zeros,
+            length_m=np.full(len(track_id), vehicle.length_m),
+            width_m=np.full(len(track_id), vehicle.width_m),
+            std_length_m=np.full(len(track_id), vehicle.std_length_m),
+            std_width_m=np.full(len(track_id), vehicle.std_width_m),
+        )
+
+    @classmethod
+    def concatenate(cls, groups: list[Components]) -> Components:
+        """Join groups of components in order."""
+        return cls(*(np.concatenate([getattr(g, f.name) for g in groups]) for f in fields(cls)))
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """The filter's whole belief: equation (8) with its book-keeping.
+
+    Attributes:
+        cloud: The particles.
+        components: What is kept of each component.
+        next_track_id: The identity that the next new component gets.
+    """
+
+    cloud: ParticleCloud
+    components: Components
+    next_track_id: int = 1
+
+    def __len__(self) -> int:
+        return len(self.components)
+
+    @property
+    def starts(self) -> IntArray:
+        """Where each component's particles begin, and the end of the last, shape (m + 1,)."""
+        return self.cloud.starts(len(self.components))
+
+    @classmethod
+    def empty(cls, latent_size: int) -> Mixture:
+        """Return a belief without components."""
+        none, no_index = np.zeros(0), np.zeros(0, dtype=np.int64)
+        cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
+        return cls(cloud, Components.newborn(no_index, none))
+
+    def keep(self, keep: npt.NDArray[np.bool_]) -> Self:
+        """Return the belief with only the components where ``keep`` is true, shape (m,)."""
+        if keep.all():
+            return self
+        return replace(self, cloud=self._kept_cloud(keep), components=self.components.take(keep))
+
+    def keep_and_join(self, keep: npt.NDArray[np.bool_], cloud: ParticleCloud, components: Components) -> Self:
+        """Return the belief with the components to keep and further ones behind them.
+
+        Args:
+            keep: Which components stay, shape (m,).
+            cloud: Particles of the k further ones, which it counts from zero.
+            components: The further ones, k of them.
+        """
+        return replace(
+            self,
+            cloud=self._kept_cloud(keep, cloud),
+            components=Components.concatenate([self.components.take(keep), components]),
+            next_track_id=max(self.next_track_id, int(components.track_id.max(initial=0)) + 1),
+        )
+
+    def _kept_cloud(self, keep: npt.NDArray[np.bool_], then: ParticleCloud | None = None) -> ParticleCloud:
+        starts, kept = self.starts, int(keep.sum())
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
+        stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]
+        component = np.repeat(np.arange(kept), np.diff(starts)[keep])
+        if then is not None:
+            component = np.concatenate([component, kept + then.component])
+        return self.cloud.stretches(stretches, component, then)

@@ -1,0 +1,98 @@
+"""Means, spreads and effective sample sizes of components: what the rest of the filter asks of a particle cloud."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from mmpf.cloud.mixture import Mixture
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.threads import in_shares
+from mmpf.state import STATE_SIZE
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Weighted moments of each of m components.
+
+    Attributes:
+        mean: Mean state, shape (6, m).
+        variance: Variance of each state variable, shape (6, m).
+    """
+
+    mean: FloatArray
+    variance: FloatArray
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations, shape (6, m)."""
+        return np.sqrt(self.variance)
+
+
+def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Moments:
+    """Return the moments of components under their particles' weights.
+
+    They take a pass over the particles: whoever needs them in several places works them out once and hands them on.
+
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        chosen: Components that are asked for, shape (m,); None for all.
+    """
+    which = np.arange(len(mixture)) if chosen is None else chosen
+    mean = np.zeros((STATE_SIZE, len(which)))
+    variance = np.zeros((STATE_SIZE, len(which)))
+    weight = np.exp(mixture.cloud.log_weight)
+    state, starts = mixture.cloud.state, mixture.starts
+
+    def accumulate(begin: int, end: int) -> None:
+        _accumulate_moments(begin, end, which, state, weight, starts, mean, variance)
+
+    in_shares(accumulate, len(which), cost=500.0)
+    return Moments(mean, variance)
+
+
+def effective_sizes(mixture: Mixture) -> FloatArray:
+    """Return each component's effective sample size 1 / sum w^2, shape (m,)."""
+    effective_size = np.zeros(len(mixture))
+    _invert_sums_of_squares(np.exp(mixture.cloud.log_weight), mixture.starts, effective_size)
+    return effective_size
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _accumulate_moments(
+    begin: int,
+    end: int,
+    which: IntArray,
+    state: FloatArray,
+    weight: FloatArray,
+    starts: IntArray,
+    mean: FloatArray,
+    variance: FloatArray,
+) -> None:
+    # Loops run over slices from zero on: the compiler turns only those into vector instructions.
+    for c in range(begin, end):
+        own = slice(starts[which[c]], starts[which[c] + 1])
+        own_weight = weight[own]
+        for row in range(state.shape[0]):
+            values = state[row, own]
+            first = 0.0
+            for n in range(len(own_weight)):
+                first += own_weight[n] * values[n]
+            second = 0.0
+            for n in range(len(own_weight)):
+                centred = values[n] - first
+                second += own_weight[n] * centred * centred
+            mean[row, c] = first
+            variance[row, c] = second
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _invert_sums_of_squares(weight: FloatArray, starts: IntArray, effective_size: FloatArray) -> None:
+    for m in range(len(starts) - 1):
+        own_weight = weight[starts[m] : starts[m + 1]]
+        squares = 0.0
+        for n in range(len(own_weight)):
+            squares += own_weight[n] * own_weight[n]
+        effective_size[m] = 1.0 / squares if squares > 0.0 else 0.0

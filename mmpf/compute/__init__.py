@@ -1,0 +1,1 @@
+"""Arrays, random numbers and threads."""

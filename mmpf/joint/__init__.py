@@ -1,0 +1,1 @@
+"""The joint update: soft association of all components and detections."""

@@ -1,0 +1,75 @@
+"""Soft association: marginals of the bipartite components-by-detections graph by loopy belief propagation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from mmpf.compute.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Marginals:
+    """What belief propagation settles between m components and d detections.
+
+    Attributes:
+        detection_message: nu: how freely each detection offers itself to each component, shape (m, d).
+        unexplained: Share of each detection that no component explains, shape (d,).
+        probability: Probability that the detection came from the component, shape (m, d).
+    """
+
+    detection_message: FloatArray
+    unexplained: FloatArray
+    probability: FloatArray
+
+
+def associate(
+    evidence: FloatArray, missed: FloatArray, birth_density: float, exclusive: bool = True, iterations: int = 15
+) -> Marginals:
+    """Return association marginals (Williams and Lau 2014; Meyer et al., Proc. IEEE 2018, eqs. 30-32).
+
+    Args:
+        evidence: psi: weight of "the detection came from the component" against clutter, shape (m, d).
+        missed: Weight of "the component gave no detection", shape (m,), positive.
+        birth_density: b: weight of "the detection is a newborn vehicle" against clutter.
+        exclusive: Whether a detection may come from one component only. If not, each component takes every
+            detection as if it were alone, as in probabilistic data association.
+        iterations: Rounds of message passing.
+    """
+    components, detections = evidence.shape
+    if exclusive:
+        component_message, detection_message = _pass_messages(evidence, missed, birth_density, iterations)
+    else:
+        detection_message = np.full((components, detections), 1.0 / (1.0 + birth_density))
+        component_message = evidence / missed[:, None]
+    nothing_else = 1.0 + birth_density
+    unexplained = nothing_else / (nothing_else + component_message.sum(axis=0))
+    weighted = evidence * detection_message
+    probability = weighted / (missed + weighted.sum(axis=1))[:, None]
+    return Marginals(detection_message, unexplained, probability)
+
+
+@numba.njit(cache=True)
+def _pass_messages(
+    evidence: FloatArray, missed: FloatArray, birth_density: float, iterations: int
+) -> tuple[FloatArray, FloatArray]:
+    components, detections = evidence.shape
+    to_component = np.full((components, detections), 1.0 / (1.0 + birth_density))
+    to_detection = np.zeros((components, detections))
+    for _ in range(iterations):
+        for t in range(components):
+            total = missed[t]
+            for j in range(detections):
+                total += evidence[t, j] * to_component[t, j]
+            for j in range(detections):
+                others = total - evidence[t, j] * to_component[t, j]
+                to_detection[t, j] = evidence[t, j] / max(others, 1e-300)
+        for j in range(detections):
+            total = 1.0 + birth_density
+            for t in range(components):
+                total += to_detection[t, j]
+            for t in range(components):
+                to_component[t, j] = 1.0 / max(total - to_detection[t, j], 1.0 + birth_density)
+    return to_detection, to_component

@@ -1,0 +1,92 @@
+"""What a visible fraction is worth: the probabilities that the sensor detects each particle's vehicle."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from mmpf.compute.arrays import FloatArray
+from mmpf.scan import EgoPose, SensorModel
+
+
+def detection_probabilities(
+    visible_fraction: FloatArray, distance_m: FloatArray, sensor: SensorModel, hidden_probability: float
+) -> FloatArray:
+    """Return the probability of a detection given the visible fraction, the sensor's data sheet as a function.
+
+    Args:
+        visible_fraction: Visible fraction, shape (n,).
+        distance_m: Distance from the sensor, shape (n,).
+        sensor: The data sheet.
+        hidden_probability: What remains for a vehicle that seems hidden: the shadow may be wrong.
+    """
+    probability = np.empty(len(visible_fraction))
+    _by_data_sheet(
+        visible_fraction,
+        distance_m,
+        sensor.detection_probability,
+        sensor.full_view_fraction,
+        sensor.hidden_fraction,
+        sensor.range_m,
+        hidden_probability,
+        probability,
+    )
+    return probability
+
+
+def missed_probabilities(
+    visible_fraction: FloatArray, detection_probability: FloatArray, cap: float, begin: float, full: float
+) -> FloatArray:
+    """Return the detection probability that "not seen" is weighed with: never more than the actual one, shape (n,).
+
+    Args:
+        visible_fraction: Visible fraction, shape (n,).
+        detection_probability: Detection probability, shape (n,).
+        cap: The most that it can be, in full view.
+        begin: Visible fraction from which it rises from zero on.
+        full: Visible fraction from which it is ``cap``.
+    """
+    missed = np.empty(len(visible_fraction))
+    _rise_to_cap(visible_fraction, detection_probability, cap, begin, full, missed)
+    return missed
+
+
+def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
+    """Return distances from the sensor, shape (n,)."""
+    distance = np.empty(len(lon_m))
+    _distances(lon_m, lat_m, ego.lon_m, ego.lat_m, distance)
+    return distance
+
+
+@numba.njit(cache=True, nogil=True)
+def _by_data_sheet(
+    visible: FloatArray,
+    distance: FloatArray,
+    in_plain_view: float,
+    full_view_fraction: float,
+    hidden_fraction: float,
+    range_m: float,
+    hidden: float,
+    probability: FloatArray,
+) -> None:
+    per_fraction = 1.0 / full_view_fraction
+    for n in range(len(visible)):
+        is_unseen = (visible[n] < hidden_fraction) | (distance[n] > range_m)
+        probability[n] = hidden if is_unseen else in_plain_view * min(1.0, visible[n] * per_fraction)
+
+
+@numba.njit(cache=True, nogil=True)
+def _rise_to_cap(
+    visible: FloatArray, probability: FloatArray, cap: float, begin: float, full: float, missed: FloatArray
+) -> None:
+    per_fraction = 1.0 / (full - begin)
+    for n in range(len(visible)):
+        in_view = min(max((visible[n] - begin) * per_fraction, 0.0), 1.0)
+        missed[n] = min(probability[n], cap * in_view)
+
+
+@numba.njit(cache=True, nogil=True)
+def _distances(lon: FloatArray, lat: FloatArray, ego_lon: float, ego_lat: float, distance: FloatArray) -> None:
+    for n in range(len(lon)):
+        along, across = lon[n] - ego_lon, lat[n] - ego_lat
+        distance[n] = np.sqrt(along * along + across * across)

@@ -1,0 +1,233 @@
+"""What the detections say for each component and each particle: the sums of the joint update over particles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.scan import Detections
+from mmpf.state import LAT, LON, SPEED
+
+LOG_SMALLEST = float(np.log(1e-300))
+
+
+def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return weights that sum to one within each component, shape (n,)."""
+    weight = np.empty(len(log_weight))
+    _subtract_largest(log_weight, starts, weight)
+    np.exp(weight, out=weight)
+    return weight / np.repeat(totals(weight, starts), np.diff(starts))
+
+
+def association_evidence(
+    weight: FloatArray,
+    starts: IntArray,
+    detection_probability: FloatArray,
+    missed_probability: FloatArray,
+    likelihoods: GatedLikelihoods,
+    detections: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_missed] per component, shape (m,)."""
+    components = len(starts) - 1
+    evidence = np.zeros((components, detections))
+    not_seen = np.ones(components)
+    _sum_evidence(
+        weight,
+        starts,
+        detection_probability,
+        missed_probability,
+        likelihoods.component,
+        likelihoods.detection,
+        likelihoods.values,
+        likelihoods.starts,
+        evidence,
+        not_seen,
+    )
+    return evidence, not_seen
+
+
+def particle_factors(
+    detection_probability: FloatArray,
+    missed_probability: FloatArray,
+    starts: IntArray,
+    likelihoods: GatedLikelihoods,
+    message: FloatArray,
+) -> FloatArray:
+    """Return each particle's weight factor (1 - P_missed) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
+    factor = 1.0 - missed_probability
+    pair_message = message[likelihoods.component, likelihoods.detection]
+    _add_detection_terms(
+        detection_probability,
+        starts,
+        likelihoods.component,
+        likelihoods.values,
+        likelihoods.starts,
+        pair_message,
+        factor,
+    )
+    return factor
+
+
+def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return logarithms of weights that sum to one within each component, none below 1e-300, shape (n,)."""
+    relative = np.empty(len(log_weight))
+    _subtract_largest(log_weight, starts, relative)
+    log_total = np.log(totals(np.exp(relative), starts))
+    relative -= np.repeat(log_total, np.diff(starts))
+    return np.maximum(relative, LOG_SMALLEST)
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "nsz"}, nogil=True)
+def _subtract_largest(log_weight: FloatArray, starts: IntArray, relative: FloatArray) -> None:
+    for m in range(len(starts) - 1):
+        own, out = log_weight[starts[m] : starts[m + 1]], relative[starts[m] : starts[m + 1]]
+        largest = -np.inf
+        for n in range(len(own)):
+            largest = max(largest, own[n])
+        for n in range(len(own)):
+            out[n] = own[n] - largest
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return the sum of each component's numbers, shape (m,)."""
+    total = np.zeros(len(starts) - 1)
+    for m in range(len(starts) - 1):
+        own = weight[starts[m] : starts[m + 1]]
+        for n in range(len(own)):
+            total[m] += own[n]
+    return total
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _sum_evidence(
+    weight: FloatArray,
+    starts: IntArray,
+    detection_probability: FloatArray,
+    missed_probability: FloatArray,
+    pair_component: IntArray,
+    pair_detection: IntArray,
+    values: FloatArray,
+    value_starts: IntArray,
+    evidence: FloatArray,
+    not_seen: FloatArray,
+) -> None:
+    for m in range(len(starts) - 1):
+        seen = 0.0
+        for n in range(starts[m], starts[m + 1]):
+            seen += weight[n] * missed_probability[n]
+        not_seen[m] = 1.0 - seen
+    for p in range(len(pair_component)):
+        begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
+        own_weight, probability = weight[begin:end], detection_probability[begin:end]
+        likelihood = values[value_starts[p] : value_starts[p + 1]]
+        total = 0.0
+        for k in range(len(likelihood)):
+            total += own_weight[k] * probability[k] * likelihood[k]
+        evidence[pair_component[p], pair_detection[p]] = total
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _add_detection_terms(
+    detection_probability: FloatArray,
+    starts: IntArray,
+    pair_component: IntArray,
+    values: FloatArray,
+    value_starts: IntArray,
+    message: FloatArray,
+    factor: FloatArray,
+) -> None:
+    for p in range(len(pair_component)):
+        begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
+        own_factor, probability = factor[begin:end], detection_probability[begin:end]
+        likelihood = values[value_starts[p] : value_starts[p + 1]]
+        for k in range(len(likelihood)):
+            own_factor[k] += probability[k] * message[p] * likelihood[k]
+
+
+@dataclass(frozen=True)
+class GatedLikelihoods:
+    """Likelihoods of the pairs of component and detection that lie within the gate; p pairs, component by component.
+
+    Attributes:
+        component: Component of each pair, ascending, shape (p,).
+        detection: Detection of each pair, shape (p,).
+        values: f(z | x) of the particles of each pair's component, one pair after the other.
+        starts: Where each pair's values begin, and the end of the last, shape (p + 1,).
+    """
+
+    component: IntArray
+    detection: IntArray
+    values: FloatArray
+    starts: IntArray
+
+
+def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections, gate_std: float) -> GatedLikelihoods:
+    """Return f(z | x), a Gaussian in position and, where it is measured, speed, for all pairs within the gate.
+
+    Args:
+        mixture: The belief.
+        moments: Its components' moments.
+        detections: The scan's detections.
+        gate_std: A pair counts if the detection is within this many standard deviations of component and
+            measurement together, in both directions; infinite for all pairs.
+    """
+    inside = np.ones((len(mixture), len(detections)), dtype=np.bool_)
+    for row, measured, std in (
+        (LON, detections.lon_m, detections.std_lon_m),
+        (LAT, detections.lat_m, detections.std_lat_m),
+    ):
+        spread = np.sqrt(moments.variance[row][:, None] + std[None, :] ** 2)
+        inside &= np.abs(measured[None, :] - moments.mean[row][:, None]) <= gate_std * spread
+    component, detection = np.nonzero(inside)
+    sizes = np.diff(mixture.starts)[component]
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    values = np.empty(starts[-1])
+    _evaluate(
+        mixture.cloud.state,
+        mixture.starts,
+        component,
+        detection,
+        np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),
+        np.stack([detections.std_lon_m, detections.std_lat_m, detections.std_speed_mps]),
+        starts,
+        values,
+    )
+    np.exp(values, out=values)
+    return GatedLikelihoods(component, detection, values, starts)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _evaluate(
+    state: FloatArray,
+    particle_starts: IntArray,
+    component: IntArray,
+    detection: IntArray,
+    measured: FloatArray,
+    std: FloatArray,
+    starts: IntArray,
+    values: FloatArray,
+) -> None:
+    """Write the logarithms: the exponential of a whole array takes a fraction of one by one."""
+    for p in range(len(component)):
+        begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
+        j = detection[p]
+        has_speed = np.isfinite(measured[2, j])
+        log_normaliser = -np.log(2.0 * np.pi * std[0, j] * std[1, j])
+        if has_speed:
+            log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std[2, j])
+        own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
+        for n in range(len(own)):
+            lon = (own_lon[n] - measured[0, j]) / std[0, j]
+            lat = (own_lat[n] - measured[1, j]) / std[1, j]
+            own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
+        if has_speed:
+            own_speed = state[SPEED, begin:end]
+            for n in range(len(own)):
+                speed = (own_speed[n] - measured[2, j]) / std[2, j]
+                own[n] -= 0.5 * speed * speed

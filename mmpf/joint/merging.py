@@ -1,0 +1,77 @@
+"""Merging of components that stand for one vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.cloud.mixture import NEVER, Mixture
+from mmpf.cloud.moments import Moments
+from mmpf.cloud.sizes import sizes_of, with_measured_sizes
+from mmpf.state import LAT, LON
+
+
+def merge_lasting_overlaps(
+    mixture: Mixture,
+    moments: Moments,
+    alive: npt.NDArray[np.bool_],
+    lon_m: float,
+    lat_m: float,
+    scans: int,
+    hidden_after_s: float,
+) -> tuple[Mixture, npt.NDArray[np.bool_]]:
+    """Merge components that have shared one place for several scans; the elder's identity stays.
+
+    Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
+    one: so they must be well within one footprint for long enough, and two that were both confirmed must be both seen
+    or both hidden.
+
+    Args:
+        mixture: The belief.
+        moments: Its components' moments.
+        alive: Components that may merge, shape (m,); the others are about to be removed.
+        lon_m: Means nearer than this, and
+        lat_m: nearer than this overlap.
+        scans: Scans in a row before they merge.
+        hidden_after_s: Unseen for longer, a component counts as hidden.
+
+    Returns:
+        The belief with all its particles still, and which components to keep: those alive and not merged away.
+    """
+    components = mixture.components
+    if len(mixture) == 0:
+        return mixture, alive
+    mean = moments.mean
+    is_hidden = components.unseen_s > hidden_after_s
+    distance = np.hypot(
+        (mean[LON][:, None] - mean[LON][None, :]) / lon_m, (mean[LAT][:, None] - mean[LAT][None, :]) / lat_m
+    )
+    apart = (np.abs(mean[LON][:, None] - mean[LON][None, :]) >= lon_m) | (
+        np.abs(mean[LAT][:, None] - mean[LAT][None, :]) >= lat_m
+    )
+    both = components.confirmed[:, None] & components.confirmed[None, :]
+    apart |= ~(alive[:, None] & alive[None, :])
+    distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
+    np.fill_diagonal(distance, np.inf)
+    nearest = distance.argmin(axis=1)
+    overlaps = np.isfinite(distance[np.arange(len(mixture)), nearest])
+    partner = np.where(overlaps, components.track_id[nearest], NEVER)
+    overlap_scans = np.where(overlaps, np.where(partner == components.overlap_with, components.overlap_scans + 1, 1), 0)
+    keep = alive.copy()
+    track_id, confirmed = components.track_id.copy(), components.confirmed.copy()
+    for a in np.flatnonzero(overlap_scans >= scans):
+        b = nearest[a]
+        if not (keep[a] and keep[b]):
+            continue
+        elder = min((a, b), key=lambda m: (not components.confirmed[m], components.track_id[m]))
+        better = min((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
+        worse = a if better == b else b
+        track_id[better], confirmed[better] = components.track_id[elder], components.confirmed[elder]
+        keep[worse] = False
+        components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
+    updated = replace(
+        components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_scans=overlap_scans
+    )
+    return replace(mixture, components=updated), keep

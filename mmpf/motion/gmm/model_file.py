@@ -1,0 +1,114 @@
+"""Fitted models on disk: NumPy archives without pickled objects, checked before use."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.gmm.conditional import ConditionalGmm
+from mmpf.motion.gmm.scaled import ScaledGmm
+
+MIXTURE_PARTS = (
+    "weights",
+    "means",
+    "covariances",
+    "input_mean",
+    "input_scale",
+    "output_mean",
+    "output_scale",
+    "input_low",
+    "input_high",
+)
+
+
+class ModelFileError(ValueError):
+    """A model file that can't be used; the message is one line that names the file."""
+
+
+def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
+    """Write named arrays of numbers to an archive whose bytes depend on the numbers alone."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(arrays):
+            with archive.open(zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0)), "w") as entry:
+                np.lib.format.write_array(entry, np.asarray(arrays[name], dtype=np.float64), allow_pickle=False)
+
+
+def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
+    """Read a model file of one case back.
+
+    Args:
+        path: The file.
+        case: What the file must be for; it is stored as an entry's name, so that no other file passes for it.
+
+    Raises:
+        ModelFileError: The file is missing, damaged, of another kind, or holds numbers that are not finite.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except FileNotFoundError as error:
+        raise ModelFileError(f"model file {path} does not exist; 'train' writes one") from error
+    except OSError as error:
+        raise ModelFileError(f"model file {path} can't be read: {_one_line(error)}") from error
+    except (ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+        raise ModelFileError(f"model file {path} is damaged or no npz file; 'train' writes one") from error
+    if f"case.{case}" not in arrays:
+        kinds = ", ".join(name.removeprefix("case.") for name in arrays if name.startswith("case.")) or "none"
+        raise ModelFileError(f"model file {path} is not for {case} (it says: {kinds}); make one with the train command")
+    for name, values in arrays.items():
+        if values.dtype.kind not in "fiu":
+            raise ModelFileError(f"model file {path}: {name} holds no numbers")
+        if not np.isfinite(values).all():
+            raise ModelFileError(f"model file {path}: {name} holds a number that is not finite")
+    return {name: values.astype(np.float64) for name, values in arrays.items()}
+
+
+def mixture_arrays(prefix: str, fitted: ScaledGmm) -> dict[str, FloatArray]:
+    """Return a mixture's numbers by name, as ``mixture_from_arrays`` expects them."""
+    joint = fitted.mixture
+    scaling = {name: getattr(fitted, name) for name in MIXTURE_PARTS[3:]}
+    parts = {"weights": joint.weights, "means": joint.means, "covariances": joint.covariances, **scaling}
+    return {f"{prefix}.{name}": values for name, values in parts.items()}
+
+
+def mixture_from_arrays(path: Path, arrays: Mapping[str, FloatArray], prefix: str, size: tuple[int, int]) -> ScaledGmm:
+    """Put a mixture of a model file together again.
+
+    Args:
+        path: The file, for messages.
+        arrays: What ``load_arrays`` read.
+        prefix: The mixture's name in the file.
+        size: Numbers of inputs and outputs that it must have.
+
+    Raises:
+        ModelFileError: A part is missing, has the wrong shape, or the parts make no mixture.
+    """
+    inputs, outputs = size
+    for name in MIXTURE_PARTS:
+        if f"{prefix}.{name}" not in arrays:
+            raise ModelFileError(f"model file {path} has no {prefix}.{name}")
+    part = {name: arrays[f"{prefix}.{name}"] for name in MIXTURE_PARTS}
+    for name in MIXTURE_PARTS[3:]:
+        expected = (inputs if name.startswith("input") else outputs,)
+        if part[name].shape != expected:
+            raise ModelFileError(f"model file {path}: {prefix}.{name} has shape {part[name].shape}, not {expected}")
+    if part["means"].ndim != 2 or part["means"].shape[1] != inputs + outputs:
+        raise ModelFileError(
+            f"model file {path}: {prefix}.means has shape {part['means'].shape}, not (components, {inputs + outputs})"
+        )
+    if (part["input_scale"] <= 0).any() or (part["output_scale"] <= 0).any():
+        raise ModelFileError(f"model file {path}: a scale of {prefix} is not positive")
+    try:
+        joint = ConditionalGmm(part["weights"], part["means"], part["covariances"], inputs)
+    except ValueError as error:
+        raise ModelFileError(f"model file {path}: {prefix}: {_one_line(error)}") from error
+    return ScaledGmm(joint, *(part[name] for name in MIXTURE_PARTS[3:]))
+
+
+def _one_line(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

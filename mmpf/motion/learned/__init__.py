@@ -1,0 +1,1 @@
+"""Driver models learned from trajectories."""

@@ -1,0 +1,295 @@
+"""The learned driver: follows its leader by a Gaussian mixture, keeps habits of its own, and changes lanes at times.
+
+Beside the paper's short-term model, this one is taught to recover from its own mistakes (``mmpf.learning.recovery``),
+puts out the acceleration alone, and gives each particle a driver: constants drawn once, from what the data says of a
+driver in the particle's situation. They carry the uncertainty that step-by-step noise would average away, and as they
+are resampled with the particle, the filter learns each vehicle's driver while it is seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, field, replace
+from functools import cache
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.normals import standard_normals
+from mmpf.compute.threads import in_shares
+from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, mixture_arrays, mixture_from_arrays, save_arrays
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned import lane_changer, short_driver
+from mmpf.motion.learned.features import SITUATION_SIZE, situation, write_situations
+from mmpf.motion.learned.kernel import FreeDriving, drive
+from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
+from mmpf.motion.learned.lane_keeping import LaneKeeper
+from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
+from mmpf.state import ACCEL, SPEED
+
+CASE = "lane-keeping"
+FURTHEST_LEADER_M = 100.0
+REDRAWN_PER_S = 0.2
+
+KNOWN, HABIT, BIAS, DESIRED_SPEED, OFFSET, INTENTION, TARGET = range(7)
+LATENTS = 7
+
+
+@dataclass(frozen=True)
+class FreeDriver:
+    """How a driver without a leader regulates its speed towards the one it desires.
+
+    Attributes:
+        lag_per_s: Rate at which acceleration approaches what is wanted.
+        gain_per_s: Wanted acceleration per m/s of missing speed.
+        accel_noise_mps2: Standard deviation of the acceleration's noise in each step.
+        desired_per_accel_s: How much more than the present speed is desired per m/s² of present acceleration.
+        desired_spread_mps: Standard deviation of the desired speed given present speed and acceleration.
+    """
+
+    lag_per_s: float
+    gain_per_s: float
+    accel_noise_mps2: float
+    desired_per_accel_s: float
+    desired_spread_mps: float
+
+    def driving(self, dt_s: float) -> FreeDriving:
+        """Return what one step needs."""
+        return FreeDriving(min(self.lag_per_s * dt_s, 1.0), self.gain_per_s, self.accel_noise_mps2)
+
+
+@dataclass(frozen=True)
+class DriverModel:
+    """All that is fitted for the learned driver.
+
+    Attributes:
+        following: Acceleration of the next step given the situation (5 numbers) and the habit.
+        habit: Logarithm of the time headway that a driver keeps in the long run, given the situation.
+        free: Driving without a leader.
+        keeper: Lateral motion.
+        accel_bias_mps2: Standard deviation of a driver's constant deviation in acceleration.
+    """
+
+    following: ScaledGmm
+    habit: ScaledGmm
+    free: FreeDriver
+    keeper: LaneKeeper
+    accel_bias_mps2: float
+
+
+@cache
+def _committed_model() -> DriverModel:
+    with as_file(files("mmpf.models").joinpath("lane_keeping.npz")) as path:
+        return load_driver_model(path)
+
+
+@dataclass(frozen=True)
+class LearnedDriver:
+    """The default model; latents are a driver's habits and its lane-change intention.
+
+    Attributes:
+        model: What was fitted.
+        changer: Moves particles that are changing lanes.
+        changes_lanes: Whether particles may take up lane changes.
+        name: Name in the registry.
+        spreads_speed: Its accelerations are drawn, with each driver's habits, as widely as they were recorded; see
+            ``mmpf.motion.protocol.spreads_speed``.
+        latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, place
+            in the lane, intention (-1 to the right, 0, 1 to the left) and lateral position of the lane it is after.
+    """
+
+    model: DriverModel = field(default_factory=_committed_model)
+    changer: LaneChanger = field(default_factory=LaneChanger)
+    changes_lanes: bool = True
+    name: str = "gmm"
+    latent_size: int = LATENTS
+    spreads_speed: ClassVar[bool] = True
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+        """Return latents that are drawn at the first step, when the surroundings are known: shape (7, n) of zeros."""
+        return np.zeros((LATENTS, state.shape[1]))
+
+    def propagate(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sample the states one step later; see ``MotionModel.propagate``."""
+        next_latents = self._with_drivers(state, latents, surroundings, dt_s, rng)
+        leader = surroundings.leader
+        followers = np.flatnonzero(_follows(leader) & (next_latents[INTENTION] == 0.0))
+        after = np.empty_like(state)
+        sampled = self._sampled_acceleration(state, next_latents, leader, followers, rng)
+        normal = standard_normals(rng, (2, state.shape[1]))
+        free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
+
+        def drive_some(begin: int, end: int) -> None:
+            drive(
+                begin,
+                end,
+                state,
+                after,
+                next_latents[DESIRED_SPEED],
+                next_latents[BIAS],
+                next_latents[OFFSET],
+                surroundings.lane_right_m,
+                surroundings.lane_left_m,
+                followers,
+                sampled,
+                leader.gap_m,
+                leader.speed_mps,
+                normal,
+                free,
+                holding,
+                dt_s,
+            )
+
+        in_shares(drive_some, state.shape[1])
+        changing = np.flatnonzero(next_latents[INTENTION])
+        if len(changing):
+            after[:, changing] = self._changing(state, next_latents, surroundings, changing, dt_s, rng)
+        return after, next_latents
+
+    def _changing(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        index: IntArray,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return the states of the particles ``index``, which are changing lanes, one step later."""
+        around = take_surroundings(surroundings, index)
+        direction = latents[INTENTION, index]
+        width = around.lane_left_m - around.lane_right_m
+        origin = latents[TARGET, index] - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
+        return self.changer.move(state[:, index], direction, origin, around, dt_s, rng)
+
+    def _with_drivers(
+        self,
+        state: FloatArray,
+        latents: FloatArray,
+        surroundings: Surroundings,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return latents with a driver for particles that have none, now and then a fresh one for those in sight."""
+        fresh = latents[KNOWN] == 0.0
+        fresh |= ~surroundings.is_hidden & (rng.random(len(fresh), dtype=np.float32) < REDRAWN_PER_S * dt_s)
+        drawn = latents.copy()
+        index = np.flatnonzero(fresh)
+        if len(index):
+            drawn[KNOWN, index] = 1.0
+            drawn[HABIT, index] = self.model.habit.sample(_situation(state, surroundings.leader, index), rng)[:, 0]
+            drawn[BIAS, index] = self.model.accel_bias_mps2 * rng.standard_normal(len(index))
+            drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
+            drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
+        if self.changes_lanes:
+            self.model.keeper.switch_intentions(state, drawn[INTENTION:], surroundings, dt_s, rng)
+        return drawn
+
+    def _desired_speed(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        free = self.model.free
+        expected = state[SPEED] + free.desired_per_accel_s * state[ACCEL]
+        desired = expected + free.desired_spread_mps * rng.standard_normal(state.shape[1])
+        return np.asarray(np.maximum(desired, 0.0))
+
+    def _sampled_acceleration(
+        self, state: FloatArray, latents: FloatArray, leader: Neighbour, followers: IntArray, rng: np.random.Generator
+    ) -> FloatArray:
+        seen = np.empty((SITUATION_SIZE + 1, len(followers)), dtype=np.float32)
+        write_situations(
+            followers,
+            leader.gap_m,
+            state[SPEED],
+            state[ACCEL],
+            leader.speed_mps,
+            leader.accel_mps2,
+            seen[:SITUATION_SIZE],
+        )
+        seen[-1] = latents[HABIT, followers]
+        return np.asarray(self.model.following.sample_columns(seen, rng)[0])
+
+
+def load_learned_driver(path: Path) -> LearnedDriver:
+    """Read a fitted model of the user's own.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    return LearnedDriver(load_driver_model(path))
+
+
+def load_driver_model(path: Path) -> DriverModel:
+    """Read what was fitted.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    arrays = load_arrays(path, CASE)
+    sizes = {"free": 5, "lateral": 4, "intention": 2, "spread": 1}
+    for name, size in sizes.items():
+        if name not in arrays or arrays[name].shape != (size,):
+            raise ModelFileError(f"model file {path}: {name} must be {size} numbers")
+    return DriverModel(
+        following=mixture_from_arrays(path, arrays, "following", (6, 1)),
+        habit=mixture_from_arrays(path, arrays, "habit", (5, 1)),
+        free=FreeDriver(*arrays["free"].tolist()),
+        keeper=LaneKeeper(*arrays["lateral"].tolist(), *arrays["intention"].tolist()),
+        accel_bias_mps2=float(arrays["spread"][0]),
+    )
+
+
+def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
+    """Return the driver that keeps its lane whatever happens."""
+    return replace(driver, changes_lanes=False)
+
+
+def _follows(leader: Neighbour) -> npt.NDArray[np.bool_]:
+    return leader.exists & (leader.gap_m < FURTHEST_LEADER_M)
+
+
+def _situation(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatArray:
+    follows = _follows(leader)[index]
+    own_speed = state[SPEED, index]
+    gap = np.where(follows, leader.gap_m[index], FURTHEST_LEADER_M)
+    leader_speed = np.where(follows, leader.speed_mps[index], own_speed)
+    leader_accel = np.where(follows, leader.accel_mps2[index], 0.0)
+    return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
+
+
+motion_models.register("gmm")(LearnedDriver)
+
+
+def save_driver(path: Path, model: DriverModel) -> None:
+    """Write the learned driver's model file."""
+    keeper = astuple(model.keeper)
+    save_arrays(
+        path,
+        {
+            f"case.{CASE}": np.ones(1),
+            **mixture_arrays("following", model.following),
+            **mixture_arrays("habit", model.habit),
+            "free": np.array(astuple(model.free)),
+            "lateral": np.array(keeper[:4]),
+            "intention": np.array(keeper[4:]),
+            "spread": np.array([model.accel_bias_mps2]),
+        },
+    )
+
+
+def save_short(path: Path, mixture: ScaledGmm) -> None:
+    """Write the short-term model's file."""
+    save_arrays(path, {f"case.{short_driver.CASE}": np.ones(1), **mixture_arrays("joint", mixture)})
+
+
+def save_change(path: Path, mixture: ScaledGmm) -> None:
+    """Write the lane-change model's file."""
+    save_arrays(path, {f"case.{lane_changer.CASE}": np.ones(1), **mixture_arrays("joint", mixture)})

@@ -1,0 +1,85 @@
+"""What the learned driver sees: the inputs of its mixtures, alike in training and in use."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mmpf.compute.arrays import Float32Array, FloatArray, IntArray
+
+SITUATION_SIZE = 5
+SMALLEST_GAP_M = 0.3
+STANDSTILL_GAP_M = 2.0
+SLOWEST_HEADWAY_SPEED_MPS = 3.0
+
+
+def situation(
+    gap_m: FloatArray,
+    speed_mps: FloatArray,
+    accel_mps2: FloatArray,
+    leader_speed_mps: FloatArray,
+    leader_accel_mps2: FloatArray,
+) -> FloatArray:
+    """Return a follower's view, (n, 5): log gap, own speed and acceleration, closing speed, leader's acceleration.
+
+    Args:
+        gap_m: Clear distance to the leader, shape (n,); an overlap counts as a very small gap.
+        speed_mps: Own speed, shape (n,).
+        accel_mps2: Own acceleration, shape (n,).
+        leader_speed_mps: Leader's speed, shape (n,).
+        leader_accel_mps2: Leader's acceleration, shape (n,).
+    """
+    everyone = np.arange(len(gap_m))
+    seen = np.empty((SITUATION_SIZE, len(everyone)))
+    write_situations(everyone, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
+    return np.ascontiguousarray(seen.T)
+
+
+def write_situations(
+    index: IntArray,
+    gap_m: FloatArray,
+    speed_mps: FloatArray,
+    accel_mps2: FloatArray,
+    leader_speed_mps: FloatArray,
+    leader_accel_mps2: FloatArray,
+    seen: FloatArray | Float32Array,
+) -> None:
+    """Write what some followers see, variable by variable; see ``situation``.
+
+    Args:
+        index: The followers that are asked for, shape (k,).
+        gap_m: As for ``situation``, of everyone, shape (n,); the others likewise.
+        speed_mps: Own speed, shape (n,).
+        accel_mps2: Own acceleration, shape (n,).
+        leader_speed_mps: Leader's speed, shape (n,).
+        leader_accel_mps2: Leader's acceleration, shape (n,).
+        seen: What is written, shape (5, k).
+    """
+    _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
+    # Of the whole row: compiled one by one, logarithms take several times as long.
+    np.log(seen[0], out=seen[0])
+
+
+def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    """Return the logarithm of the time headway beyond the standstill gap, in the arguments' shape."""
+    beyond_standstill = np.maximum(gap_m - STANDSTILL_GAP_M, SMALLEST_GAP_M)
+    return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    index: IntArray,
+    gap: FloatArray,
+    speed: FloatArray,
+    accel: FloatArray,
+    leader_speed: FloatArray,
+    leader_accel: FloatArray,
+    seen: FloatArray | Float32Array,
+) -> None:
+    for k in range(len(index)):
+        n = index[k]
+        seen[0, k] = max(gap[n], SMALLEST_GAP_M)
+        seen[1, k] = speed[n]
+        seen[2, k] = accel[n]
+        seen[3, k] = speed[n] - leader_speed[n]
+        seen[4, k] = leader_accel[n]

@@ -1,0 +1,73 @@
+"""Lateral motion of a driver: holding a place in the lane, and crossing to the next lane when it means to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
+from mmpf.motion.protocol import Surroundings
+from mmpf.state import LAT
+
+OFFSET, INTENTION, TARGET = range(3)
+WIDEST_OFFSET_M = 1.0
+
+
+@dataclass(frozen=True)
+class LaneKeeper:
+    """A damped pull towards a place in the lane, and the rate at which drivers mean to leave it.
+
+    Attributes:
+        attraction_per_s2: Lateral acceleration per metre away from the driver's place in the lane.
+        damping_per_s: Lateral acceleration per m/s of lateral speed.
+        speed_noise: White noise on the lateral speed, m/s per root second.
+        offset_spread_m: Standard deviation of the driver's place in the lane about where it is now.
+        changes_per_s: Rate at which an unseen driver takes up a change to one side.
+        seen_changes_per_s: The same for a driver in sight, whose particles the measurements select: more of them try
+            than drivers do, so that there are always some when a change begins.
+    """
+
+    attraction_per_s2: float
+    damping_per_s: float
+    speed_noise: float
+    offset_spread_m: float
+    changes_per_s: float
+    seen_changes_per_s: float
+
+    def draw_offset(
+        self, state: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator
+    ) -> FloatArray:
+        """Draw the places in the lane, metres from its middle, of particles ``index`` with states (6, len(index))."""
+        centre = 0.5 * (surroundings.lane_right_m[index] + surroundings.lane_left_m[index])
+        offset = np.where(np.isfinite(centre), state[LAT] - centre, 0.0)
+        spread = self.offset_spread_m * rng.standard_normal(len(index))
+        return np.clip(offset + spread, -WIDEST_OFFSET_M, WIDEST_OFFSET_M)
+
+    def switch_intentions(
+        self,
+        state: FloatArray,
+        intention: FloatArray,
+        surroundings: Surroundings,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        """Let some drivers take up or end a lane change: rewrites intention and target, shape (2, n)."""
+        switch_intentions(
+            intention[0],
+            intention[1],
+            state[LAT],
+            surroundings.lane_right_m,
+            surroundings.lane_left_m,
+            surroundings.has_left_lane,
+            surroundings.has_right_lane,
+            surroundings.is_hidden,
+            rng.random(int(state.shape[1]), dtype=np.float32),
+            self.seen_changes_per_s * dt_s,
+            self.changes_per_s * dt_s,
+        )
+
+    def holding(self, dt_s: float) -> LaneHolding:
+        """Return what one step in the lane needs."""
+        return LaneHolding(self.attraction_per_s2, self.damping_per_s, self.speed_noise * float(np.sqrt(dt_s)))

@@ -1,0 +1,96 @@
+"""Finetune by k-medoids: particles near several components are dealt out anew, identities stay with the medoids."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
+
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.state import LAT, LON
+
+ROUNDS = 10
+
+
+def recluster(
+    mixture: Mixture, touch_lon_m: float, touch_lat_m: float, sample: int, rng: np.random.Generator
+) -> tuple[Mixture, int]:
+    """Deal the particles of touching components out to their nearest medoids.
+
+    k stays the number of components and the medoids start from the components' own, so that each cluster inherits
+    the identity of the component that it grew from. The distribution is unchanged: only the component index moves.
+    A component left without particles disappears.
+
+    Args:
+        mixture: The belief, weights normalised.
+        touch_lon_m: Components whose means are nearer than this, and
+        touch_lat_m: nearer than this touch.
+        sample: Particles of a group that vote on the medoids.
+        rng: Source of randomness.
+
+    Returns:
+        The belief, and the number of components whose particles were dealt out anew.
+    """
+    if len(mixture) < 2:
+        return mixture, 0
+    mean = component_moments(mixture).mean
+    touches = (np.abs(mean[LON][:, None] - mean[LON]) < touch_lon_m) & (
+        np.abs(mean[LAT][:, None] - mean[LAT]) < touch_lat_m
+    )
+    groups, group_of = connected_components(touches, directed=False)
+    scale = np.array([[touch_lon_m], [touch_lat_m]])
+    position = mixture.cloud.state[[LON, LAT]] / scale
+    component = mixture.cloud.component.copy()
+    log_weight = mixture.cloud.log_weight + mixture.cloud.log_component_weight
+    reclustered = 0
+    for group in range(groups):
+        members = np.flatnonzero(group_of == group)
+        if len(members) < 2:
+            continue
+        particles = np.flatnonzero(np.isin(mixture.cloud.component, members))
+        share = np.cumsum(np.exp(log_weight[particles] - log_weight[particles].max()))
+        voters = particles[np.searchsorted(share, share[-1] * rng.uniform(size=sample)).clip(0, len(particles) - 1)]
+        medoids = k_medoids(position[:, voters].T, (mean[[LON, LAT]] / scale)[:, members].T)
+        component[particles] = members[cdist(position[:, particles].T, medoids).argmin(axis=1)]
+        reclustered += len(members)
+    return _with_component_index(mixture, component), reclustered
+
+
+def k_medoids(points: FloatArray, start: FloatArray) -> FloatArray:
+    """Return k medoids by alternating assignment and medoid search (Park and Jun 2009).
+
+    Args:
+        points: Points to cluster, shape (n, dimensions).
+        start: Where the medoids start, shape (k, dimensions); each moves to the nearest point first.
+
+    Returns:
+        The medoids, rows of ``points`` in the order of ``start``, shape (k, dimensions).
+    """
+    distance = cdist(points, points)
+    medoids = cdist(start, points).argmin(axis=1)
+    for _ in range(ROUNDS):
+        assignment = distance[medoids].argmin(axis=0)
+        moved = np.array([_medoid_of(distance, assignment == k, old) for k, old in enumerate(medoids)])
+        if (moved == medoids).all():
+            break
+        medoids = moved
+    return np.asarray(points[medoids])
+
+
+def _medoid_of(distance: FloatArray, is_member: npt.NDArray[np.bool_], otherwise: int) -> int:
+    members = np.flatnonzero(is_member)
+    if len(members) == 0:
+        return otherwise
+    return int(members[distance[np.ix_(members, members)].sum(axis=1).argmin()])
+
+
+def _with_component_index(mixture: Mixture, component: IntArray) -> Mixture:
+    order = np.argsort(component, kind="stable")
+    cloud = mixture.cloud.take(order, component[order])
+    occupied = np.bincount(component, minlength=len(mixture)) > 0
+    return replace(mixture, cloud=cloud).keep(occupied)

@@ -1,0 +1,270 @@
+"""The paper's own update: a particle's likelihood is its largest over all detections, then k-medoids reclustering.
+
+Section II of Li, Zhan and Tomizuka (2018), equations (8) to (11) and the stages of Fig. 1, in log space.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
+
+from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
+from mmpf.cloud.birth import give_birth
+from mmpf.cloud.mixture import Components, Mixture
+from mmpf.cloud.moments import Moments, component_moments, effective_sizes
+from mmpf.cloud.resampling import resample
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.options import FilterOptions, MaxLikelihoodOptions
+from mmpf.paper.clustering import recluster
+from mmpf.scan import Detections
+from mmpf.state import LAT, LON, SPEED
+from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+
+HIT_GATE_STD = 4.5
+
+
+@dataclass(frozen=True)
+class MaxLikelihoodUpdate:
+    """Update rule ``max_likelihood``; see ``mmpf.update.UpdateRule``.
+
+    Attributes:
+        options: The filter's settings.
+    """
+
+    options: FilterOptions
+
+    def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
+        """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
+        ego, free_space = situation.scan.ego, situation.scan.free_space
+        mean = moments.mean
+        bodies = Bodies(prior.components.length_m, prior.components.width_m)
+        if free_space is not None:
+            shadowed = shadowed_share(ego, mean[LON], mean[LAT], bodies, free_space)
+        else:
+            table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
+            shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
+        is_hidden = shadowed >= self.options.max_likelihood.shadowed_share
+        probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
+        return Occlusion(probability, probability, is_hidden)
+
+    def measurement_update(
+        self,
+        prior: Mixture,
+        moments: Moments,
+        occlusion: Occlusion,
+        situation: Situation,
+        rng: np.random.Generator,
+    ) -> Updated:
+        """Weigh each particle by its largest likelihood, equation (10), and components by equation (11)."""
+        detections = situation.scan.detections
+        gate = _gate_table(moments, detections, self.options.max_likelihood.gate_std)
+        performs_update = ~occlusion.is_hidden & gate.any(axis=1)
+        log_likelihood, chosen = largest_log_likelihood(prior, detections, performs_update)
+
+        log_raw = prior.cloud.log_raw_weight + log_likelihood
+        log_sum = _log_sums(log_raw, prior)
+        log_weight = log_raw - log_sum[prior.cloud.component]
+        log_component = _component_weights(prior, log_sum, performs_update, self.options.max_likelihood)
+
+        was_hit = performs_update & _gate_table(moments, detections, HIT_GATE_STD).any(axis=1)
+        components = replace(
+            prior.components,
+            hits=prior.components.hits + was_hit,
+            unseen_s=np.where(was_hit, 0.0, prior.components.unseen_s + situation.dt_s),
+        )
+        cloud = replace(
+            prior.cloud,
+            log_weight=log_weight,
+            log_raw_weight=log_raw,
+            log_component_weight=log_component[prior.cloud.component],
+        )
+        posterior = replace(prior, cloud=cloud, components=components)
+        effective_size = effective_sizes(posterior)
+        size = np.diff(posterior.starts)
+        depleted = effective_size < self.options.max_likelihood.resample_below * size
+        depleted |= size > 2 * self.options.particles
+        posterior, _ = resample(posterior, depleted, self.options.particles, rng)
+        votes = np.bincount(chosen[chosen >= 0], minlength=len(detections)) / self.options.particles
+        return Updated(
+            mixture=posterior,
+            was_hit=was_hit,
+            birth_claim=1.0 - np.minimum(votes, 1.0),
+            association_entropy=0.0,
+            effective_share=float(effective_size.mean() / self.options.particles) if len(prior) else 1.0,
+        )
+
+    def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
+        """Remove light or departed components, add one per detection that few particles chose, merge overlaps."""
+        rule = self.options.max_likelihood
+        keep = self._worth_keeping(updated.mixture, situation)
+        chosen = np.flatnonzero(updated.birth_claim > 1.0 - rule.added_particles)
+        mixture = give_birth(
+            updated.mixture,
+            keep,
+            situation.scan.detections,
+            chosen,
+            np.ones(len(chosen)),
+            situation.traffic,
+            situation.motion,
+            self.options.particles,
+            self.options.birth,
+            self.options.vehicle,
+            rng,
+        )
+        mixture, merged = _merge_overlaps(mixture, rule)
+        return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
+
+    def finetune(
+        self,
+        mixture: Mixture,
+        situation: Situation,  # noqa: ARG002
+        rng: np.random.Generator,
+    ) -> tuple[Mixture, int]:
+        """Recluster the particles of components that touch by k-medoids, and confirm those old enough."""
+        rule, components = self.options.max_likelihood, mixture.components
+        confirmed = components.confirmed | (components.hits >= rule.confirm_hits)
+        mixture = replace(mixture, components=replace(components, confirmed=confirmed))
+        return recluster(mixture, rule.touch_lon_m, rule.touch_lat_m, rule.medoid_sample, rng)
+
+    def weight_update(self, mixture: Mixture) -> Mixture:
+        """Recompute pi'_m = sum of pi_c(i) w(i) over the new members, and w within them."""
+        return renormalised(mixture)
+
+    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> npt.NDArray[np.bool_]:
+        rule = self.options.max_likelihood
+        if len(mixture) == 0:
+            return np.zeros(0, dtype=np.bool_)
+        mean = component_moments(mixture).mean
+        left = outside_observation_area(mean[LON], mean[LAT], situation.scan.ego, situation.sensor, rule.range_margin_m)
+        share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
+        is_light = share * len(mixture) < rule.removal_weight
+        return np.asarray(~left & ~is_light & (mixture.components.unseen_s <= rule.longest_unseen_s))
+
+
+def renormalised(mixture: Mixture) -> Mixture:
+    """Return the same distribution with weights that sum to one within the present components and over them."""
+    if len(mixture) == 0:
+        return mixture
+    cloud = mixture.cloud
+    log_mass = cloud.log_component_weight + cloud.log_weight
+    log_component = _log_sums(log_mass, mixture)
+    log_weight = log_mass - log_component[cloud.component]
+    log_component = log_component - logsumexp(log_component)
+    cloud = replace(cloud, log_weight=log_weight, log_component_weight=log_component[cloud.component])
+    return replace(mixture, cloud=cloud)
+
+
+def largest_log_likelihood(
+    mixture: Mixture, detections: Detections, performs_update: npt.NDArray[np.bool_]
+) -> tuple[FloatArray, IntArray]:
+    """Return each particle's largest log likelihood over all detections, and which detection that is.
+
+    Args:
+        mixture: The belief.
+        detections: The scan's detections.
+        performs_update: Components that take part, shape (m,); the others' particles get 0 and -1.
+    """
+    log_likelihood = np.zeros(len(mixture.cloud))
+    chosen = np.full(len(mixture.cloud), -1, dtype=np.int64)
+    if len(detections) > 0:
+        _search_largest(
+            mixture.cloud.state,
+            performs_update[mixture.cloud.component],
+            np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),
+            np.stack([detections.std_lon_m, detections.std_lat_m, detections.std_speed_mps]),
+            log_likelihood,
+            chosen,
+        )
+    return log_likelihood, chosen
+
+
+def _component_weights(
+    prior: Mixture, log_sum: FloatArray, performs_update: npt.NDArray[np.bool_], rule: MaxLikelihoodOptions
+) -> FloatArray:
+    """Return log pi of equation (11).
+
+    Equation (11) is for components that are all measured. Those that perform no update keep their weight, and the
+    others share what is left, since a sum of likelihoods (a density) can't be weighed against no measurement.
+    """
+    log_component = prior.cloud.log_component_weight[prior.starts[:-1]].copy()
+    if performs_update.any():
+        log_mass = logsumexp(log_component[performs_update])
+        updated = log_component[performs_update] + log_sum[performs_update]
+        log_component[performs_update] = updated - logsumexp(updated) + log_mass
+    if rule.floor_component_weight > 0.0:
+        log_component = np.maximum(log_component, np.log(rule.floor_component_weight / len(prior)))
+        log_component -= logsumexp(log_component)
+    return log_component
+
+
+def _gate_table(moments: Moments, detections: Detections, gate_std: float) -> npt.NDArray[np.bool_]:
+    """Return which detections lie within each component's gate, shape (m, d)."""
+    if np.isinf(gate_std):
+        return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
+    lon = np.sqrt(moments.variance[LON][:, None] + detections.std_lon_m**2)
+    lat = np.sqrt(moments.variance[LAT][:, None] + detections.std_lat_m**2)
+    return np.asarray(
+        (np.abs(detections.lon_m - moments.mean[LON][:, None]) <= gate_std * lon)
+        & (np.abs(detections.lat_m - moments.mean[LAT][:, None]) <= gate_std * lat)
+    )
+
+
+def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
+    """Return the log of the sum of exponentials over each component's particles, shape (m,)."""
+    if len(mixture) == 0:
+        return np.zeros(0)
+    largest = np.maximum.reduceat(log_values, mixture.starts[:-1])
+    scaled = np.exp(log_values - largest[mixture.cloud.component])
+    return np.asarray(largest + np.log(np.add.reduceat(scaled, mixture.starts[:-1])))
+
+
+def _merge_overlaps(mixture: Mixture, rule: MaxLikelihoodOptions) -> tuple[Mixture, int]:
+    """Pool the particles of components whose means overlap under the elder's identity."""
+    if len(mixture) < 2:
+        return mixture, 0
+    mean = component_moments(mixture).mean
+    overlap = (np.abs(mean[LON][:, None] - mean[LON]) < rule.merge_lon_m) & (
+        np.abs(mean[LAT][:, None] - mean[LAT]) < rule.merge_lat_m
+    )
+    into = overlap.argmax(axis=1)
+    survives = into == np.arange(len(mixture))
+    if survives.all():
+        return mixture, 0
+    into = np.where(survives[into], into, np.arange(len(mixture)))
+    survives = into == np.arange(len(mixture))
+    new_index = np.cumsum(survives) - 1
+    component = new_index[into[mixture.cloud.component]]
+    order = np.argsort(component, kind="stable")
+    cloud = mixture.cloud.take(order, component[order])
+    components: Components = mixture.components.take(survives)
+    pooled = replace(mixture, cloud=cloud, components=components)
+    return renormalised(pooled), int((~survives).sum())
+
+
+@numba.njit(cache=True)
+def _search_largest(
+    state: FloatArray,
+    performs_update: npt.NDArray[np.bool_],
+    measured: FloatArray,
+    std: FloatArray,
+    log_likelihood: FloatArray,
+    chosen: IntArray,
+) -> None:
+    for n in range(state.shape[1]):
+        if not performs_update[n]:
+            continue
+        best = -np.inf
+        for j in range(measured.shape[1]):
+            lon = (state[LON, n] - measured[0, j]) / std[0, j]
+            lat = (state[LAT, n] - measured[1, j]) / std[1, j]
+            value = -0.5 * (lon * lon + lat * lat) - np.log(2.0 * np.pi * std[0, j] * std[1, j])
+            if np.isfinite(measured[2, j]):
+                speed = (state[SPEED, n] - measured[2, j]) / std[2, j]
+                value -= 0.5 * speed * speed + np.log(np.sqrt(2.0 * np.pi) * std[2, j])
+            if value > best:
+                best, chosen[n] = value, j
+        log_likelihood[n] = best

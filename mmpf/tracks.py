@@ -1,0 +1,54 @@
+"""The tracks that a tracker reports after each scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.compute.arrays import FloatArray, IntArray
+
+TENTATIVE, CONFIRMED, HIDDEN = range(3)
+TRACK_STATES = ("tentative", "confirmed", "hidden")
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The tracks reported after one scan, struct of arrays, each of shape (m,).
+
+    Attributes:
+        track_id: Identity, stable from scan to scan and never used again.
+        lon_m: Longitudinal position.
+        lat_m: Lateral position.
+        speed_mps: Longitudinal speed.
+        lat_speed_mps: Lateral speed.
+        accel_mps2: Longitudinal acceleration.
+        std_lon_m: Standard deviation of the longitudinal position.
+        std_lat_m: Standard deviation of the lateral position.
+        std_speed_mps: Standard deviation of the longitudinal speed.
+        existence: Probability that the track is a vehicle.
+        state: ``TENTATIVE``, ``CONFIRMED`` or ``HIDDEN`` (confirmed, and the tracker knows that it can't be seen).
+    """
+
+    track_id: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    accel_mps2: FloatArray
+    std_lon_m: FloatArray
+    std_lat_m: FloatArray
+    std_speed_mps: FloatArray
+    existence: FloatArray
+    state: npt.NDArray[np.int8]
+
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    @classmethod
+    def none(cls) -> Tracks:
+        """Return an empty set of tracks."""
+        empty = np.zeros(0)
+        columns = {column.name: empty for column in fields(cls) if column.name not in {"track_id", "state"}}
+        return cls(track_id=np.zeros(0, dtype=np.int64), state=np.zeros(0, dtype=np.int8), **columns)

@@ -1,0 +1,221 @@
+"""Comparisons of folders, as the command makes them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from harness.cli import run_command_line
+from harness.comparison.compare import Comparison, compare
+from harness.comparison.sources import open_source
+from harness.comparison.verdicts import BETTER, METRICS, SAME, UNTESTED, WORSE
+from harness.comparison.written import as_markdown
+from harness.config.layers import resolve_run_config
+from harness.errors import UserError
+from harness.grid.grid import GridRequest
+from harness.grid.worker import Finished, work_on_cell
+from harness.runfolder.tables import write_table
+from harness.running.open import RunInputs
+from harness.running.run import run
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
+from tests.harness.stand_ins import SteadyTraffic
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+
+
+def grid_folder(folder: Path, seeds=range(10), model="cvm", densities=(20.0,), failed=(), vary=(), **metrics) -> str:
+    """Write a grid's folder: every metric is 1 plus a little of the seed, unless given as a function of the seed."""
+    rows = [
+        {
+            "net": "us101", "density": density, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": model,
+            "update": "joint", "seed": seed, "succeeded": seed not in failed, "error": None, "total_s": 1.0,
+            **{metric.name: 1.0 + 0.01 * seed for metric in METRICS},
+            **{name.replace("__", "."): value(seed) for name, value in metrics.items()},
+        }
+        for density in densities for seed in seeds
+    ]  # fmt: skip
+    folder.mkdir()
+    write_table(pd.DataFrame(rows), folder / "runs.parquet")
+    (folder / "grid.json").write_text(json.dumps({"vary": list(vary)}))
+    return str(folder)
+
+
+def compared(a: str, b: str, tolerance: float = 0.02) -> Comparison:
+    return compare(open_source(a, "compare"), open_source(b, "compare"), tolerance)
+
+
+def words(comparison: Comparison) -> dict[str, str]:
+    return {verdict.metric: verdict.verdict for verdict in comparison.verdicts}
+
+
+def test_a_grid_against_itself_shows_no_difference(tmp_path):
+    folder = grid_folder(tmp_path / "a")
+    assert set(words(compared(folder, folder)).values()) == {SAME}
+
+
+def test_each_metric_is_judged_in_its_own_direction(tmp_path):
+    a = grid_folder(tmp_path / "a")
+    b = grid_folder(tmp_path / "b", mot__hota=lambda seed: 2.0, mae__hidden__lon_m=lambda seed: 2.0)
+    found = words(compared(a, b))
+    assert found.pop("mot.hota") == BETTER
+    assert found.pop("mae.hidden.lon_m") == WORSE
+    assert set(found.values()) == {SAME}
+
+
+def test_runs_are_paired_by_seed_whatever_their_order(tmp_path):
+    noise = np.random.default_rng(0).normal(100.0, 30.0, 10)
+    a = grid_folder(tmp_path / "a", gospa__mean=lambda seed: noise[seed])
+    b = grid_folder(tmp_path / "b", seeds=range(9, -1, -1), gospa__mean=lambda seed: noise[seed] + 5.0)
+    (verdict,) = (verdict for verdict in compared(a, b).verdicts if verdict.metric == "gospa.mean")
+    assert verdict.difference == pytest.approx(5.0)
+    assert verdict.verdict == WORSE
+
+
+def test_only_seeds_that_succeeded_on_both_sides_are_paired(tmp_path):
+    a, b = grid_folder(tmp_path / "a", failed=(3,)), grid_folder(tmp_path / "b", seeds=range(2, 14))
+    comparison = compared(a, b)
+    assert {verdict.pairs for verdict in comparison.verdicts} == {7}
+    assert any("1 failed" in note for note in comparison.notes)
+    assert any("too few" in note for note in comparison.notes)
+
+
+def test_without_common_seeds_whole_arms_are_compared_and_that_is_said(tmp_path):
+    a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", seeds=range(10, 20), mot__hota=lambda seed: 9.0)
+    comparison = compared(a, b)
+    assert words(comparison)["mot.hota"] == BETTER
+    assert any("No seeds in common" in note for note in comparison.notes)
+
+
+def test_grids_of_one_tracker_each_are_compared_across_models(tmp_path):
+    a, b = grid_folder(tmp_path / "a", model="cvm"), grid_folder(tmp_path / "b", model="gmm")
+    assert {verdict.label for verdict in compared(a, b).verdicts} == {"mmpf cvm to mmpf gmm"}
+
+
+def test_one_tracker_of_a_grid_is_chosen_by_its_label(tmp_path):
+    a, b = grid_folder(tmp_path / "a", model="cvm"), grid_folder(tmp_path / "b", model="gmm")
+    assert len(open_source(f"{a}@mmpf cvm", "compare").rows) == 10
+    with pytest.raises(UserError, match="choose one of mmpf gmm"):
+        open_source(f"{b}@mmpf cvm", "compare")
+
+
+def test_grids_without_a_common_density_or_setting_are_refused(tmp_path):
+    a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", densities=(40.0,))
+    with pytest.raises(UserError, match="no setting in common"):
+        compared(a, b)
+    c = grid_folder(tmp_path / "c", vary=("sensor.range_m=40,80",))
+    with pytest.raises(UserError, match="vary different settings"):
+        compared(a, c)
+
+
+def test_a_missing_metric_is_not_tested(tmp_path):
+    a = grid_folder(tmp_path / "a", mae__hidden__lon_m=lambda seed: np.nan)
+    found = words(compared(a, a))
+    assert found.pop("mae.hidden.lon_m") == UNTESTED
+    assert set(found.values()) == {SAME}
+
+
+def test_smaller_errors_over_fewer_hidden_vehicles_are_called_no_gain(tmp_path):
+    a = grid_folder(tmp_path / "a")
+    b = grid_folder(
+        tmp_path / "b", mae__hidden__lon_m=lambda seed: 0.1, hidden_outcomes__tracked_percent=lambda seed: 0.1
+    )
+    assert any("no gain" in note for note in compared(a, b).notes)
+
+
+def test_the_command_exits_with_one_on_a_regression_and_writes_both_forms(tmp_path, capsys):
+    a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", mot__hota=lambda seed: 0.5)
+    assert run_command_line(["compare", b, "--baseline", a, "--json", "--markdown", str(tmp_path / "c.md")]) == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["regression"] is True
+    assert {"metric", "a", "b", "difference", "ci95", "p", "verdict"} <= set(printed["verdicts"][0])
+    assert "| HOTA in sight, % |" in (tmp_path / "c.md").read_text()
+    assert "**worse, regression**" in (tmp_path / "c.md").read_text()
+    assert run_command_line(["compare", a, b, "--quiet", "--tolerance", "0.9"]) == 0
+    assert run_command_line(["compare", b, a, "--quiet"]) == 0
+
+
+def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
+    a = grid_folder(tmp_path / "a")
+    for arguments in ([a], [], [a, "missing"], [a, a, a], ["--suite", "nonsense", "--baseline", a]):
+        assert run_command_line(["compare", *arguments]) == 2
+        assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+@pytest.fixture
+def echo_runs(monkeypatch, tmp_path) -> tuple[str, str, str]:
+    """Make a run, its replay with other random numbers of the tracker, and a run on other traffic."""
+    sensor = build_sensor(sensor_settings("lidar", {}))
+    monkeypatch.setattr(
+        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=12), sensor)
+    )
+    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+    first = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "first").folder
+    again = run(
+        resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
+    ).folder
+    traffic = SteadyTraffic(steps=12, cars_per_lane=4)
+    monkeypatch.setattr("harness.running.open._open_live", lambda config, streams, gui: RunInputs(traffic, sensor))
+    other = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "other").folder
+    return str(first), str(again), str(other)
+
+
+def test_two_single_runs_are_paired_by_vehicle_and_called_one_seed(echo_runs):
+    comparison = compared(*echo_runs[:2])
+    found = {verdict.metric: verdict for verdict in comparison.verdicts}
+    assert found["mae.visible.lon_m"].pairs > 1
+    assert found["mae.visible.lon_m"].verdict == SAME
+    assert found["mot.hota"].verdict == UNTESTED
+    assert any("One seed" in note for note in comparison.notes)
+    assert "One seed" in as_markdown(comparison)
+
+
+def test_single_runs_on_different_traffic_are_refused(echo_runs):
+    with pytest.raises(UserError, match=r"different traffic.*--replay"):
+        compared(echo_runs[0], echo_runs[2])
+
+
+@pytest.fixture
+def small_suite(monkeypatch) -> None:
+    """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
+    request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
+    sensor = build_sensor(sensor_settings("lidar", {}))
+    monkeypatch.setattr("harness.comparison.suite.SUITES", {"standard": request})
+    monkeypatch.setattr(
+        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=8), sensor)
+    )
+
+    def run_here(cells, workers, timeout_s, on_row) -> None:
+        for cell in cells:
+            work_on_cell(
+                cell, lambda message: on_row(message.key, message.row) if isinstance(message, Finished) else None
+            )
+
+    monkeypatch.setattr("harness.grid.pool.run_cells", run_here)
+    monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: Figure())
+
+
+def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line(["compare", "--suite", "standard", "--quiet"]) == 2
+    assert "results/reference" in capsys.readouterr().err
+    assert run_command_line(["compare", "--suite", "standard", "--record", "--quiet"]) == 0
+    assert (tmp_path / "results/reference/standard/runs.parquet").is_file()
+    assert run_command_line(["compare", "--suite", "standard", "--out", "again", "--quiet"]) == 0
+    assert run_command_line(["compare", "again", "--baseline", "results/reference", "--json", "--quiet"]) == 0
+    assert {verdict["pairs"] for verdict in json.loads(capsys.readouterr().out)["verdicts"]} >= {12}
+
+
+def test_a_suite_that_got_worse_exits_with_one(small_suite, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line(["compare", "--suite", "standard", "--record", "--quiet"]) == 0
+    recorded = tmp_path / "results/reference/standard/runs.parquet"
+    table = pd.read_parquet(recorded)
+    table["mae.visible.lon_m"] *= 0.9
+    table.to_parquet(recorded)
+    assert run_command_line(["compare", "--suite", "standard", "--out", "again", "--quiet"]) == 1

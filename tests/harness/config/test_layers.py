@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import math
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from harness.config.layers import resolve_run_config, write_config
+from harness.config.model import RunConfig
+from harness.errors import UserError
+
+
+def test_later_layers_win(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text('seed = 1\n[traffic]\nduration_s = 10.0\n[tracker]\nmodel = "cam"\n')
+    assert resolve_run_config().seed == 0
+    assert resolve_run_config(file).seed == 1
+    assert resolve_run_config(file, {"seed": 2}).seed == 2
+    config = resolve_run_config(file, {"seed": 2, "duration": None}, ["seed=3"])
+    assert (config.seed, config.traffic.duration_s, config.tracker.model) == (3, 10.0, "cam")
+
+
+def test_another_tracker_does_not_inherit_the_options_of_an_earlier_layers_tracker(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text('[tracker]\nname = "mmpf"\nmodel = "cam"\n[tracker.options.joint]\ngate_std = 4.0\n')
+    assert resolve_run_config(file, {"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
+    same = resolve_run_config(file, {"tracker": "mmpf", "particles": 50}).tracker.all_options()
+    assert (same["model"], same["particles"], same["joint"]) == ("cam", 50, {"gate_std": 4.0})
+
+
+def test_a_later_density_replaces_an_earlier_demand(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text('[traffic]\ndemand = "jam"\n')
+    assert resolve_run_config(file).traffic.density is None
+    traffic = resolve_run_config(file, {"density": 30.0}).traffic
+    assert (traffic.demand, traffic.density) == (None, 30.0)
+
+
+def test_demand_and_density_at_once_are_refused():
+    with pytest.raises(UserError, match="either a demand or a density"):
+        resolve_run_config(options={"density": 30.0, "demand": "jam"})
+
+
+def test_a_sumo_configuration_keeps_its_own_demand():
+    assert resolve_run_config(options={"net": "my.sumocfg"}).traffic.density is None
+
+
+@pytest.mark.parametrize("density", [0.0, -1.0, 500.0, math.nan, math.inf])
+def test_impossible_density_is_refused_by_its_option(density):
+    with pytest.raises(UserError, match="--density"):
+        resolve_run_config(options={"density": density})
+
+
+@pytest.mark.parametrize("duration", [0.0, -5.0, math.nan])
+def test_impossible_duration_is_refused_by_its_option(duration):
+    with pytest.raises(UserError, match="--duration"):
+        resolve_run_config(options={"duration": duration})
+
+
+def test_unknown_key_is_told_with_its_nearest(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text("[traffic]\ndensty = 20\n")
+    with pytest.raises(UserError, match=r"traffic\.densty.*did you mean traffic\.density"):
+        resolve_run_config(file)
+
+
+@pytest.mark.parametrize("text", ["a = [", "= 3", "[traffic\n", "\x00"])
+def test_broken_toml_is_told_with_its_file(tmp_path, text):
+    file = tmp_path / "broken.toml"
+    file.write_text(text)
+    with pytest.raises(UserError, match=r"--config: .*broken\.toml is not valid TOML"):
+        resolve_run_config(file)
+
+
+def test_missing_config_file_is_told():
+    with pytest.raises(UserError, match=r"--config: can't read nowhere\.toml"):
+        resolve_run_config(Path("nowhere.toml"))
+
+
+@pytest.mark.parametrize("word", ["density", "=3", "traffic..net=a", "seed=1.5", "seed.x=1"])
+def test_a_setting_that_makes_no_sense_is_refused(word):
+    with pytest.raises(UserError):
+        resolve_run_config(settings=[word])
+
+
+def test_settings_reach_sensor_and_tracker_as_toml_values_or_words():
+    config = resolve_run_config(
+        settings=["sensor.range_m=80", "tracker.options.joint.gate_std=4.0", "tracker.options.flag=true", "sensor.a=b"]
+    )
+    assert config.sensor.overrides == {"range_m": 80, "a": "b"}
+    assert config.tracker.options == {"joint": {"gate_std": 4.0}, "flag": True}
+
+
+@pytest.mark.parametrize("option", ["format", "ego"])
+def test_a_choice_that_only_recorded_traffic_has_is_refused_without_a_recording(option):
+    with pytest.raises(UserError, match=f"--{option}: simulated traffic has no such choice"):
+        resolve_run_config(options={option: "auto"})
+
+
+def test_only_the_own_tracker_gets_its_defaults():
+    assert resolve_run_config().tracker.all_options()["model"] == "gmm"
+    assert resolve_run_config(options={"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
+
+
+def test_folder_name_tells_the_settings_and_holds_no_separator():
+    assert resolve_run_config(options={"seed": 3, "density": 12.5}).default_folder_name() == "us101-mmpf-gmm-d12.5-s3"
+    name = resolve_run_config(options={"net": "a/b c.sumocfg", "tracker": "x.y:z"}).default_folder_name()
+    assert name == "b-c-x.y-z-s0"
+
+
+@given(
+    seed=st.integers(0, 2**31 - 1),
+    density=st.floats(5.0, 65.0),
+    duration=st.floats(0.1, 1000.0),
+    word=st.text(min_size=1, alphabet=st.characters(exclude_categories=["Cs"])),
+    number=st.floats(allow_nan=False),
+)
+def test_a_written_configuration_reads_back_the_same(tmp_path_factory, seed, density, duration, word, number):
+    config = RunConfig.model_validate(
+        {
+            "seed": seed,
+            "traffic": {"net": word, "density": density, "duration_s": duration},
+            "sensor": {"profile": "radar", "range_m": 50.0},
+            "tracker": {"options": {"nested": {"number": number, "word": word}, "flag": False}},
+        }
+    )
+    file = tmp_path_factory.mktemp("config") / "config.toml"
+    write_config(config, file)
+    assert resolve_run_config(file) == config
+
+
+def test_where_no_traffic_is_asked_for_the_networks_default_demand_is_driven():
+    traffic = resolve_run_config().traffic
+    assert (traffic.net, traffic.demand, traffic.density) == ("us101", "us101-0805", None)
+
+
+def test_a_network_that_names_no_default_demand_is_driven_at_thirty_vehicles_per_km_and_lane(tmp_path):
+    source = Path(str(files("networks"))) / "us101"
+    text = (source / "network.toml").read_text()
+    (tmp_path / "network.toml").write_text(text.replace('default_demand = "us101-0805"', ""))
+    traffic = resolve_run_config(options={"net": str(tmp_path)}).traffic
+    assert (traffic.demand, traffic.density) == (None, 30.0)

@@ -1,0 +1,99 @@
+"""A real scheduler and two real workers on loopback, one of which is killed."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness.errors import UserError
+from harness.grid.cluster import connect
+from harness.grid.rows import is_timing
+
+REPOSITORY = Path(__file__).parents[3]
+GRID = (
+    "--densities",
+    "20,40",
+    "--seeds",
+    "2",
+    "--models",
+    "cvm,cam",
+    "--particles",
+    "50",
+    "--duration",
+    "2",
+    "--quiet",
+)
+
+
+def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("harness.grid.cluster.CONNECT_S", 0.2)
+    with pytest.raises(UserError, match=r"^--scheduler tcp://127.0.0.1:9: .*for example --scheduler tcp://host:8786$"):
+        connect("tcp://127.0.0.1:9")
+
+
+def rows_of(folder: Path) -> pd.DataFrame:
+    table = pd.read_parquet(folder / "runs.parquet")
+    return table[[column for column in table if not is_timing(column)]]
+
+
+def stress(out: Path, *arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "harness", "stress", "--out", str(out), *GRID, *arguments], cwd=REPOSITORY
+    )
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """Start a scheduler and two workers; yield the scheduler's address and the workers' processes."""
+    pytest.importorskip("distributed")
+    file = tmp_path / "scheduler.json"
+    shared = {"cwd": REPOSITORY, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    processes = [subprocess.Popen([*command, "--no-dashboard", "--scheduler-file", str(file)], **shared)]
+    for number in range(2):
+        command = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
+        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path / str(number))]
+        processes.append(subprocess.Popen([*command, *options], **shared))
+    try:
+        yield _address(file), processes[1:]
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def _address(file: Path) -> str:
+    from distributed import Client  # noqa: PLC0415
+
+    _wait_until(file.exists)
+    with Client(scheduler_file=str(file), set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+        return client.scheduler.address
+
+
+def _wait_until(condition, limit_s: float = 120.0) -> None:
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluster, tmp_path):
+    address, workers = cluster
+    local, remote = tmp_path / "local", tmp_path / "remote"
+    assert stress(local, "--workers", "1").wait(timeout=300) == 0
+    running = stress(remote, "--scheduler", address)
+    _wait_until(lambda: any(remote.glob("runs/*.json")) or running.poll() is not None)
+    assert running.poll() is None
+    workers[0].send_signal(signal.SIGKILL)
+    assert running.wait(timeout=300) == 0
+    pd.testing.assert_frame_equal(rows_of(remote), rows_of(local), check_exact=True)
+    assert len(rows_of(remote)) == 8

@@ -1,0 +1,189 @@
+"""Scores over several recorded files: pooled by their samples, with intervals over files, beside coasting."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.cli import run_command_line
+from harness.errors import UserError
+from harness.grid.coasting import against_coasting
+from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.pooled import JPDA, pool_files
+from harness.grid.pooled_tables import pooled_markdown
+from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, run_stress
+from harness.scoring.rows import BoolArray
+from tests.harness.grid.test_stress import ECHO, InProcess
+from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv
+
+
+def row(file: str, variant: str = "mmpf", switches: int = 0, hota=(80.0, 100), hidden=(1.0, 2.0, 10), **other) -> dict:
+    own, coasting, n = hidden
+    return {
+        "replay": file, "variant": variant, "model": None, "seed": 0, "succeeded": True, "error": None,
+        "recording.vehicles_read": 30, "recording.vehicles_kept": 28, "recording.egos": 3,
+        "mot.hota": hota[0], "mot.idf1": 90.0, "mot.truth_n": hota[1], "mot.id_switches": switches,
+        "mae.visible.lon_m": 0.1, "mae.visible.n": 10, "mae.hidden.lon_m": own, "mae.hidden.n": n,
+        "hidden_outcomes.tracked_percent": 50.0, "hidden_outcomes.n": 2 * n,
+        "occlusion.same_id": 1, "occlusion.events": 2,
+        "against_coasting.by_seconds_hidden.0.from_s": 2.0, "against_coasting.by_seconds_hidden.0.to_s": 3.0,
+        **{
+            f"against_coasting.{key}.{name}": value
+            for key in ("hidden", "by_seconds_hidden.0")
+            for name, value in (("lon_m", own), ("coasting_lon_m", coasting), ("n", n))
+        },
+        **other,
+    }  # fmt: skip
+
+
+def mean_of(pooled, quantity: str):
+    return next(mean for mean in pooled.means if mean.quantity == quantity)
+
+
+def test_scores_are_weighted_by_the_samples_of_each_file():
+    pooled = pool_files(pd.DataFrame([row("a", hota=(80.0, 100)), row("b", hota=(90.0, 300))]))
+    hota = mean_of(pooled, "hota")
+    assert hota.mean == pytest.approx(87.5)
+    assert 80.0 <= hota.ci95[0] < hota.ci95[1] <= 90.0
+
+
+def test_identity_switches_are_summed_and_told_per_vehicle_minute():
+    """600 vehicle-steps of a tenth of a second are a vehicle-minute."""
+    table = pd.DataFrame([row("a", switches=2, hota=(80.0, 600)), row("b", switches=1, hota=(80.0, 1200))])
+    pooled = pool_files(table)
+    assert pooled.id_switches == {"mmpf": 3}
+    assert mean_of(pooled, "id_switches_per_vehicle_minute").mean == pytest.approx(1.0)
+
+
+def test_the_ratio_to_coasting_is_that_of_all_errors_together():
+    table = pd.DataFrame([row("a", hidden=(1.0, 2.0, 10)), row("b", hidden=(4.0, 2.0, 30))])
+    overall = pool_files(table).hidden[-1]
+    assert overall.to_s is None
+    assert overall.lon_m == pytest.approx((10 + 120) / 40)
+    assert overall.ratio == pytest.approx((10 + 120) / (20 + 60))
+    assert 0.5 <= overall.ratio_ci95[0] < overall.ratio < overall.ratio_ci95[1] <= 2.0
+
+
+def test_a_file_without_a_hidden_vehicle_counts_for_nothing():
+    table = pd.DataFrame([row("a", hidden=(np.nan, np.nan, 0)), row("b", hidden=(3.0, 4.0, 5))])
+    overall = pool_files(table).hidden[-1]
+    assert (overall.lon_m, overall.ratio, overall.n) == (3.0, 0.75, 5)
+    assert overall.ratio_ci95 is None
+
+
+def test_targets_are_told_as_met_and_as_missed():
+    table = pd.DataFrame([
+        row("a", switches=5, hidden=(1.0, 2.0, 10)), row("a", variant=JPDA, switches=2, hidden=(9.0, 3.0, 10)),
+    ])  # fmt: skip
+    pooled = pool_files(table)
+    assert [verdict.met for verdict in pooled.verdicts] == [False, True, True]
+    text = pooled_markdown(pooled, ["it broke"])
+    assert f"- MISSED: mmpf: fewer identity switches than {JPDA}: 5 to 2" in text
+    assert "- it broke" in text
+
+
+def test_every_file_and_vehicle_is_counted():
+    text = pooled_markdown(pool_files(pd.DataFrame([row("a.xml"), row("b.xml")])), [])
+    assert "| a.xml | 30 | 28 | 2 | 3 | 1 |" in text
+    assert "| all | 60 | 56 | 4 | 6 | 2 |" in text
+
+
+def errors(*rows) -> pd.DataFrame:
+    """Rows of vehicle, seconds hidden, longitudinal error, outcome; hidden where the seconds are above 0."""
+    return pd.DataFrame(
+        [
+            {
+                "episode": 0, "step": 0, "vehicle_id": vehicle, "state": "hidden" if seconds else "visible",
+                "seconds_hidden": seconds, "lon_error_m": error, "lat_error_m": 0.0, "speed_error_mps": 0.0,
+                "lat_speed_error_mps": 0.0, "outcome": outcome,
+            }
+            for vehicle, seconds, error, outcome in rows
+        ]
+    )  # fmt: skip
+
+
+def test_only_hidden_vehicles_that_both_follow_are_compared():
+    own = errors(
+        ("a", 0.5, -1.0, "tracked"), ("b", 2.5, 3.0, "tracked"), ("c", 2.5, 9.0, "lost"), ("d", 0.0, 9.0, "tracked")
+    )
+    coasting = errors(
+        *((name, seconds, 2.0, "tracked") for name, seconds in zip("abcd", (0.5, 2.5, 2.5, 0.0), strict=True))
+    )
+    told = against_coasting(own, coasting)
+    assert told["hidden"] == {"lon_m": 2.0, "coasting_lon_m": 2.0, "n": 2}
+    by_time = {(each["from_s"], each["to_s"]): each["lon_m"] for each in told["by_seconds_hidden"]}
+    assert by_time[0.0, 1.0] == 1.0
+    assert by_time[1.0, 2.0] is None
+    assert by_time[2.0, 3.0] == 3.0
+
+
+@pytest.fixture
+def files(tmp_path) -> tuple[str, str]:
+    return str(write_ngsim_csv(tmp_path / "scene.csv")), str(write_commonroad(tmp_path / "scene.xml"))
+
+
+def test_a_grid_over_recordings_has_a_cell_a_file_with_every_vehicle_in_turn(files):
+    grid = plan_grid(GridRequest(net=None, replay=files, trackers=f"{ECHO},mmpf", seeds="1"))
+    assert [cell.runs[0].identity()["replay"] for cell in grid.cells] == ["scene.csv", "scene.xml"]
+    assert {run.config.traffic.recording.ego for run in grid.runs} == {"each"}
+    assert [cell.config.traffic.net for cell in grid.cells] == ["us101", "recording"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [({"densities": "20"}, "--replay"), ({"replay": ("a/scene.csv", "b/scene.csv")}, "same name")],
+)
+def test_recordings_and_what_goes_against_them_are_refused(files, asked, words):
+    with pytest.raises(UserError, match=words):
+        plan_grid(GridRequest(**({"net": None, "replay": files, "seeds": "1"} | asked)))
+
+
+def test_an_ego_without_a_recording_is_refused():
+    with pytest.raises(UserError, match="--ego"):
+        plan_grid(GridRequest(densities="20", ego="each"))
+
+
+def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(files, tmp_path):
+    request = GridRequest(net=None, replay=files, ego="each:2", trackers=f"{ECHO},oracle-kalman", seeds="1")
+    told: list[str] = []
+    finished = run_stress(request, tmp_path / "out", InProcess(), tell=told.append)
+    assert finished.failures == []
+    assert [text.split(" (")[0] for text in told] == ["scene.csv", "scene.xml"]
+    summary = json.loads((tmp_path / "out" / SUMMARY).read_text())
+    assert [(each["file"], each["egos"], each["runs"]) for each in summary["files"]] == [
+        ("scene.csv", 2, 2),
+        ("scene.xml", 2, 2),
+    ]
+    runs = pd.read_parquet(tmp_path / "out" / RUNS)
+    assert runs["replay"].tolist() == ["scene.csv"] * 2 + ["scene.xml"] * 2
+    oracle = runs[runs["tracker"] == "oracle-kalman"]
+    followed: BoolArray = oracle["against_coasting.hidden.n"].to_numpy() > 0
+    np.testing.assert_array_equal(
+        oracle["against_coasting.hidden.lon_m"].to_numpy()[followed],
+        oracle["against_coasting.hidden.coasting_lon_m"].to_numpy()[followed],
+    )
+    assert "| scene.csv | 4 | 4 | 0 | 2 | 2 |" in (tmp_path / "out" / TABLE).read_text()
+    assert (tmp_path / "out" / FIGURES / "hidden.png").exists()
+
+
+def test_all_trackers_see_the_same_detections_of_a_recording(files, tmp_path):
+    request = GridRequest(net=None, replay=files[:1], trackers=f"{ECHO},{ECHO}+gain=2", seeds="1")
+    run_stress(request, tmp_path / "out", InProcess())
+    runs = pd.read_parquet(tmp_path / "out" / RUNS)
+    assert len(set(runs["detection_noise.lon_m"])) == 1
+    assert len(set(runs["mae.visible.n"])) == 1
+
+
+def test_a_broken_recording_is_told_before_any_run(files, tmp_path, capsys):
+    broken = tmp_path / "broken.xml"
+    broken.write_text('<commonRoad commonRoadVersion="2018b"><lanelet id="1">')
+    out = tmp_path / "out"
+    words = ["stress", "--replay", files[0], "--replay", str(broken), "--trackers", ECHO, "--out", str(out), "--quiet"]
+    assert run_command_line(words) == 2
+    message = capsys.readouterr().err.strip()
+    assert "broken.xml" in message
+    assert len(message.splitlines()) == 1
+    assert not out.exists()

@@ -1,0 +1,264 @@
+"""Whole grids on stand-in traffic in this process, and a few on SUMO in real workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness.cli import run_command_line
+from harness.config.layers import resolve_run_config
+from harness.errors import RunInterruptedError, UserError
+from harness.grid.grid import GridRequest
+from harness.grid.rows import flattened, is_timing
+from harness.grid.stress import FinishedGrid, run_stress
+from harness.grid.worker import Finished, work_on_cell
+from harness.running.open import RunInputs
+from harness.running.run import run
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
+from tests.harness.stand_ins import SteadyTraffic
+
+REPOSITORY = Path(__file__).parents[3]
+ECHO = "tests.harness.stand_ins:echo_tracker"
+BROKEN = "tests.harness.grid.broken_trackers"
+SMALL = GridRequest(densities="20,40", seeds="2", trackers=f"{ECHO},{ECHO}+gain=2", duration_s=1.0)
+
+
+class InProcess:
+    """Runs cells here, one after the other; stops as Ctrl-C does after some rows."""
+
+    def __init__(self, stop_after: int | None = None) -> None:
+        self.stop_after, self.rows, self.cells = stop_after, 0, 0
+
+    def __call__(self, cells, on_row) -> None:
+        def report(message) -> None:
+            if isinstance(message, Finished):
+                if self.rows == self.stop_after:
+                    raise KeyboardInterrupt
+                self.rows += 1
+                on_row(message.key, message.row)
+
+        for cell in cells:
+            self.cells += 1
+            work_on_cell(cell, report)
+
+
+@pytest.fixture
+def opened(monkeypatch) -> list:
+    """Put stand-in traffic in SUMO's place, draw no figures, and count how often traffic is opened."""
+    sensor, calls = build_sensor(sensor_settings("lidar", {})), []
+
+    def open_live(config, streams, gui) -> RunInputs:
+        calls.append(config)
+        return RunInputs(SteadyTraffic(steps=8), sensor)
+
+    monkeypatch.setattr("harness.running.open._open_live", open_live)
+    monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: _NoFigure())
+    return calls
+
+
+class _NoFigure:
+    def savefig(self, path: Path) -> None:
+        """Draw nothing."""
+
+
+def grid(out: Path, request: GridRequest = SMALL, execute=None, **options) -> FinishedGrid:
+    return run_stress(request, out, execute or InProcess(), **options)
+
+
+def table_of(folder: Path) -> pd.DataFrame:
+    table = pd.read_parquet(folder / "runs.parquet")
+    return table[[column for column in table if not is_timing(column)]]
+
+
+def test_a_grid_leaves_one_row_for_each_run_in_a_fixed_order(opened, tmp_path):
+    finished = grid(tmp_path / "grid")
+    table = table_of(finished.folder)
+    assert table[["density", "seed", "variant"]].to_numpy().tolist() == [
+        [density, seed, variant] for density in (20, 40) for seed in (0, 1) for variant in (ECHO, f"{ECHO}+gain=2")
+    ]
+    assert table["succeeded"].all()
+    assert table["mae.visible.lon_m"].gt(0.0).all()
+    assert (finished.folder / "summary.json").is_file()
+    assert (finished.folder / "table.md").is_file()
+
+
+def test_traffic_is_made_once_for_all_trackers_of_a_density_and_seed(opened, tmp_path):
+    grid(tmp_path / "grid")
+    assert len(opened) == 4
+
+
+def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(opened, tmp_path):
+    whole = table_of(grid(tmp_path / "whole").folder)
+    for stop in (0, 1, 4, 7):
+        folder = tmp_path / f"stopped-{stop}"
+        with pytest.raises(RunInterruptedError, match=f"{stop} of 8 runs.*--resume"):
+            grid(folder, execute=InProcess(stop_after=stop))
+        rest = InProcess()
+        pd.testing.assert_frame_equal(table_of(grid(folder, execute=rest, resume=True).folder), whole)
+        assert rest.rows == 8 - stop
+
+
+def test_a_finished_grid_is_not_run_again(opened, tmp_path):
+    grid(tmp_path / "grid")
+    again = InProcess()
+    grid(tmp_path / "grid", execute=again, resume=True)
+    assert again.cells == 0
+
+
+def test_a_resumed_grid_may_have_more_seeds(opened, tmp_path):
+    grid(tmp_path / "grid")
+    more = InProcess()
+    larger = GridRequest(**{**SMALL.__dict__, "seeds": "3"})
+    assert len(table_of(grid(tmp_path / "grid", larger, more, resume=True).folder)) == 12
+    assert more.rows == 4
+
+
+def test_an_existing_folder_is_never_overwritten_without_asking(opened, tmp_path):
+    grid(tmp_path / "grid")
+    with pytest.raises(UserError, match="--resume"):
+        grid(tmp_path / "grid")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    with pytest.raises(UserError, match="not a stress test's folder"):
+        grid(tmp_path / "mine", resume=True)
+
+
+def test_half_written_files_of_a_killed_grid_are_removed(opened, tmp_path):
+    grid(tmp_path / "grid")
+    (tmp_path / "grid" / "runs" / "left.123.partial").write_text("{")
+    grid(tmp_path / "grid", resume=True)
+    assert not list((tmp_path / "grid").rglob("*.partial"))
+
+
+def test_a_failing_tracker_is_a_row_and_the_others_run_on(opened, tmp_path):
+    request = GridRequest(densities="20", seeds="2", trackers=f"{BROKEN}:raising,{ECHO}", duration_s=1.0)
+    finished = grid(tmp_path / "grid", request)
+    table = table_of(finished.folder)
+    assert table["succeeded"].tolist() == [False, True, False, True]
+    assert table["error"].tolist()[0] == "ArithmeticError: the weights all vanished"
+    assert table["error"].isna().tolist() == [False, True, False, True]
+    assert len(finished.failures) == 2
+    assert "ArithmeticError" in (finished.folder / "table.md").read_text()
+
+
+def test_failed_runs_are_kept_unless_asked_to_be_made_again(opened, tmp_path):
+    request = GridRequest(densities="20", seeds="2", trackers=f"{BROKEN}:raising,{ECHO}", duration_s=1.0)
+    grid(tmp_path / "grid", request)
+    kept, made_again = InProcess(), InProcess()
+    grid(tmp_path / "grid", request, kept, resume=True)
+    assert kept.rows == 0
+    grid(tmp_path / "grid", request, made_again, resume=True, retry_failed=True)
+    assert made_again.rows == 2
+
+
+def test_failing_traffic_fails_every_run_of_its_cell(monkeypatch, opened, tmp_path):
+    def open_live(config, streams, gui) -> RunInputs:
+        fails = config.seed == 1
+        return RunInputs(
+            SteadyTraffic(steps=8, fail_at=5 if fails else None), build_sensor(sensor_settings("lidar", {}))
+        )
+
+    monkeypatch.setattr("harness.running.open._open_live", open_live)
+    table = table_of(grid(tmp_path / "grid").folder)
+    assert table["succeeded"].tolist() == [True, True, False, False] * 2
+    assert table.loc[~table["succeeded"], "error"].unique().tolist() == ["RuntimeError: the traffic broke"]
+
+
+def test_a_row_holds_what_a_single_run_writes(opened, tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+    request = GridRequest(densities="20", seeds="3:4", trackers=ECHO, duration_s=1.0)
+    row = table_of(grid(tmp_path / "grid", request).folder).iloc[0]
+    config = resolve_run_config(options={"density": 20.0, "seed": 3, "tracker": ECHO, "duration": 1.0})
+    metrics = run(config, out=tmp_path / "run").metrics
+    single = flattened({name: value for name, value in metrics.items() if name != "run"})
+    compared = [name for name in single if not is_timing(name)]
+    assert len(compared) > 100
+    for name in compared:
+        assert row[name] == single[name] or (single[name] is None and pd.isna(row[name])), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--vary", "sensor.rnge_m=40:160:20"], "--vary: sensor.rnge_m: no such setting"),
+        (["--vary", "sensor.range_m=-5:5:5"], "--vary: sensor.range_m"),
+        (["--densities", "65:5:10"], "--densities 65:5:10"),
+        (["--trackers", "mmpf,nonsense"], "--tracker nonsense: unknown; choose one of"),
+        (["--models", "nonsense"], "unknown motion model 'nonsense'; known are"),
+        (["--net", "nonsense"], "--net nonsense: no such network"),
+        (["--demands", "nonsense"], "no such demand"),
+        (["--scheduler", "tcp://host:1", "--workers", "2"], "--workers"),
+    ],
+)
+def test_a_wrong_grid_ends_with_two_before_anything_is_written(arguments, complaint, tmp_path, capsys):
+    assert run_command_line(["stress", "--out", str(tmp_path / "grid"), *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert complaint in lines[0]
+    assert not (tmp_path / "grid").exists()
+
+
+def command(out: Path, *arguments: str) -> list[str]:
+    return [
+        sys.executable, "-m", "harness", "stress", "--out", str(out), "--duration", "1", "--quiet", *arguments,
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_reason(tmp_path):
+    trackers = ",".join([*(f"{BROKEN}:{name}" for name in ("raising", "hanging", "dying")), ECHO])
+    outcome = subprocess.run(
+        command(tmp_path / "grid", "--densities", "20", "--seeds", "2", "--trackers", trackers, "--timeout-per-run",
+                "15", "--workers", "2"),
+        cwd=REPOSITORY, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert outcome.returncode == 3, outcome.stderr
+    table = table_of(tmp_path / "grid")
+    assert table["succeeded"].tolist() == [False, False, False, True] * 2
+    for errors in (table["error"].iloc[:3], table["error"].iloc[4:7]):
+        raised, hung, died = errors
+        assert raised == "ArithmeticError: the weights all vanished"
+        assert hung == "timeout: the run took longer than 15 s"
+        assert "died (signal SIGKILL" in died
+    assert len(outcome.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_a_grid_killed_ten_times_at_random_moments_ends_as_if_it_never_was(tmp_path):
+    grid_options = (
+        "--densities",
+        "20,40",
+        "--seeds",
+        "2",
+        "--models",
+        "cvm,cam",
+        "--particles",
+        "50",
+        "--workers",
+        "2",
+    )
+    begin = time.monotonic()
+    subprocess.run(command(tmp_path / "whole", *grid_options), cwd=REPOSITORY, check=True, timeout=600)
+    whole_s = time.monotonic() - begin
+    moments = random.Random(5)
+    for _ in range(10):
+        process = subprocess.Popen(command(tmp_path / "killed", *grid_options, "--resume"), cwd=REPOSITORY)
+        time.sleep(moments.uniform(0.1, 0.6) * whole_s)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        for path in (tmp_path / "killed" / "runs").glob("*.json"):
+            json.loads(path.read_text())
+    subprocess.run(command(tmp_path / "killed", *grid_options, "--resume"), cwd=REPOSITORY, check=True, timeout=600)
+    pd.testing.assert_frame_equal(table_of(tmp_path / "killed"), table_of(tmp_path / "whole"))
+    assert len(table_of(tmp_path / "killed")) == 8
+    assert not list((tmp_path / "killed").rglob("*.partial"))

@@ -1,0 +1,101 @@
+"""Curves and breaking points of tables whose answers are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.grid.summary import breaks, curve_points
+from harness.grid.tables import as_markdown, break_sentence
+
+
+def rows(density: float, seed: int, same_id: float, events: float = 100.0, hidden=(1.0, 10.0), **other) -> dict:
+    return {
+        "net": "us101", "density": density, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": "cvm",
+        "seed": seed, "succeeded": True, "error": None, "mae.visible.lon_m": 0.2, "mae.visible.n": 50.0,
+        "mae.hidden.lon_m": hidden[0], "mae.hidden.n": hidden[1], "occlusion.survived": same_id,
+        "occlusion.same_id": same_id, "occlusion.events": events, "mot.hota": 80.0, "timing.tracker_ms.p50": 9.0,
+        **other,
+    }  # fmt: skip
+
+
+def curve(table: pd.DataFrame, metric: str, axis: str = "density", varied=()) -> dict:
+    points = curve_points(table, varied)
+    return {point.value: point for point in points if (point.axis, point.metric) == (axis, metric)}
+
+
+def test_errors_are_pooled_by_their_samples_and_shares_by_their_events():
+    table = pd.DataFrame([
+        rows(20, 0, same_id=10, events=20, hidden=(1.0, 30.0)), rows(20, 1, same_id=0, events=60, hidden=(5.0, 10.0)),
+    ])  # fmt: skip
+    assert curve(table, "mae.hidden.lon_m")[20].mean == pytest.approx(2.0)
+    assert curve(table, "occlusion.same_id")[20].mean == pytest.approx(12.5)
+
+
+def test_a_run_without_a_hidden_vehicle_counts_for_nothing():
+    table = pd.DataFrame([rows(20, 0, 10, hidden=(np.nan, 0.0)), rows(20, 1, 10, hidden=(3.0, 4.0))])
+    point = curve(table, "mae.hidden.lon_m")[20]
+    assert (point.mean, point.n, point.seeds) == (3.0, 4, 1)
+    assert point.ci95 is None
+
+
+def test_failed_runs_are_in_no_mean():
+    table = pd.DataFrame([rows(20, 0, 10), {**rows(20, 1, 90), "succeeded": False}])
+    assert curve(table, "occlusion.same_id")[20].mean == pytest.approx(10.0)
+
+
+def test_an_interval_spans_the_seeds():
+    table = pd.DataFrame([rows(20, seed, same_id=40 + 10 * (seed % 2)) for seed in range(20)])
+    point = curve(table, "occlusion.same_id")[20]
+    assert point.mean == pytest.approx(45)
+    assert 40 < point.ci95[0] < 45 < point.ci95[1] < 50
+
+
+def test_a_varied_setting_has_a_curve_of_its_own():
+    table = pd.DataFrame([rows(20, 0, 10, **{"sensor.range_m": 40.0}), rows(20, 0, 30, **{"sensor.range_m": 80.0})])
+    points = curve(table, "occlusion.same_id", "sensor.range_m", ["sensor.range_m"])
+    assert [points[40.0].mean, points[80.0].mean] == [10, 30]
+
+
+def test_a_tracker_breaks_where_its_line_crosses_one_half():
+    table = pd.DataFrame([rows(density, 0, share) for density, share in ((10, 90), (20, 60), (30, 40), (40, 45))])
+    (broken,) = breaks(table)
+    assert broken.density == pytest.approx(25.0)
+    assert not broken.at_lowest
+
+
+def test_a_tracker_above_one_half_throughout_holds():
+    table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
+    (holds,) = breaks(table)
+    assert (holds.density, holds.held_to, holds.ci95) == (None, 20, None)
+    assert "holds up to 20" in break_sentence(holds)
+
+
+def test_a_tracker_below_one_half_at_the_lowest_density_may_break_below_it():
+    table = pd.DataFrame([rows(density, seed, 30) for density in (10, 20) for seed in range(3)])
+    (broken,) = breaks(table)
+    assert (broken.density, broken.at_lowest) == (10, True)
+    assert "at or below 10" in break_sentence(broken)
+
+
+def test_a_density_with_few_occlusions_breaks_nobody():
+    table = pd.DataFrame([rows(10, 0, 0, events=3), rows(20, 0, 90), rows(30, 0, 90)])
+    assert breaks(table)[0].density is None
+
+
+def test_the_interval_of_a_breaking_point_covers_what_the_seeds_say():
+    table = pd.DataFrame(
+        [rows(density, seed, 100 - density - seed) for density in (40, 50, 60) for seed in range(-5, 6)]
+    )
+    (broken,) = breaks(table)
+    assert broken.density == pytest.approx(50.0)
+    assert 46 < broken.ci95[0] < 50 < broken.ci95[1] < 54
+
+
+def test_the_table_names_every_tracker_density_and_failure():
+    table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
+    text = as_markdown("Title", curve_points(table, ()), breaks(table), ["density 10, seed 3: it broke"])
+    assert "| mmpf cvm | 10 | 0.20" in text
+    assert "| mmpf cvm | 20 | 0.20" in text
+    assert "- density 10, seed 3: it broke" in text

@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+
+from harness.errors import UserError
+from harness.runfolder import folder as runfolder
+from harness.runfolder.tables import write_table
+
+
+def test_a_finished_folder_gets_its_name_only_at_the_end(tmp_path):
+    pending = runfolder.open_folder(tmp_path / "run", "x", force=False)
+    assert not (tmp_path / "run").exists()
+    (pending.path / "file").write_text("x")
+    assert pending.finish() == tmp_path / "run"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
+
+
+def test_an_unfinished_folder_says_so(tmp_path):
+    pending = runfolder.open_folder(tmp_path / "run", "x", force=False)
+    assert pending.leave_incomplete().name == "run.incomplete"
+    again = runfolder.open_folder(tmp_path / "run", "x", force=False)
+    assert again.leave_incomplete().name == "run.incomplete"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
+
+
+def test_the_folder_of_a_killed_run_is_removed_by_the_next(tmp_path):
+    script = (
+        "import os, pathlib, signal; from harness.runfolder import folder as runfolder;"
+        f"folder = runfolder.open_folder(pathlib.Path({str(tmp_path / 'run')!r}), 'x', force=False).path;"
+        "(folder / runfolder.CONFIG).touch(); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    killed = subprocess.run([sys.executable, "-c", script], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == 1
+    runfolder.open_folder(tmp_path / "another", "x", force=False).finish()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["another"]
+
+
+def test_only_what_surely_is_a_dead_runs_folder_is_removed(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    here = platform.node()
+    kept = [
+        f".run.running-{os.getpid()}@{here}",  # a run in this process
+        f".run.running-{os.getppid()}@{here}",  # a run in another
+        f".run.running-{gone.pid}@another-machine",  # on a shared disk
+        f".run.running-{gone.pid}",
+        f"run.running-{gone.pid}@{here}",
+        f".mine.running-{gone.pid}@{here}",  # holds no run
+    ]
+    for name in kept:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / (runfolder.CONFIG if "mine" not in name else "precious")).touch()
+    left = tmp_path / f".left.running-{gone.pid}@{here}"
+    left.mkdir()
+    runfolder.open_folder(tmp_path / "new", "x", force=False).discard()
+    assert not left.exists()
+    assert {entry.name for entry in tmp_path.iterdir()} == set(kept)
+
+
+def test_default_names_never_collide(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = [runfolder.open_folder(None, "a-run", force=False).finish().name for _ in range(3)]
+    assert names == ["a-run", "a-run-2", "a-run-3"]
+
+
+def test_a_run_that_ends_second_does_not_replace_the_first(tmp_path):
+    pending = runfolder.open_folder(tmp_path / "run", "x", force=False)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "precious").write_text("x")
+    assert pending.finish().name == "run-2"
+    assert (tmp_path / "run" / "precious").exists()
+
+
+def test_an_existing_folder_is_kept_without_force(tmp_path):
+    (tmp_path / "run").mkdir()
+    with pytest.raises(UserError, match="--force"):
+        runfolder.open_folder(tmp_path / "run", "x", force=False)
+
+
+def test_force_replaces_a_run_and_nothing_else(tmp_path):
+    run, home = tmp_path / "run", tmp_path / "home"
+    run.mkdir()
+    (run / runfolder.MANIFEST).write_text("{}")
+    (run / "old").write_text("x")
+    runfolder.open_folder(run, "x", force=True).finish()
+    assert list(run.iterdir()) == []
+    home.mkdir()
+    (home / "precious").write_text("x")
+    with pytest.raises(UserError, match="not a run's folder"):
+        runfolder.open_folder(home, "x", force=True)
+    assert (home / "precious").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(UserError, match="--out"):
+        runfolder.open_folder(tmp_path / "file" / "run", "x", force=False)
+
+
+@pytest.mark.parametrize("manifest", [None, "", "[]", "{}", '{"status": "interrupted"}'])
+def test_only_a_finished_run_counts_as_one(tmp_path, manifest):
+    if manifest is not None:
+        (tmp_path / runfolder.MANIFEST).write_text(manifest)
+    with pytest.raises(UserError, match="--replay"):
+        runfolder.read_manifest(tmp_path, "--replay")
+    (tmp_path / runfolder.MANIFEST).write_text(json.dumps({"status": runfolder.COMPLETE}))
+    assert runfolder.read_manifest(tmp_path, "--replay")["status"] == runfolder.COMPLETE
+
+
+def test_a_truncated_table_is_told(tmp_path):
+    path = tmp_path / "t.parquet"
+    write_table(pd.DataFrame({"a": range(1000)}), path)
+    assert len(runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a"])) == 1000
+    with pytest.raises(UserError, match="lacks the columns b"):
+        runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a", "b"])
+    whole = path.read_bytes()
+    for length in (0, 3, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(UserError, match=r"t\.parquet is truncated"):
+            runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a"])
+    path.unlink()
+    with pytest.raises(UserError, match=r"t\.parquet is missing"):
+        runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a"])
+
+
+def test_the_same_table_gives_the_same_bytes_and_an_empty_one_its_types(tmp_path):
+    table = pd.DataFrame({"n": [1, 2], "name": ["a", ""]}).astype({"name": object})
+    for name in ("one", "two"):
+        write_table(table, tmp_path / name)
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    write_table(table.iloc[:0], tmp_path / "empty")
+    read = pd.read_parquet(tmp_path / "empty")
+    assert list(read) == ["n", "name"]
+    assert read["n"].dtype == "int64"
+    assert pd.api.types.is_string_dtype(read["name"])

@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from harness.runfolder.tables import ColumnRecorder, RunTables, detections_of
+from harness.running.follow import Streams, co_simulate
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
+from harness.trackers.protocol import TrackerSetting
+from mmpf.scan import BodySizes
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic
+
+
+def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> RunTables:
+    recorder = ColumnRecorder()
+    co_simulate(traffic, build_sensor(sensor_settings(profile, {})), build, recorder, Streams.from_seed(seed))
+    return recorder.tables()
+
+
+def test_every_frame_is_recorded_once_and_in_order():
+    tables = drive(SteadyTraffic(steps=12))
+    assert list(tables.truth["step"].unique()) == list(range(12))
+    assert (tables.truth.groupby("step").size() == 18).all()
+    assert tables.truth["is_ego"].sum() == 12
+
+
+def test_another_tracker_leaves_truth_and_detections_as_they_were():
+    class Greedy(EchoTracker):
+        def step(self, scan):
+            self.setting.rng.standard_normal(1000)
+            return super().step(scan)
+
+    one, other = drive(SteadyTraffic()), drive(SteadyTraffic(), build=Greedy)
+    assert one.truth.equals(other.truth)
+    assert one.detections.equals(other.detections)
+    assert not one.tracks.equals(other.tracks)
+
+
+def test_another_seed_changes_the_detections_but_not_this_traffic():
+    one, other = drive(SteadyTraffic(), seed=1), drive(SteadyTraffic(), seed=2)
+    truth_columns = ["lon_m", "lat_m", "visible_fraction"]
+    assert one.truth[truth_columns].equals(other.truth[truth_columns])
+    assert not one.detections.equals(other.detections)
+
+
+def test_each_episode_gets_a_new_tracker_with_its_own_stream_and_new_identities():
+    built: list[TrackerSetting] = []
+
+    def build(setting: TrackerSetting) -> EchoTracker:
+        built.append(setting)
+        return EchoTracker(setting)
+
+    tables = drive(SteadyTraffic(steps=30, ego_stay=10), build=build)
+    assert sorted(tables.truth["episode"].unique()) == [0, 1, 2]
+    # The first tracker is a rehearsal that compiles kernels and is thrown away.
+    assert len(built) == 4
+    draws = [setting.rng.random() for setting in built]
+    assert len(set(draws)) == 4
+    assert tables.tracks["track_id"].is_unique
+
+
+def test_rehearsal_leaves_the_first_episodes_identities_alone():
+    tables = drive(SteadyTraffic(steps=3))
+    assert tables.tracks["track_id"].min() == 0
+
+
+def test_a_tracker_that_is_told_the_origins_gets_the_true_names():
+    class Told:
+        names: set[str] = set()  # noqa: RUF012
+
+        def __init__(self, setting):
+            self.echo = EchoTracker(setting)
+
+        def step_associated(self, scan, truth_id):
+            assert truth_id.shape == scan.detections.lon_m.shape
+            Told.names |= set(truth_id.tolist())
+            return self.echo.step(scan)
+
+    drive(SteadyTraffic(), build=Told)
+    assert Told.names - {""} <= {f"car{k}" for k in range(18)}
+    assert len(Told.names) > 3
+
+
+def test_recorded_tables_have_the_agreed_columns():
+    tables = drive(SteadyTraffic(steps=2))
+    assert {
+        "step", "time_s", "vehicle_id", "lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2",
+        "lane", "length_m", "width_m", "is_ego", "in_range", "visible_fraction", "state",
+    } <= set(tables.truth)  # fmt: skip
+    assert {
+        "step", "time_s", "detection", "lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps",
+        "visible_fraction", "truth_id",
+    } <= set(tables.detections)  # fmt: skip
+    assert {
+        "step", "time_s", "track_id", "lon_m", "lat_m", "speed_mps", "lat_speed_mps", "accel_mps2", "std_lon_m",
+        "std_lat_m", "std_speed_mps", "existence", "state",
+    } <= set(tables.tracks)  # fmt: skip
+
+
+SIZE_COLUMNS = ["length_m", "width_m", "std_length_m", "std_width_m"]
+
+
+@pytest.mark.parametrize("profile", ["lidar", "camera", "radar"])
+def test_detections_have_columns_of_size_only_if_the_sensor_measures_sizes(profile):
+    recorded = drive(SteadyTraffic(steps=3), profile=profile).detections
+    assert [name for name in recorded.columns if name in SIZE_COLUMNS] == ([] if profile == "radar" else SIZE_COLUMNS)
+
+
+def test_recorded_detections_are_those_that_the_tracker_got_sizes_included():
+    heard = []
+
+    class Listener(EchoTracker):
+        def step(self, scan):
+            heard.append(scan)
+            return super().step(scan)
+
+    recorded = drive(SteadyTraffic(steps=5), build=Listener).detections
+    # Scans before these were the rehearsal's.
+    for step, scan in enumerate(heard[-5:]):
+        sizes = detections_of(recorded[recorded["step"] == step]).sizes
+        assert isinstance(sizes, BodySizes)
+        for name in SIZE_COLUMNS:
+            assert getattr(sizes, name).tobytes() == getattr(scan.detections.sizes, name).tobytes()
+    assert set(recorded["step"]) == set(range(5))
+    assert detections_of(recorded.drop(columns="std_width_m")).sizes is None
+
+
+def test_a_step_that_was_cut_short_is_left_out():
+    recorder = ColumnRecorder()
+    with pytest.raises(RuntimeError, match="broke"):
+        co_simulate(
+            SteadyTraffic(steps=9, fail_at=5),
+            build_sensor(sensor_settings("lidar", {})),
+            EchoTracker,
+            recorder,
+            Streams.from_seed(0),
+        )
+    recorder._truth.append(recorder._truth[-1])
+    tables = recorder.tables()
+    assert_array_equal(np.unique(tables.truth["step"]), np.arange(5))
+    assert len(tables.truth) == 5 * 18

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.config.model import RunConfig
+from harness.running.follow import StageTimes
+from harness.running.metrics import assemble_metrics, summarise_traffic, timing
+from harness.writing.numbers import as_json, without_nan
+from mmpf.road import highway
+
+
+def row_of_cars(count: int, speed_mps: float, steps: int = 10) -> pd.DataFrame:
+    """Return cars that are spread evenly over the section at every step."""
+    lon = np.linspace(1.0, 639.0, count)
+    return pd.DataFrame(
+        {
+            "step": np.repeat(np.arange(steps), count),
+            "lon_m": np.tile(lon, steps),
+            "speed_mps": speed_mps,
+            "lane": 1,
+            "is_ego": np.tile(np.arange(count) == 0, steps),
+            "in_range": np.tile(np.abs(lon - lon[0]) < 100.0, steps),
+        }
+    )
+
+
+def test_density_flow_and_speed_of_even_traffic():
+    # 64 cars on 640 m of five lanes are 100 per km and 20 per km and lane; at 10 m/s 3600 pass in an hour.
+    summary = summarise_traffic(row_of_cars(64, 10.0), highway(5))
+    assert summary.density_veh_per_km_lane == pytest.approx(20.0)
+    assert summary.flow_veh_per_h == pytest.approx(3600.0)
+    assert summary.mean_speed_mps == pytest.approx(10.0)
+
+
+def test_vehicles_outside_the_section_do_not_count():
+    table = row_of_cars(64, 10.0)
+    outside = table.assign(lon_m=table["lon_m"] + 1000.0)
+    both = pd.concat([table, outside])
+    assert summarise_traffic(both, highway(5)) == summarise_traffic(table, highway(5))
+    assert summarise_traffic(outside, highway(5)).density_veh_per_km_lane == 0.0
+
+
+def test_vehicles_on_a_ramp_beside_the_section_do_not_count():
+    table = row_of_cars(64, 10.0)
+    assert summarise_traffic(pd.concat([table, table.assign(lane=0)]), highway(5)) == summarise_traffic(
+        table, highway(5)
+    )
+
+
+def test_real_time_factor_is_simulated_time_over_time_spent():
+    times = StageTimes(truth_s=[0.02] * 10, sensor_s=[0.01] * 10, tracker_s=[0.02] * 10)
+    table = timing(times, step_s=0.1, total_s=3.0)
+    assert table["realtime_factor"] == pytest.approx(2.0)
+    assert table["tracker_ms"]["p99"] == pytest.approx(20.0)
+    assert (table["steps"], table["total_s"]) == (10, 3.0)
+
+
+def test_agreed_keys_are_there_even_without_scores():
+    metrics = assemble_metrics(RunConfig(), {}, StageTimes(), 0.1, 1.0, row_of_cars(64, 10.0), highway(5))
+    assert set(metrics) == {"run", "mae", "mot", "mot_all", "gospa", "occlusion", "calibration", "timing", "traffic"}
+    for group in ("all", "visible", "partial", "hidden"):
+        assert set(metrics["mae"][group]) == {"lon_m", "lat_m", "speed_mps", "lat_speed_mps", "n"}
+    assert metrics["timing"]["realtime_factor"] is None
+    assert metrics["traffic"]["vehicles_in_range"] == pytest.approx(9.0)
+
+
+def test_json_has_no_nan_and_no_numpy():
+    value = {"a": [np.float64("nan"), np.int64(3)], "b": float("inf"), "c": (np.bool_(True),)}
+    assert json.loads(as_json(without_nan(value))) == {"a": [None, 3], "b": None, "c": [True]}

@@ -1,0 +1,246 @@
+"""Whole runs on stand-in traffic, and a few on SUMO."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness.config.layers import resolve_run_config
+from harness.config.model import RunConfig
+from harness.errors import RunError, RunInterruptedError, UserError
+from harness.runfolder import folder as runfolder
+from harness.running.open import RunInputs
+from harness.running.run import run
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERRORS)
+
+
+@pytest.fixture
+def steady_traffic(monkeypatch) -> SteadyTraffic:
+    """Put stand-in traffic in SUMO's place, and draw no figures: they take longer than the run."""
+    traffic = SteadyTraffic(steps=12)
+
+    def open_live(config, streams, gui):
+        settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
+        return RunInputs(traffic, build_sensor(settings))
+
+    monkeypatch.setattr("harness.running.open._open_live", open_live)
+    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+    return traffic
+
+
+def configured(**options: object) -> RunConfig:
+    return resolve_run_config(options={"tracker": ECHO, **options})
+
+
+def test_a_run_leaves_every_file(steady_traffic, tmp_path):
+    finished = run(configured(), out=tmp_path / "run", command="harness run")
+    names = {entry.name for entry in finished.folder.iterdir()}
+    assert {
+        "config.toml", "manifest.json", "truth.parquet", "detections.parquet", "tracks.parquet", "errors.parquet",
+        "metrics.json", "figures", "report.html",
+    } <= names  # fmt: skip
+    assert "diagnostics.parquet" not in names, "the stand-in tracker tells nothing of its inside"
+    assert json.loads((finished.folder / "metrics.json").read_text()) == finished.metrics
+    assert json.loads((finished.folder / "manifest.json").read_text())["status"] == "complete"
+    assert resolve_run_config(finished.folder / "config.toml") == configured()
+    assert steady_traffic.closed
+
+
+def test_a_replay_of_the_same_tracker_gives_the_same_bytes(steady_traffic, tmp_path):
+    first = run(configured(seed=5), out=tmp_path / "first").folder
+    config = resolve_run_config(options={"replay": str(first), "tracker": ECHO})
+    assert config.seed == 5
+    again = run(config, out=tmp_path / "again").folder
+    for table in TABLES:
+        assert (first / table).read_bytes() == (again / table).read_bytes(), table
+
+
+@pytest.mark.parametrize("profile", ["lidar", "radar"])
+def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path, monkeypatch, profile):
+    scans: list[list] = [[], []]
+
+    def listener(heard: list):
+        class Listener(EchoTracker):
+            def step(self, scan):
+                heard.append(scan)
+                return super().step(scan)
+
+        return lambda setting, options: Listener(setting)
+
+    monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", listener(scans[0]))
+    first = run(configured(sensor=profile), out=tmp_path / "first").folder
+    monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", listener(scans[1]))
+    run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again")
+    assert len(scans[0]) == len(scans[1]) > 12
+    for live, replayed in zip(*scans, strict=True):
+        assert (live.time_s, live.ego) == (replayed.time_s, replayed.ego)
+        assert live.free_space.range_m.tobytes() == replayed.free_space.range_m.tobytes()
+        for name in ("lon_m", "lat_m", "std_lon_m", "std_lat_m", "speed_mps", "std_speed_mps"):
+            assert getattr(live.detections, name).tobytes() == getattr(replayed.detections, name).tobytes()
+        sizes = [scan.detections.sizes for scan in (live, replayed)]
+        assert [one is None for one in sizes] == [profile == "radar"] * 2
+        for name in ("length_m", "width_m", "std_length_m", "std_width_m") if sizes[0] else ():
+            assert getattr(sizes[0], name).tobytes() == getattr(sizes[1], name).tobytes()
+
+
+def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_path):
+    first = run(configured(), out=tmp_path / "first").folder
+    table = pd.read_parquet(first / runfolder.DETECTIONS)
+    table.drop(columns=["length_m", "width_m", "std_length_m", "std_width_m"]).to_parquet(first / runfolder.DETECTIONS)
+    again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
+    replayed = pd.read_parquet(again / runfolder.DETECTIONS)
+    assert "length_m" not in replayed
+    pd.testing.assert_frame_equal(replayed, pd.read_parquet(first / runfolder.DETECTIONS))
+
+
+@pytest.mark.parametrize("option", [{"net": "other"}, {"density": 33.0}, {"duration": 1.0}, {"sensor": "radar"}])
+def test_a_replay_refuses_other_traffic_or_another_sensor(steady_traffic, tmp_path, option):
+    first = run(configured(), out=tmp_path / "first").folder
+    with pytest.raises(UserError, match=f"--{next(iter(option))}.*recording"):
+        resolve_run_config(options={"replay": str(first), **option})
+
+
+def test_a_replays_own_configuration_runs_again(steady_traffic, tmp_path):
+    first = run(configured(), out=tmp_path / "first").folder
+    again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
+    third = run(resolve_run_config(again / "config.toml"), out=tmp_path / "third").folder
+    assert (third / "tracks.parquet").read_bytes() == (first / "tracks.parquet").read_bytes()
+
+
+@pytest.mark.parametrize("name", [runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD, runfolder.CONFIG])
+def test_a_replay_of_a_damaged_folder_is_refused(steady_traffic, tmp_path, name):
+    first = run(configured(), out=tmp_path / "first").folder
+    content = (first / name).read_bytes()
+    (first / name).write_bytes(content[: len(content) // 2 - 1])
+    with pytest.raises(UserError, match=name):
+        run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def test_a_failure_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_path):
+    steady_traffic.fail_at = 7
+    with pytest.raises(RunError, match=r"after 7 steps.*the traffic broke"):
+        run(configured(), out=tmp_path / "run")
+    folder = tmp_path / "run.incomplete"
+    assert pd.read_parquet(folder / "truth.parquet")["step"].max() == 6
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "failed"
+    assert "the traffic broke" in manifest["problem"]
+    assert steady_traffic.closed
+
+
+def test_an_interrupt_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_path, monkeypatch):
+    class Interrupted(EchoTracker):
+        def step(self, scan):
+            if scan.time_s > 0.45:
+                raise KeyboardInterrupt
+            return super().step(scan)
+
+    monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", lambda setting, options: Interrupted(setting))
+    with pytest.raises(RunInterruptedError, match="after 5 steps"):
+        run(configured(), out=tmp_path / "run")
+    folder = tmp_path / "run.incomplete"
+    assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
+    assert pd.read_parquet(folder / "tracks.parquet")["step"].max() == 4
+    with pytest.raises(UserError, match="did not end"):
+        resolve_run_config(options={"replay": str(folder)})
+
+
+def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(steady_traffic, tmp_path, monkeypatch):
+    class Compiled(EchoTracker):
+        def step(self, scan):
+            if scan.time_s > 0.45:
+                raise SystemError("a result with an exception set") from KeyboardInterrupt()
+            return super().step(scan)
+
+    monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", lambda setting, options: Compiled(setting))
+    with pytest.raises(RunInterruptedError, match="after 5 steps"):
+        run(configured(), out=tmp_path / "run")
+
+
+def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):
+    for options in ({"tracker": "mmpf", "model": "warp"}, {"tracker": "none"}, {"tracker": "mmpf", "update": "x"}):
+        with pytest.raises(UserError):
+            run(configured(**options), out=tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def sumo_runs(tmp_path_factory) -> dict[str, Path]:
+    """Short runs on SUMO that differ in one setting each."""
+    settings: dict[str, dict[str, object]] = {
+        "one": {},
+        "same": {},
+        "cam": {"model": "cam"},
+        "few": {"particles": 100},
+        "seed": {"seed": 2},
+    }
+    folder = tmp_path_factory.mktemp("runs")
+    return {
+        name: run(
+            resolve_run_config(options={"duration": 3.0, "seed": 1, "particles": 200, **extra}), out=folder / name
+        ).folder
+        for name, extra in settings.items()
+    }
+
+
+@pytest.mark.slow
+def test_a_run_is_shown_in_figures(sumo_runs):
+    assert {path.name for path in (sumo_runs["one"] / "figures").iterdir()} == {
+        "scene.png",
+        "error_over_time.png",
+        "error_by_visibility.png",
+        "diagnostics.png",
+    }
+
+
+@pytest.mark.slow
+def test_the_same_command_gives_the_same_bytes(sumo_runs):
+    for table in (*TABLES, runfolder.DIAGNOSTICS):
+        assert (sumo_runs["one"] / table).read_bytes() == (sumo_runs["same"] / table).read_bytes(), table
+    metrics = [json.loads((sumo_runs[name] / "metrics.json").read_text()) for name in ("one", "same")]
+    for content in metrics:
+        del content["timing"]
+    assert metrics[0] == metrics[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("other", ["cam", "few"])
+def test_model_and_particles_change_the_tracks_alone(sumo_runs, other):
+    for table in (runfolder.TRUTH, runfolder.DETECTIONS):
+        assert (sumo_runs["one"] / table).read_bytes() == (sumo_runs[other] / table).read_bytes(), table
+    assert (sumo_runs["one"] / runfolder.TRACKS).read_bytes() != (sumo_runs[other] / runfolder.TRACKS).read_bytes()
+
+
+@pytest.mark.slow
+def test_another_seed_is_another_drive(sumo_runs):
+    for table in TABLES:
+        assert (sumo_runs["one"] / table).read_bytes() != (sumo_runs["seed"] / table).read_bytes(), table
+
+
+@pytest.mark.slow
+def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.running.open._open_live", lambda config, streams, gui: pytest.fail("SUMO was opened"))
+    config = resolve_run_config(options={"replay": str(sumo_runs["one"]), "particles": 200})
+    again = run(config, out=tmp_path / "again").folder
+    for table in TABLES:
+        assert (sumo_runs["one"] / table).read_bytes() == (again / table).read_bytes(), table
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_visible_vehicles_are_tracked_soon_and_better_than_they_are_measured(seed, tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+    config = resolve_run_config(options={"density": 20.0, "duration": 15.0, "sensor": "lidar", "seed": seed})
+    metrics = run(config, out=tmp_path / "run").metrics
+    assert metrics["coverage"]["prompt_vehicles"] >= 10
+    assert metrics["coverage"]["prompt_percent"] >= 90.0
+    assert metrics["mae"]["visible"]["lon_m"] < metrics["detection_noise"]["lon_m"]

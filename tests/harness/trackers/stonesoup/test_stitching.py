@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.trackers.stonesoup.stitching import IdentityStitcher, Sightings, StitchingOptions
+from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
+
+
+def tracks_of(rows: list[tuple[int, float, float, float, int]]) -> Tracks:
+    """Rows of (id, lon, lat, std_lon, state), all at 20 m/s."""
+    count = len(rows)
+    ids, lon_m, lat_m, std_lon_m, state = (
+        np.array(column) for column in (zip(*rows, strict=True) if rows else [[]] * 5)
+    )
+    return Tracks(
+        track_id=ids.astype(np.int64),
+        lon_m=lon_m.astype(float),
+        lat_m=lat_m.astype(float),
+        speed_mps=np.full(count, 20.0),
+        lat_speed_mps=np.zeros(count),
+        accel_mps2=np.zeros(count),
+        std_lon_m=std_lon_m.astype(float),
+        std_lat_m=np.full(count, 0.3),
+        std_speed_mps=np.full(count, 0.5),
+        existence=np.ones(count),
+        state=state.astype(np.int8),
+    )
+
+
+def sightings(first_s: list[float], last_s: list[float]) -> Sightings:
+    return Sightings(np.array(first_s, dtype=float), np.array(last_s, dtype=float))
+
+
+def hide_track_1(stitcher: IdentityStitcher) -> None:
+    stitcher.stitch(tracks_of([(1, 100.0, 5.0, 0.2, CONFIRMED)]), sightings([0.0], [1.0]), 1.0)
+
+
+def test_a_new_track_at_a_coasting_one_takes_its_identity_and_the_old_one_goes():
+    stitcher = IdentityStitcher(StitchingOptions())
+    hide_track_1(stitcher)
+    both = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 144.0, 5.3, 0.3, CONFIRMED)])
+    stitched = stitcher.stitch(both, sightings([0.0, 2.8], [1.0, 3.0]), 3.0)
+    assert stitched.tracks.track_id.tolist() == [1]
+    assert stitched.tracks.lon_m.tolist() == [144.0]
+    assert stitched.replaced.tolist() == [1]
+    alone = tracks_of([(2, 146.0, 5.3, 0.3, CONFIRMED)])
+    assert stitcher.stitch(alone, sightings([2.8], [3.1]), 3.1).tracks.track_id.tolist() == [1]
+
+
+def test_a_new_track_where_an_ended_one_would_be_takes_its_identity():
+    stitcher = IdentityStitcher(StitchingOptions())
+    hide_track_1(stitcher)
+    stitcher.stitch(tracks_of([]), sightings([], []), 2.0)
+    new = tracks_of([(2, 161.0, 5.0, 0.3, CONFIRMED)])
+    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0).tracks.track_id.tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    "new",
+    [
+        pytest.param((2, 144.0, 8.7, 0.3, CONFIRMED), id="in the next lane"),
+        pytest.param((2, 160.0, 5.0, 0.3, CONFIRMED), id="too far ahead"),
+    ],
+)
+def test_a_new_track_elsewhere_keeps_its_own_identity(new: tuple[int, float, float, float, int]):
+    stitcher = IdentityStitcher(StitchingOptions())
+    hide_track_1(stitcher)
+    both = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), new])
+    stitched = stitcher.stitch(both, sightings([0.0, 2.8], [1.0, 3.0]), 3.0)
+    assert stitched.tracks.track_id.tolist() == [1, 2]
+    assert stitched.replaced.tolist() == []
+
+
+def test_a_track_that_is_still_seen_is_never_replaced():
+    stitcher = IdentityStitcher(StitchingOptions())
+    hide_track_1(stitcher)
+    both = tracks_of([(1, 140.0, 5.0, 0.3, CONFIRMED), (2, 143.0, 5.0, 0.3, CONFIRMED)])
+    stitched = stitcher.stitch(both, sightings([0.0, 2.8], [3.0, 3.0]), 3.0)
+    assert stitched.tracks.track_id.tolist() == [1, 2]
+
+
+def test_a_track_that_was_seen_long_after_the_new_one_began_is_another_vehicle():
+    stitcher = IdentityStitcher(StitchingOptions())
+    hide_track_1(stitcher)
+    both = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 143.0, 5.0, 0.3, CONFIRMED)])
+    stitched = stitcher.stitch(both, sightings([0.0, 1.0], [2.7, 3.0]), 3.0)
+    assert stitched.tracks.track_id.tolist() == [1, 2]
+
+
+def test_one_lost_identity_goes_to_the_nearer_of_two_new_tracks():
+    stitcher = IdentityStitcher(StitchingOptions())
+    hide_track_1(stitcher)
+    three = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 145.0, 5.0, 0.3, CONFIRMED), (3, 141.0, 5.0, 0.3, CONFIRMED)])
+    stitched = stitcher.stitch(three, sightings([0.0, 2.8, 2.8], [1.0, 3.0, 3.0]), 3.0)
+    assert stitched.tracks.track_id.tolist() == [2, 1]
+
+
+def test_a_track_unseen_for_longer_than_remembered_is_forgotten():
+    stitcher = IdentityStitcher(StitchingOptions(remember_s=2.0))
+    hide_track_1(stitcher)
+    stitcher.stitch(tracks_of([]), sightings([], []), 2.0)
+    new = tracks_of([(2, 161.0, 5.0, 0.3, CONFIRMED)])
+    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0).tracks.track_id.tolist() == [2]

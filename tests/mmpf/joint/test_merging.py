@@ -1,0 +1,96 @@
+"""Two components for one vehicle become one, under the name that was reported first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
+from mmpf.cloud.moments import component_moments
+from mmpf.joint.merging import merge_lasting_overlaps
+from mmpf.joint.rule import JointUpdate
+from mmpf.options import FilterOptions, JointOptions
+from mmpf.state import LAT, LON
+from tests.mmpf.scenes import lane_centre
+from tests.mmpf.test_update_rules import situation_with
+
+PARTICLES = 200
+ELDER, YOUNGER = 3, 8
+
+
+def elder_and_younger(
+    apart_m: float, confirmed: tuple[bool, bool], unseen_s: tuple[float, float], std_m: float = 0.3
+) -> Mixture:
+    """Return a belief of two components in one lane; the younger one has had enough detections to be confirmed."""
+    rng = np.random.default_rng(0)
+    component = np.repeat([0, 1], PARTICLES)
+    state = np.zeros((6, 2 * PARTICLES))
+    state[LON] = 30.0 + apart_m * component + std_m * rng.standard_normal(2 * PARTICLES)
+    state[LAT] = lane_centre(2)
+    even = np.full(2 * PARTICLES, -np.log(PARTICLES))
+    cloud = ParticleCloud(state, even, even, component, even * 0.0 - np.log(2), np.zeros((0, 2 * PARTICLES)))
+    components = replace(
+        Components.newborn(np.array([ELDER, YOUNGER]), np.array([0.9, 0.9])),
+        confirmed=np.array(confirmed),
+        unseen_s=np.array(unseen_s),
+        hits=np.array([40, 5]),
+    )
+    return Mixture(cloud, components, 100)
+
+
+def merged_after(mixture: Mixture, scans: int) -> Mixture:
+    for _ in range(scans):
+        alive = np.ones(len(mixture), dtype=bool)
+        mixture, keep = merge_lasting_overlaps(
+            mixture, component_moments(mixture), alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25
+        )
+        mixture = mixture.keep(keep)
+    return mixture
+
+
+@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)], ids=["both seen", "elder", "younger"])
+def test_a_tentative_component_on_a_confirmed_one_is_merged_and_the_elders_name_stays(
+    unseen_s: tuple[float, float],
+) -> None:
+    mixture = elder_and_younger(1.0, (True, False), unseen_s)
+    merged = merged_after(mixture, 3)
+    assert merged.components.track_id.tolist() == [ELDER]
+    assert merged.components.confirmed.tolist() == [True]
+    better = 30.0 if unseen_s[0] <= unseen_s[1] else 31.0
+    assert merged.cloud.state[LON].mean() == pytest.approx(better, abs=0.2), "the one seen last knows the place"
+
+
+def test_two_scans_in_one_place_are_not_enough() -> None:
+    assert len(merged_after(elder_and_younger(1.0, (True, False), (0.0, 0.0)), 2)) == 2
+
+
+def test_a_hidden_vehicle_beneath_a_seen_one_is_another_vehicle_if_both_were_confirmed() -> None:
+    assert len(merged_after(elder_and_younger(1.0, (True, True), (1.5, 0.0)), 10)) == 2
+
+
+def test_components_three_metres_apart_stay_two() -> None:
+    assert len(merged_after(elder_and_younger(3.0, (True, False), (0.0, 0.0)), 10)) == 2
+
+
+def confirmed_after_finetuning(mixture: Mixture) -> list[bool]:
+    rule = JointUpdate(FilterOptions(particles=PARTICLES, joint=JointOptions(stitch=False)))
+    finetuned, _ = rule.finetune(mixture, situation_with([]), np.random.default_rng(0))
+    return finetuned.components.confirmed.tolist()
+
+
+@pytest.mark.parametrize("unseen_s", [0.0, 1.5])
+def test_nothing_is_confirmed_on_top_of_a_confirmed_vehicle_whose_place_is_known(unseen_s: float) -> None:
+    assert confirmed_after_finetuning(elder_and_younger(2.0, (True, False), (unseen_s, 0.0))) == [True, False]
+    assert confirmed_after_finetuning(elder_and_younger(6.0, (True, False), (unseen_s, 0.0))) == [True, True]
+
+
+def test_a_confirmed_vehicle_that_may_be_anywhere_keeps_nobody_from_being_confirmed() -> None:
+    assert confirmed_after_finetuning(elder_and_younger(2.0, (True, False), (1.5, 0.0), std_m=4.0)) == [True, True]
+
+
+def test_a_truck_takes_the_room_of_a_truck() -> None:
+    mixture = elder_and_younger(6.0, (True, False), (0.0, 0.0))
+    truck = replace(mixture, components=replace(mixture.components, length_m=np.array([18.0, 4.7])))
+    assert confirmed_after_finetuning(truck) == [True, False]

@@ -1,0 +1,115 @@
+"""The conditional mixture against direct computation, scikit-learn's joint density, and the moments of its samples."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from sklearn.mixture import GaussianMixture
+
+from mmpf.motion.gmm.conditional import ConditionalGmm, InvalidMixtureError, expand
+
+INPUTS, OUTPUTS, COMPONENTS = 5, 4, 7
+
+
+@pytest.fixture(scope="module")
+def mixture() -> ConditionalGmm:
+    rng = np.random.default_rng(3)
+    size = INPUTS + OUTPUTS
+    root = 0.4 * rng.normal(size=(COMPONENTS, size, size))
+    weights = rng.dirichlet(np.full(COMPONENTS, 3.0))
+    covariances = root @ root.transpose(0, 2, 1) + 0.05 * np.eye(size)
+    return ConditionalGmm(weights, rng.normal(size=(COMPONENTS, size)), covariances, INPUTS)
+
+
+@pytest.fixture(scope="module")
+def x() -> np.ndarray:
+    return np.random.default_rng(4).normal(size=(50, INPUTS))
+
+
+def direct_weights(mixture: ConditionalGmm, x: np.ndarray) -> np.ndarray:
+    densities = np.stack(
+        [
+            weight * multivariate_normal(mean[:INPUTS], covariance[:INPUTS, :INPUTS]).pdf(x)
+            for weight, mean, covariance in zip(mixture.weights, mixture.means, mixture.covariances, strict=True)
+        ],
+        axis=1,
+    )
+    return densities / densities.sum(axis=1, keepdims=True)
+
+
+def test_the_expanded_input_of_five_numbers_has_twenty_one_entries_and_that_of_fourteen_a_hundred_and_twenty():
+    assert expand(np.zeros((1, 5))).shape == (1, 21)
+    assert expand(np.zeros((1, 14))).shape == (1, 120)
+
+
+def test_conditional_weights_equal_bayes_rule_component_by_component(mixture, x):
+    np.testing.assert_allclose(np.exp(mixture.log_weights(x)), direct_weights(mixture, x), atol=1e-8)
+
+
+def test_conditional_means_and_covariances_equal_the_textbook_formulas(mixture, x):
+    for g in range(COMPONENTS):
+        joint = mixture.covariances[g]
+        gain = joint[INPUTS:, :INPUTS] @ np.linalg.inv(joint[:INPUTS, :INPUTS])
+        mean = mixture.means[g, INPUTS:] + (x - mixture.means[g, :INPUTS]) @ gain.T
+        np.testing.assert_allclose(mixture.component_means(x)[:, g], mean, atol=1e-8)
+        covariance = joint[INPUTS:, INPUTS:] - gain @ joint[:INPUTS, INPUTS:]
+        np.testing.assert_allclose(mixture.conditional_covariances[g], covariance, atol=1e-8)
+
+
+def test_conditional_density_is_scikit_learns_joint_density_over_its_marginal(mixture, x):
+    y = np.random.default_rng(5).normal(size=(len(x), OUTPUTS))
+    joint = _as_sklearn(mixture.weights, mixture.means, mixture.covariances)
+    marginal = _as_sklearn(mixture.weights, mixture.means[:, :INPUTS], mixture.covariances[:, :INPUTS, :INPUTS])
+    expected = joint.score_samples(np.hstack([x, y])) - marginal.score_samples(x)
+    np.testing.assert_allclose(mixture.log_density(x, y), expected, atol=1e-8)
+
+
+def test_samples_have_the_conditional_mixtures_mean_and_covariance(mixture, x):
+    draws = 200_000
+    point = x[:1]
+    drawn = mixture.sample(np.repeat(point, draws, axis=0), np.random.default_rng(6))
+    weights = direct_weights(mixture, np.vstack([point, point]))[0]
+    means = mixture.component_means(point)[0]
+    mean = weights @ means
+    away = means - mean
+    covariance = np.einsum("k,kij->ij", weights, mixture.conditional_covariances + away[:, :, None] * away[:, None, :])
+    standard_error = np.sqrt(np.diag(covariance) / draws)
+    assert (np.abs(drawn.mean(axis=0) - mean) < 5.0 * standard_error).all()
+    np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.03 * np.diag(covariance).max())
+
+
+def test_components_are_sampled_in_proportion_to_their_conditional_weights():
+    means = np.array([[0.0, -100.0], [1.0, 0.0], [2.0, 100.0]])
+    mixture = ConditionalGmm(np.array([0.2, 0.3, 0.5]), means, np.tile(np.eye(2), (3, 1, 1)), inputs=1)
+    draws = 100_000
+    point = np.array([[0.7]])
+    drawn = mixture.sample(np.repeat(point, draws, axis=0), np.random.default_rng(7))[:, 0]
+    shares = [(drawn < -50).mean(), (np.abs(drawn) < 50).mean(), (drawn > 50).mean()]
+    unscaled = mixture.weights * np.exp(-0.5 * (0.7 - means[:, 0]) ** 2)
+    np.testing.assert_allclose(shares, unscaled / unscaled.sum(), atol=5 * 0.5 / np.sqrt(draws))
+
+
+def test_the_same_seed_draws_the_same_samples(mixture, x):
+    first, second = (mixture.sample(x, np.random.default_rng(8)) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize(
+    ("weights", "mean", "variance", "message"),
+    [
+        ([1.0], np.nan, 1.0, "not finite"),
+        ([0.7], 0.0, 1.0, "sum to one"),
+        ([1.0], 0.0, -1.0, "positive definite"),
+        ([0.5, 0.5], 0.0, 1.0, "do not fit"),
+    ],
+)
+def test_what_is_no_mixture_is_refused_with_one_line(weights, mean, variance, message):
+    with pytest.raises(InvalidMixtureError, match=message) as refusal:
+        ConditionalGmm(np.array(weights), np.full((1, 2), mean), variance * np.eye(2)[None], inputs=1)
+    assert "\n" not in str(refusal.value)
+
+
+def _as_sklearn(weights, means, covariances) -> GaussianMixture:
+    model = GaussianMixture(len(weights), covariance_type="full")
+    model.weights_, model.means_, model.covariances_ = weights, means, covariances
+    model.precisions_cholesky_ = np.linalg.cholesky(np.linalg.inv(covariances))
+    return model
