@@ -59,6 +59,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"\.py$",
     "within_subsection_order": "ExampleTitleSortKey",
     "ignore_repr_types": r"matplotlib[text, axes]",
+    "run_stale_examples": True,  # what they show depends on the packages too
     "download_all_examples": False,
     "write_computation_times": False,  # their page loads scripts from elsewhere
 }
