@@ -12,7 +12,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from harness.errors import UserError
+from harness.errors import InputError
 from mmpf.registry import Registry, UnknownNameError
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -83,16 +83,16 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
         overrides: New values by field name; numbers may be given as text.
 
     Raises:
-        UserError: There is no such profile or field, or a value is out of bounds.
+        InputError: There is no such profile or field, or a value is out of bounds.
     """
     try:
         settings = sensor_profiles[profile]()
     except UnknownNameError as error:
-        raise UserError(f"--sensor: {error}") from None
+        raise InputError(f"`sensor`: {error}") from None
     try:
         return SensorSettings.model_validate({**settings.model_dump(), **overrides})
     except ValidationError as error:
-        raise UserError(_first_complaint(error)) from None
+        raise InputError(_first_complaint(error)) from None
 
 
 def _first_complaint(error: ValidationError) -> str:
