@@ -10,6 +10,7 @@ import numpy as np
 
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.conditional import ConditionalGmm
+from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int, iterat
     weights, means, covariances = _expectation_maximisation(samples, components, seed, iterations)
     low, high = np.quantile(x, RANGE_QUANTILES, axis=0)
     mixture = ConditionalGmm(weights, means, covariances, x.shape[1])
-    return ScaledGmm(mixture, input_mean, input_scale, output_mean, output_scale, low, high)
+    return ScaledGmm(mixture, Scaling(input_mean, input_scale, output_mean, output_scale, low, high))
 
 
 def sweep_sizes(

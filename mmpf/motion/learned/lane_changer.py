@@ -7,24 +7,19 @@ either side share one mixture.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.resources import as_file, files
-from pathlib import Path
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.motion.gmm.model_file import load_arrays, mixture_from_arrays
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import NeighbourView, Surroundings, motion_models
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
-BoolArray = npt.NDArray[np.bool_]
-
-CASE = "lane-change"
+CHANGE = MixtureFile("lane-change", inputs=14, outputs=6)
 FURTHEST_NEIGHBOUR_M = 100.0
 NOMINAL_WIDTH_M = 3.6
 DIRECTION, ORIGIN = range(2)
@@ -104,12 +99,6 @@ def view_of(surroundings: Surroundings, speed_mps: FloatArray, direction: FloatA
     return ChangeView(*(gap for gap, _ in parts), *(relative for _, relative in parts))
 
 
-@cache
-def _committed_mixture() -> ScaledGmm:
-    with as_file(files("mmpf.models").joinpath("lane_change.npz")) as path:
-        return load_change_mixture(path)
-
-
 @dataclass(frozen=True)
 class LaneChanger:
     """Moves vehicles that are changing lanes.
@@ -119,7 +108,7 @@ class LaneChanger:
             longitudinal speed, lateral and longitudinal acceleration 0.1 s later.
     """
 
-    mixture: ScaledGmm = field(default_factory=_committed_mixture)
+    mixture: ScaledGmm = field(default_factory=partial(committed_mixture, CHANGE))
 
     def move(
         self,
@@ -146,9 +135,8 @@ class LaneChanger:
         view = view_of(surroundings, state[SPEED], direction, crossed)
         x = change_inputs(state, direction, origin_m, half_width, view).T
         sampled = self.mixture.sample_columns(x, rng)
-        held_lat_speed, held_speed = (
-            np.clip(x[i], self.mixture.input_low[i], self.mixture.input_high[i]) for i in (LAT_SPEED_IN, SPEED_IN)
-        )
+        low, high = self.mixture.scaling.input_low, self.mixture.scaling.input_high
+        held_lat_speed, held_speed = (np.clip(x[i], low[i], high[i]) for i in (LAT_SPEED_IN, SPEED_IN))
         after = np.empty_like(state)
         advance(state, direction, sampled, held_lat_speed, held_speed, dt_s, after)
         return after
@@ -175,12 +163,7 @@ class LaneChangeDriver:
         return np.zeros((2, state.shape[1]))
 
     def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
         """Sample the states one step later; see ``MotionModel.propagate``."""
         centre = 0.5 * (surroundings.lane_right_m + surroundings.lane_left_m)
@@ -189,15 +172,6 @@ class LaneChangeDriver:
         direction = np.where(new, 1.0 if self.to_left else -1.0, latents[DIRECTION])
         after = self.changer.move(state, direction, origin, surroundings, dt_s, rng)
         return after, np.stack([direction, origin])
-
-
-def load_change_mixture(path: Path) -> ScaledGmm:
-    """Read a fitted lane-change model.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
-    return mixture_from_arrays(path, load_arrays(path, CASE), "joint", (14, 6))
 
 
 _Part = tuple[BoolArray, FloatArray, FloatArray]
