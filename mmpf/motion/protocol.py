@@ -168,11 +168,13 @@ class Memoryless:
         name: Name in the registry.
         step: Samples the states one step later from the present ones, the surroundings, the length of the step, s, and
             a source of randomness; all as for ``MotionModel.propagate``.
+        spreads_speed: What it says to the function of that name.
         latent_size: No latents.
     """
 
     name: str
     step: Callable[[FloatArray, Surroundings, float, np.random.Generator], FloatArray]
+    spreads_speed: bool = False
     latent_size: ClassVar[int] = 0
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
