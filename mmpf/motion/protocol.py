@@ -160,20 +160,23 @@ def spreads_speed(motion: MotionModel) -> bool:
     return bool(getattr(motion, "spreads_speed", False))
 
 
+Step = Callable[[FloatArray, Surroundings, float, np.random.Generator], FloatArray]
+
+
 @dataclass(frozen=True)
 class Memoryless:
     """A motion model without latents, made of one function.
 
     Attributes:
         name: Name in the registry.
-        step: Samples the states one step later from the present ones, the surroundings, the length of the step, s, and
-            a source of randomness; all as for ``MotionModel.propagate``.
+        step: A function ``(state, surroundings, dt_s, rng)`` that samples the states one step later, shape (6, n); all
+            are as for ``MotionModel.propagate``.
         spreads_speed: What it says to the function of that name.
         latent_size: No latents.
     """
 
     name: str
-    step: Callable[[FloatArray, Surroundings, float, np.random.Generator], FloatArray]
+    step: Step
     spreads_speed: bool = False
     latent_size: ClassVar[int] = 0
 
