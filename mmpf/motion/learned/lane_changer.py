@@ -21,6 +21,7 @@ from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
 CHANGE = MixtureFile("lane-change", inputs=14, outputs=6)
 FURTHEST_NEIGHBOUR_M = 100.0
+NOBODY = np.array([[FURTHEST_NEIGHBOUR_M], [0.0]])
 NOMINAL_WIDTH_M = 3.6
 DIRECTION, ORIGIN = range(2)
 LAT_SPEED_IN, SPEED_IN = 2, 3
@@ -90,13 +91,21 @@ def view_of(surroundings: Surroundings, speed_mps: FloatArray, direction: FloatA
         direction: 1 for a change to the left, -1 to the right, shape (n,).
         crossed: Whether the vehicle's middle is over the line, shape (n,); its follower is not known then.
     """
-    left = direction > 0
-    original = _choose(crossed, _choose(left, surroundings.right_leader, surroundings.left_leader), surroundings.leader)
-    target = _choose(crossed, surroundings.leader, _choose(left, surroundings.left_leader, surroundings.right_leader))
-    follower = _choose(left, surroundings.left_follower, surroundings.right_follower)
-    follower = follower[0] & ~crossed, follower[1], follower[2]
-    parts = [_capped(neighbour, speed_mps) for neighbour in (original, follower, target)]
-    return ChangeView(*(gap for gap, _ in parts), *(relative for _, relative in parts))
+    to_left = direction > 0
+    ahead = _seen(surroundings.leader, speed_mps)
+    ahead_left, ahead_right = (_seen(n, speed_mps) for n in (surroundings.left_leader, surroundings.right_leader))
+    behind_left, behind_right = (_seen(n, speed_mps) for n in (surroundings.left_follower, surroundings.right_follower))
+    leader = np.where(crossed, np.where(to_left, ahead_right, ahead_left), ahead)
+    follower = np.where(crossed, NOBODY, np.where(to_left, behind_left, behind_right))
+    target = np.where(crossed, ahead, np.where(to_left, ahead_left, ahead_right))
+    return ChangeView(leader[0], follower[0], target[0], leader[1], follower[1], target[1])
+
+
+def _seen(neighbour: NeighbourView, speed_mps: FloatArray) -> FloatArray:
+    """Return gap and relative speed of neighbours, shape (2, n); one too far away counts as none."""
+    gap = neighbour.gap_m
+    near = neighbour.exists & (gap < FURTHEST_NEIGHBOUR_M)
+    return np.where(near, [gap, neighbour.speed_mps - speed_mps], NOBODY)
 
 
 @dataclass(frozen=True)
@@ -172,27 +181,6 @@ class LaneChangeDriver:
         direction = np.where(new, 1.0 if self.to_left else -1.0, latents[DIRECTION])
         after = self.changer.move(state, direction, origin, surroundings, dt_s, rng)
         return after, np.stack([direction, origin])
-
-
-_Part = tuple[BoolArray, FloatArray, FloatArray]
-
-
-def _choose(condition: BoolArray, yes: NeighbourView | _Part, no: NeighbourView | _Part) -> _Part:
-    first, second = _part(yes), _part(no)
-    exists = np.where(condition, first[0], second[0])
-    return exists, np.where(condition, first[1], second[1]), np.where(condition, first[2], second[2])
-
-
-def _part(neighbour: NeighbourView | _Part) -> _Part:
-    if isinstance(neighbour, tuple):
-        return neighbour
-    return neighbour.exists, neighbour.gap_m, neighbour.speed_mps
-
-
-def _capped(neighbour: _Part, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    exists, gap, speed = neighbour
-    near = exists & (gap < FURTHEST_NEIGHBOUR_M)
-    return np.where(near, gap, FURTHEST_NEIGHBOUR_M), np.where(near, speed - speed_mps, 0.0)
 
 
 motion_models.register("gmm-lane-change")(LaneChangeDriver)
