@@ -8,10 +8,10 @@ import pandas as pd
 from harness.scoring.history import DetectionHistory
 from harness.scoring.matching import Matching
 from harness.scoring.pairs import similarity
-from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import HIDDEN, OUT, VISIBILITY_STATES
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
 OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")

@@ -9,11 +9,10 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.errors import HIJACKED, LOST, OUTCOMES, TRACKED, UNTRACKED
-from harness.scoring.rows import BoolArray
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.statistics import Interval, cluster_bootstrap, group_sums
 from harness.sensor.observation import HIDDEN, PARTIAL, VISIBILITY_STATES, VISIBLE
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

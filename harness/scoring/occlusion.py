@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.matching import Matching, find_track_rows
-from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import HIDDEN
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

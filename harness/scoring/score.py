@@ -40,12 +40,12 @@ from harness.scoring.mae import (
 from harness.scoring.matching import match
 from harness.scoring.occlusion import OcclusionCounts, count_outcomes, event_table, occlusion_events
 from harness.scoring.pairs import near_pairs
-from harness.scoring.rows import BoolArray, read_run
+from harness.scoring.rows import read_run
 from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
 from harness.scoring.statistics import Interval
 from harness.sensor.observation import HIDDEN
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,9 @@ from harness.sensor.profiles import SensorSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, free_space, sensor_position, wrap_angle
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.road import Road
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
-
-BoolArray = npt.NDArray[np.bool_]
 
 DECIMALS = 4
 CLUTTER_SPEED_MPS = (0.0, 40.0)

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from harness.truth.frame import Frame, StringArray
-from mmpf.compute.arrays import FloatArray, IntArray
+from harness.truth.frame import Frame
+from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
-
-StringArray = npt.NDArray[np.str_]
 
 EVERYWHERE = (-np.inf, np.inf)
 # Columns of the truth table that hold a frame's window; absent where it is everywhere.

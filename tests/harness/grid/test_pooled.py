@@ -15,7 +15,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.pooled import JPDA, pool_files
 from harness.grid.pooled_tables import pooled_markdown
 from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, run_stress
-from harness.scoring.rows import BoolArray
+from mmpf.compute.arrays import BoolArray
 from tests.harness.grid.test_stress import ECHO, InProcess
 from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv
 
