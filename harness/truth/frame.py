@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Road
+from mmpf.scan import EgoPose
 
 StringArray = npt.NDArray[np.str_]
 
@@ -59,6 +60,12 @@ class Frame:
 
     def __len__(self) -> int:
         return len(self.vehicle_id)
+
+    @property
+    def ego_pose(self) -> EgoPose:
+        """Pose of the ego vehicle."""
+        names = ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m")
+        return EgoPose(**{name: float(getattr(self, name)[self.ego]) for name in names})
 
 
 @dataclass(frozen=True)
