@@ -58,7 +58,7 @@ class RayedSensor:
         Vehicles outside the range or the field of view are out: visible fraction 0, no occluder. They still hide
         others as far as they reach into view.
         """
-        ego = _ego_pose(frame)
+        ego = frame.ego_pose
         sight = _sight_to(frame.lon_m, frame.lat_m, road, ego)
         in_range = _in_reach(self.settings, sight.distance, sight.off_axis)
         in_range[frame.ego] = True
@@ -101,18 +101,6 @@ class _Returns:
 
     values: FloatArray
     origin: IntArray
-
-
-def _ego_pose(frame: Frame) -> EgoPose:
-    ego = frame.ego
-    return EgoPose(
-        lon_m=float(frame.lon_m[ego]),
-        lat_m=float(frame.lat_m[ego]),
-        heading_rad=float(frame.heading_rad[ego]),
-        speed_mps=float(frame.speed_mps[ego]),
-        length_m=float(frame.length_m[ego]),
-        width_m=float(frame.width_m[ego]),
-    )
 
 
 def _sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> _Sight:

@@ -13,7 +13,7 @@ from typing import cast
 from pydantic import ValidationError
 
 from harness.errors import InputError
-from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker, trackers
+from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,7 @@ def available_trackers() -> dict[str, str]:
     return {name: entry.description for name, entry in _CATALOGUE.items()}
 
 
-def build_tracker(
-    name: str, setting: TrackerSetting, options: Mapping[str, object]
-) -> Tracker | TruthAssociatedTracker:
+def build_tracker(name: str, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
     """Build a fresh tracker for one episode.
 
     Args:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
+from mmpf.scan import EgoPose
 
 EVERYWHERE = (-np.inf, np.inf)
 # Columns of the truth table that hold a frame's window; absent where it is everywhere.
@@ -56,6 +57,12 @@ class Frame:
 
     def __len__(self) -> int:
         return len(self.vehicle_id)
+
+    @property
+    def ego_pose(self) -> EgoPose:
+        """Pose of the ego vehicle."""
+        names = ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m")
+        return EgoPose(**{name: float(getattr(self, name)[self.ego]) for name in names})
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,8 @@ from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
 from harness.runfolder.tables import write_table
-from harness.running.open import RunInputs
 from harness.running.run import run
-from harness.sensor.detector import build_sensor
-from harness.sensor.profiles import sensor_settings
-from tests.harness.stand_ins import SteadyTraffic
+from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 
@@ -148,20 +145,15 @@ def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
 
 
 @pytest.fixture
-def echo_runs(monkeypatch, tmp_path) -> tuple[str, str, str]:
+def echo_runs(tmp_path) -> tuple[str, str, str]:
     """Make a run, its replay with other random numbers of the tracker, and a run on other traffic."""
-    sensor = build_sensor(sensor_settings("lidar", {}))
-    monkeypatch.setattr(
-        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=12), sensor)
-    )
-    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    first = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "first").folder
+    usual, sparse = (looking_at(SteadyTraffic(steps=12, cars_per_lane=count)) for count in (6, 4))
+    config = resolve_run_config(options={"tracker": ECHO})
+    first = run(config, out=tmp_path / "first", open_looks=usual).folder
     again = run(
         resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
     ).folder
-    traffic = SteadyTraffic(steps=12, cars_per_lane=4)
-    monkeypatch.setattr("harness.running.open._open_live", lambda config, streams, gui: RunInputs(traffic, sensor))
-    other = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "other").folder
+    other = run(config, out=tmp_path / "other", open_looks=sparse).folder
     return str(first), str(again), str(other)
 
 
@@ -184,17 +176,15 @@ def test_single_runs_on_different_traffic_are_refused(echo_runs):
 def small_suite(monkeypatch) -> None:
     """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
     request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
-    sensor = build_sensor(sensor_settings("lidar", {}))
     monkeypatch.setattr("harness.comparison.suite.SUITES", {"standard": request})
-    monkeypatch.setattr(
-        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=8), sensor)
-    )
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
+        def report(message) -> None:
+            if isinstance(message, Finished):
+                on_row(message.key, message.row)
+
         for cell in cells:
-            work_on_cell(
-                cell, lambda message: on_row(message.key, message.row) if isinstance(message, Finished) else None
-            )
+            work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
 
     monkeypatch.setattr("harness.grid.pool.run_cells", run_here)
     monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: Figure())
