@@ -116,7 +116,7 @@ def _scored_row(
     begin: float,
     coasting: pd.DataFrame | None,
 ) -> Row:
-    from harness.running.metrics import assemble_metrics  # noqa: PLC0415
+    from harness.running.metrics import assemble_metrics, timing_table, traffic_table  # noqa: PLC0415
 
     times = StageTimes()
     tables = track(traffic, run.config, times, on_first_step)
@@ -125,7 +125,8 @@ def _scored_row(
     scores = scored.metrics | dict(traffic.about)
     if coasting is not None:
         scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
-    metrics = assemble_metrics(run.config, scores, times, traffic.step_s, total_s, tables.truth, traffic.road)
+    timing = timing_table(times, traffic.step_s, total_s)
+    metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, traffic.road))
     return finished_row(run, metrics, total_s)
 
 

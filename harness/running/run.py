@@ -21,7 +21,7 @@ from harness.runfolder.manifest import write_manifest
 from harness.runfolder.road import write_road
 from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import AnyTracker, StageTimes, Streams, co_simulate
-from harness.running.metrics import assemble_metrics
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.open import RunInputs, _build_tracker, check_gui, check_tracker, open_inputs
 from harness.running.watchers import DiagnosticsKeeper, MomentKeeper, ParticleKeeper
 from harness.scoring import ScoredRun, score_run
@@ -162,12 +162,8 @@ class _Attempt:
         metrics = assemble_metrics(
             self.config,
             scored.metrics | dict(self.inputs.about),
-            self.times,
-            self.inputs.truth.step_s,
-            perf_counter() - begin,
-            tables.truth,
-            self.inputs.truth.road,
-            self.diagnostics.stages_ms,
+            timing_table(self.times, self.inputs.truth.step_s, perf_counter() - begin, self.diagnostics.stages_ms),
+            traffic_table(tables.truth, self.inputs.truth.road),
         )
         (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
         self.write_manifest(runfolder.COMPLETE, None)
