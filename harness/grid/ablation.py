@@ -75,13 +75,14 @@ def ablation_rows(runs: pd.DataFrame) -> list[dict[str, Any]]:
         One row per arm: variant, what, runs, and for each measure ``mean``, ``difference`` and its 95 % bootstrap
         interval over seeds ``ci95``, None where nothing was measured.
     """
-    finished = runs[runs["succeeded"]]
+    measures = ablated_quantities()
+    finished = runs[runs["succeeded"]].reindex(columns=["variant", "seed", *(measure.key for measure in measures)])
     default = finished[finished["variant"] == DEFAULT].set_index("seed")
     rows = []
     for ablation in ABLATIONS:
         own = finished[finished["variant"] == ablation.variant].set_index("seed")
         row: dict[str, Any] = {"variant": ablation.variant, "what": ablation.what, "runs": len(own)}
-        for measure in ablated_quantities():
+        for measure in measures:
             values = own[measure.key].astype(float)
             difference = np.asarray((values - default[measure.key].astype(float)).dropna(), dtype=np.float64)
             row[measure.key] = {
