@@ -22,7 +22,7 @@ from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.rows import Row, failed_row, finished_row
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
-from harness.running.metrics import assemble_metrics
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.open import OpenLooks, open_looks, tracker_builder
 from harness.scoring import score_run
 
@@ -107,7 +107,8 @@ def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], 
         scores = scored.metrics | dict(looks.about)
         if coasting is not None:
             scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
-        metrics = assemble_metrics(run.config, scores, times, looks.step_s, total_s, tables.truth, looks.road)
+        timing = timing_table(times, looks.step_s, total_s)
+        metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, looks.road))
         return finished_row(run, metrics, total_s)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)

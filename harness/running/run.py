@@ -22,7 +22,7 @@ from harness.runfolder.road import write_road
 from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks, Streams
-from harness.running.metrics import assemble_metrics
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.open import OpenLooks, check_tracker, open_looks, tracker_builder
 from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
 from harness.scoring import ScoredRun, score_run
@@ -198,12 +198,8 @@ class _Attempt:
         metrics = assemble_metrics(
             self.config,
             scored.metrics | dict(looks.about),
-            self.times,
-            looks.step_s,
-            perf_counter() - begin,
-            tables.truth,
-            looks.road,
-            self.diagnostics.stages_ms,
+            timing_table(self.times, looks.step_s, perf_counter() - begin, self.diagnostics.stages_ms),
+            traffic_table(tables.truth, looks.road),
         )
         (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
         self.write_manifest(runfolder.COMPLETE, None)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from harness.cli import run_command_line
 from harness.comparison.compare import Comparison, compare
 from harness.comparison.sources import open_source
-from harness.comparison.verdicts import BETTER, METRICS, SAME, UNTESTED, WORSE
+from harness.comparison.verdicts import BETTER, SAME, UNTESTED, WORSE, compared_quantities
 from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
 from harness.errors import InputError
@@ -32,7 +32,7 @@ def grid_folder(folder: Path, seeds=range(10), model="cvm", densities=(20.0,), f
         {
             "net": "us101", "density": density, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": model,
             "update": "joint", "seed": seed, "succeeded": seed not in failed, "error": None, "total_s": 1.0,
-            **{metric.name: 1.0 + 0.01 * seed for metric in METRICS},
+            **{quantity.key: 1.0 + 0.01 * seed for quantity in compared_quantities()},
             **{name.replace("__", "."): value(seed) for name, value in metrics.items()},
         }
         for density in densities for seed in seeds
