@@ -172,15 +172,11 @@ def _newborn_states(
 ) -> GaussianStates:
     count = len(detection)
     has_speed = np.isfinite(detections.speed_mps[detection])
-    mean = np.zeros((count, 4))
-    mean[:, LON] = detections.lon_m[detection]
-    mean[:, LAT] = detections.lat_m[detection]
-    mean[:, SPEED] = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
-    std = np.zeros((count, 4))
-    std[:, LON] = detections.std_lon_m[detection]
-    std[:, LAT] = detections.std_lat_m[detection]
-    std[:, SPEED] = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
-    std[:, LAT_SPEED] = options.birth_lat_speed_std_mps
+    speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
+    std_speed = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
+    std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
+    mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
+    std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
     return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
 
 
