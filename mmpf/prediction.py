@@ -16,6 +16,7 @@ from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
 from mmpf.scan import Scan
 from mmpf.state import ACCEL, LAT_SPEED, SPEED
+from mmpf.update import Situation
 
 
 class Proposal(Protocol):
@@ -64,17 +65,15 @@ def bootstrap_proposal(
 
 def prior_update(
     mixture: Mixture,
-    motion: MotionModel,
-    proposal: Proposal,
     surroundings: Surroundings,
-    scan: Scan,
-    dt_s: float,
+    situation: Situation,
+    proposal: Proposal,
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Mixture:
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
-    cloud = mixture.cloud
-    state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, scan, dt_s, rng)
+    cloud, motion, dt_s = mixture.cloud, situation.motion, situation.dt_s
+    state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, situation.scan, dt_s, rng)
     speed = speed_error(options, spreads_speed=spreads_speed(motion))
     _add_model_error(state, surroundings.is_hidden, dt_s, options.model_error, speed, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)

@@ -43,12 +43,10 @@ class Occlusion:
         detection_probability: Of each particle, shape (n,).
         missed_probability: The same where "not detected" is weighed, shape (n,): never more, since the misses of one
             vehicle are correlated in time and the shadows are not exactly known.
-        is_hidden: Components asserted to be completely occluded, shape (m,).
     """
 
     detection_probability: FloatArray
     missed_probability: FloatArray
-    is_hidden: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from harness.sensor.observation import Observation
 from harness.truth.frame import Frame
 from mmpf.cloud.mixture import Mixture, ParticleCloud
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.report import StepReport
 from mmpf.state import LAT, LON
-from mmpf.tracker import StepReport
 from mmpf.tracks import HIDDEN, Tracks
 
 

@@ -10,8 +10,8 @@ from harness.report.diagnostics_figure import diagnostics_figure
 from harness.running.metrics import stage_timing
 from harness.running.watchers import DiagnosticsKeeper
 from harness.trackers.protocol import TrackerSetting
+from mmpf.report import StepReport
 from mmpf.scan import SensorModel
-from mmpf.tracker import StepReport
 from mmpf.tracks import Tracks
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic
 
