@@ -68,6 +68,8 @@ def all_different(group: Settings) -> dict[str, object]:
 
 
 def different(value: object) -> object:
+    if isinstance(value, dict):
+        return {name: different(inner) for name, inner in value.items()}
     if isinstance(value, bool):
         return not value
     if isinstance(value, int):
