@@ -6,6 +6,7 @@ setting's unit is the ending of its name or stands beside it; what has neither i
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -147,8 +148,8 @@ class JointAssociation(Settings):
 class JointExistence(Settings):
     """Whether a component is a vehicle, and when it is believed."""
 
-    death_rate_per_s: NotNegative = 0.01
-    """Rate at which vehicles cease to be there, whether seen or not."""
+    death_rate_per_s: NotNegative = -10.0 * math.log(0.999)
+    """Rate at which vehicles cease to be there; by default one in a thousand does each tenth of a second."""
     largest: Probability = 0.99
     """No component is more certain than this."""
     confirm_above: Probability = 0.6
