@@ -9,24 +9,25 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import typer
+from typer.core import TyperGroup, TyperOption
 from typer.exceptions import TyperException
-from typer.main import get_command
+from typer.main import get_group
 
-from harness.errors import RunError, RunInterruptedError, UserError
+from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
 EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
 
 
 EXIT_CODES: dict[type[Exception], int] = {
-    UserError: EXIT_USER_ERROR,
+    InputError: EXIT_USER_ERROR,
     UnknownNameError: EXIT_USER_ERROR,
-    TyperException: EXIT_USER_ERROR,
     RunError: EXIT_RUN_FAILED,
     RunInterruptedError: EXIT_INTERRUPTED,
 }
@@ -91,22 +92,23 @@ def run_command_line(arguments: Sequence[str]) -> int:
     Returns:
         Exit code: 0 done, 1 a regression was found, 2 wrong input, 3 a run failed part-way, 130 interrupted.
     """
+    called = next((word for word in arguments if not word.startswith("-")), None)
+    group = get_group(_application(called))
     try:
-        outcome = get_command(_application(arguments))(
-            args=list(arguments), prog_name="python -m harness", standalone_mode=False
-        )
+        outcome = group(args=list(arguments), prog_name="python -m harness", standalone_mode=False)
+    except TyperException as error:
+        return _complain(error.format_message(), EXIT_USER_ERROR)
     except tuple(EXIT_CODES) as error:
         exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
-        return _complain(error.format_message() if isinstance(error, TyperException) else str(error), exit_code)
+        return _complain(_as_typed(str(error), group, called), exit_code)
     # Typer itself turns a Ctrl-C into this exit code.
     if outcome == EXIT_INTERRUPTED:
         return _complain("interrupted", EXIT_INTERRUPTED)
     return outcome if isinstance(outcome, int) else EXIT_DONE
 
 
-def _application(arguments: Sequence[str]) -> typer.Typer:
+def _application(called: str | None) -> typer.Typer:
     """Build the application with only the called command loaded."""
-    called = next((word for word in arguments if not word.startswith("-")), None)
     application = typer.Typer(
         help=OVERVIEW,
         no_args_is_help=False,
@@ -139,6 +141,18 @@ def _without_command(
 
 def _not_called() -> None:
     """Stand in the overview for a command that this call does not use."""
+
+
+def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
+    """Return a message with the called command's parameters as they are typed, for example ``--model-file``."""
+    command = group.commands.get(called or "")
+    parameters = command.params if command is not None else []
+    # An argument's name is what the usage line shows, for example RUN.
+    typed = {
+        (one.name or "").rstrip("_"): one.opts[0] if isinstance(one, TyperOption) else one.metavar or one.name or ""
+        for one in parameters
+    }
+    return re.sub(r"`([a-z_]+)`", lambda match: typed.get(match[1], match[1]), message)
 
 
 def _complain(message: str, exit_code: int) -> int:

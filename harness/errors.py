@@ -1,10 +1,11 @@
-"""Errors that the command line turns into one line and an exit code."""
+"""Errors that users meet: one sentence each; the command line turns them into a line and an exit code."""
 
 
-class UserError(Exception):
-    """The user's input is wrong: exit code 2, the message on one line.
+class InputError(Exception):
+    """The input is wrong: exit code 2, the message on one line.
 
-    The message names the option or file, says what is wrong with it, and how to mend it.
+    The message names the parameter in backticks, as Python spells it, or the file, says what is wrong with it, and how
+    to mend it. The command line spells the names of its own options as they are typed.
     """
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from harness.bench.measure import Contender, as_row, time_in_turns, warm_up
 from harness.bench.mixtures import time_mixtures
 from harness.bench.scene import bench_scene
-from harness.errors import UserError
+from harness.errors import InputError
 from mmpf.registry import UnknownNameError
 
 VEHICLES = (10, 25, 50, 100, 200)
@@ -56,10 +56,10 @@ class BenchPlan:
 
 
 def contender_of(name: str, particles: int) -> Contender:
-    """Return the tracker that a name of ``--trackers`` stands for.
+    """Return the tracker that a name of ``trackers`` stands for.
 
     Raises:
-        UserError: The part behind the colon means nothing for this tracker.
+        InputError: The part behind the colon means nothing for this tracker.
     """
     tracker, _, variant = name.partition(":")
     if tracker == "mmpf":
@@ -67,7 +67,7 @@ def contender_of(name: str, particles: int) -> Contender:
         return Contender("mmpf", tracker, {"model": model, "particles": particles}, model, particles)
     if tracker.startswith("stonesoup"):
         if variant not in ("", COARSE):
-            raise UserError(f"--trackers {name}: give {tracker} as it ships, or {tracker}:{COARSE}")
+            raise InputError(f"`trackers` {name}: give {tracker} as it ships, or {tracker}:{COARSE}")
         own = 300 if tracker == "stonesoup-particle" else None
         return Contender(name, tracker, {"coarse_gate": True} if variant else {}, None, own)
     return Contender(name, name)
@@ -84,13 +84,13 @@ def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, Any]:
         ``rows``, ``gmm`` and ``slopes`` as plain values.
 
     Raises:
-        UserError: There is no such tracker or model, or it is none that can be timed.
+        InputError: There is no such tracker or model, or it is none that can be timed.
     """
     contenders = plan.contenders
     try:
         warm_up(contenders, bench_scene(min(plan.vehicles), plan.steps, np.random.default_rng(plan.seed)))
     except (UnknownNameError, TypeError) as error:
-        raise UserError(f"--trackers: {error}") from None
+        raise InputError(f"`trackers`: {error}") from None
     rows: list[dict[str, Any]] = []
     for vehicles in plan.vehicles:
         scene = bench_scene(vehicles, plan.steps, np.random.default_rng([plan.seed, vehicles]))

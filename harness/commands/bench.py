@@ -68,12 +68,12 @@ def command(
 
 
 def _counts(text: str) -> tuple[int, ...]:
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
 
     try:
         counts = tuple(sorted({int(word) for word in text.split(",")}))
     except ValueError:
         counts = ()
     if not counts or counts[0] < 1 or counts[-1] > 2000:
-        raise UserError(f"--vehicles {text}: give whole numbers from 1 to 2000 with commas between, for example 25,50")
+        raise InputError(f"`vehicles` {text}: give whole numbers from 1 to 2000 with commas between, for example 25,50")
     return counts

@@ -61,14 +61,14 @@ def command(
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """
     from harness.config.lists import seed_values  # noqa: PLC0415
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
     from harness.fidelity.calibration import CalibrationRequest, calibrate  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     network = load_network(net)
     if network.calibration_file is None and write:
-        raise UserError(f"--write: {net} names no calibration_file in its network.toml")
+        raise InputError(f"`write`: {net} names no calibration_file in its network.toml")
     request = CalibrationRequest(
         fields=fields,
         demand=demand,

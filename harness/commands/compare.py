@@ -51,13 +51,13 @@ def command(
     from harness.comparison.compare import compare  # noqa: PLC0415
     from harness.comparison.sources import open_source  # noqa: PLC0415
     from harness.comparison.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
-    from harness.errors import RunError, UserError  # noqa: PLC0415
+    from harness.errors import InputError, RunError  # noqa: PLC0415
 
     given = list(folders or ())
     if record and (suite is None or given):
-        raise UserError("--record: only a suite makes a baseline; for example --suite standard --record")
+        raise InputError("`record`: only a suite makes a baseline; for example `suite` standard with `record`")
     if suite is not None and not given:
-        before = None if record else open_source(baseline or str(BASELINE), "--baseline")
+        before = None if record else open_source(baseline or str(BASELINE), "baseline")
         ran = run_suite(suite, out, workers=workers or os.cpu_count() or 1, resume=resume, quiet=quiet)
         if ran.failures:
             raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
@@ -65,13 +65,13 @@ def command(
             kept = keep_as_baseline(ran, suite, Path(baseline or BASELINE))
             typer.echo(f"baseline: {kept}", err=True)
             return
-        after = open_source(str(ran.folder), "--out")
+        after = open_source(str(ran.folder), "out")
     elif suite is None and len(given) == 1 and baseline is not None:
-        before, after = open_source(baseline, "--baseline"), open_source(given[0], "compare")
+        before, after = open_source(baseline, "baseline"), open_source(given[0], "folders")
     elif suite is None and len(given) == 2 and baseline is None:
-        before, after = (open_source(folder, "compare") for folder in given)
+        before, after = (open_source(folder, "folders") for folder in given)
     else:
-        raise UserError("compare: give two folders, one folder with --baseline, or --suite; for example compare A B")
+        raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")
 
     comparison = compare(before, after, tolerance)
     if not quiet:

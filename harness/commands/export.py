@@ -30,11 +30,11 @@ def command(
       python -m harness export results/us101-mmpf-gmm-d20-s0 --to mot
       python -m harness export results/us101-mmpf-gmm-d20-s0 --video run.mp4
     """
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
     from harness.export.formats import FORMATS, export_run  # noqa: PLC0415
 
     if to is None and video is None:
-        raise UserError(f"--to: say which format: {', '.join(FORMATS)}; or give --video FILE.mp4")
+        raise InputError(f"`to`: say which format: {', '.join(FORMATS)}; or give `video`, for example run.mp4")
     files = export_run(folder, to, out, force) if to is not None else []
     if video is not None:
         from harness.export.video import write_video  # noqa: PLC0415

@@ -97,7 +97,7 @@ def command(
         Path | None,
         typer.Option(help="TOML file of settings, e.g. an earlier run's config.toml.", rich_help_panel=RESULT),
     ] = None,
-    setting: Annotated[
+    settings: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
@@ -155,10 +155,10 @@ def command(
         "model": model,
         "update": update,
         "particles": particles,
-        "model-file": model_file,
+        "model_file": model_file,
         "seed": seed,
     }
-    resolved = resolve_run_config(config, options, setting or ())
+    resolved = resolve_run_config(config, options, settings or ())
 
     from harness.report.summary import print_summary  # noqa: PLC0415
     from harness.running.run import run  # noqa: PLC0415

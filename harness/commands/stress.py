@@ -77,7 +77,7 @@ def command(
     sensor: Annotated[
         str | None, typer.Option(help="lidar, radar or camera. (default: lidar)", rich_help_panel=GRID)
     ] = None,
-    setting: Annotated[
+    settings: Annotated[
         list[str] | None,
         typer.Option(
             "--set", metavar="KEY=VALUE", help="Any setting of config.toml for all runs.", rich_help_panel=GRID
@@ -125,7 +125,7 @@ def command(
       python -m harness stress --scheduler tcp://host:8786
     """
     from harness.config.model import brings_its_own_demand  # noqa: PLC0415
-    from harness.errors import RunError, UserError  # noqa: PLC0415
+    from harness.errors import InputError, RunError  # noqa: PLC0415
     from harness.grid.grid import GridRequest  # noqa: PLC0415
     from harness.grid.stress import run_stress  # noqa: PLC0415
 
@@ -142,13 +142,13 @@ def command(
         duration_s=duration,
         particles=particles,
         sensor=sensor,
-        settings=tuple(setting or ()),
+        settings=tuple(settings or ()),
         vary=tuple(vary or ()),
         replay=tuple(map(str, files)),
         ego=ego,
     )
     if scheduler is not None and workers is not None:
-        raise UserError("--workers: the cluster has its own workers; leave it out with --scheduler tcp://host:8786")
+        raise InputError("`workers`: the cluster has its own workers; leave it out with `scheduler` tcp://host:8786")
     with _execution(scheduler, workers or os.cpu_count() or 1, timeout_per_run) as execute:
         finished = run_stress(
             request,
@@ -185,14 +185,14 @@ def command(
 
 def _files_of(replay: list[Path]) -> list[Path]:
     """Return the files of recorded traffic; of a folder that is no recording itself, all that it holds."""
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
 
     files: list[Path] = []
     for path in replay:
         if path.is_dir() and not any(path.glob("*_tracks.csv")) and not (path / "manifest.json").is_file():
             inside = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
             if not inside:
-                raise UserError(f"--replay: {path} has no files; give files of recorded traffic, or their folder")
+                raise InputError(f"`replay`: {path} has no files; give files of recorded traffic, or their folder")
             files += inside
         else:
             files.append(path)

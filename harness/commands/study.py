@@ -77,13 +77,13 @@ def command(
             typer.echo(line, err=True)
 
     if case == "ablation":
-        _refuse_for("the ablation study", {"--models": models, "--model-file": model_file, "--real-data": real_data})
+        _refuse_for("the ablation study", {"models": models, "model_file": model_file, "real_data": real_data})
         told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
     elif case == "transfer":
         from harness.driving.realdata import real_data_folder  # noqa: PLC0415
         from harness.study.transfer.transfer import TransferPlan  # noqa: PLC0415
 
-        _refuse_for("the transfer study", {"--models": models, "--model-file": model_file})
+        _refuse_for("the transfer study", {"models": models, "model_file": model_file})
         transfer = TransferPlan(real_data_folder(real_data), cases, particles or 200, seed, first, count, cache=cache)
         told = _make_transfer(transfer, load_network(net), folder, say, quiet)
     else:
@@ -109,11 +109,11 @@ class _Told:
 
 
 def _refuse_for(study: str, options: Mapping[str, object]) -> None:
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
 
-    for option, value in options.items():
+    for parameter, value in options.items():
         if value is not None:
-            raise UserError(f"{option}: {study} has no such choice; leave it out")
+            raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
 
 
 def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
@@ -153,7 +153,7 @@ def _make_transfer(
 
 
 def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool) -> _Told:
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
     from harness.study.published import MODELS, make_study  # noqa: PLC0415
     from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
@@ -162,6 +162,6 @@ def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callab
         with progress_bar(f"study {plan.study}", plan.runs if plan.study in MODELS else 1, quiet) as advance:
             result, targets, setting = make_study(plan, network, say, advance)
     except ValueError as error:
-        raise UserError(f"--model-file {plan.model_file}: {error}") from error
+        raise InputError(f"`model_file` {plan.model_file}: {error}") from error
     write_study(result, targets, setting, folder)
     return _Told(as_json(result, targets, setting), as_markdown(result, targets, setting))

@@ -39,15 +39,15 @@ def command(
     """
     from harness.config.lists import seed_range  # noqa: PLC0415
     from harness.driving.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
-    from harness.errors import UserError  # noqa: PLC0415
+    from harness.errors import InputError  # noqa: PLC0415
     from harness.training.train import TrainingPlan, train  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     seeds = seeds or ("1000:1040" if case == "lane-change" else "1000:1032")
     first, count = seed_range(seeds)
     if first < FIRST_TRAINING_SEED:
-        raise UserError(
-            f"--seeds {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "
+        raise InputError(
+            f"`seeds` {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "
             f"give {FIRST_TRAINING_SEED} and up"
         )
     plan = TrainingPlan(case, components, first, count, seed, sweep, cache, out)

@@ -11,7 +11,7 @@ import numpy as np
 from harness.comparison.sources import SETTING, Source
 from harness.comparison.vehicles import arms_by_vehicle
 from harness.comparison.verdicts import BETTER, METRICS, WORSE, Arms, Verdict, fewest_pairs, judge
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 
@@ -63,7 +63,7 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
         tolerance: A worse value is a regression if the difference exceeds this share of a.
 
     Raises:
-        UserError: They have no tracker or no setting in common, or are single runs on different traffic.
+        InputError: They have no tracker or no setting in common, or are single runs on different traffic.
     """
     notes = [f"{side.failed} failed runs of {side.name} are left out." for side in (a, b) if side.failed]
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
@@ -73,7 +73,7 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
     for label, rows_a, rows_b in _matching_labels(a, b):
         arms += _arms(label, rows_a, rows_b, [*SETTING, *a.axes])
     if not any(len(arm.a) and len(arm.b) for arm in arms):
-        raise UserError(
+        raise InputError(
             f"compare: {a.name} and {b.name} have no setting in common; compare grids of the same densities"
         )
     verdicts = tuple(judge(arms, tolerance))
@@ -82,12 +82,12 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
 
 def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, pd.DataFrame]]:
     if a.axes != b.axes:
-        raise UserError(f"compare: {a.name} and {b.name} vary different settings; compare grids of the same settings")
+        raise InputError(f"compare: {a.name} and {b.name} vary different settings; compare grids of the same settings")
     common = [label for label in a.labels if label in b.labels]
     if not common and len(a.labels) == len(b.labels) == 1:
         yield f"{a.labels[0]} to {b.labels[0]}", a.rows, b.rows
     elif not common:
-        raise UserError(
+        raise InputError(
             f"compare: {a.name} and {b.name} have no tracker in common; choose one of each by FOLDER@LABEL, for "
             f"example '{a.folder}@{a.labels[0]}' '{b.folder}@{b.labels[0]}'"
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.rows import flattened
 from harness.grid.stress import GRID, RUNS
 from harness.grid.summary import label_of
@@ -48,50 +48,52 @@ class Source:
         return list(dict.fromkeys(self.rows["label"]))
 
 
-def open_source(text: str, option: str) -> Source:
+def open_source(text: str, parameter: str) -> Source:
     """Open ``FOLDER`` or, for one tracker of a grid, ``FOLDER@LABEL``.
 
     A folder of baselines stands for the standard suite's in it.
 
     Raises:
-        UserError: There is no such folder or label.
+        InputError: There is no such folder or label.
     """
     whole = Path(text)
     path, at, label = (text, "", "") if whole.exists() else text.rpartition("@") if "@" in text else (text, "", "")
     folder = Path(path)
     if (folder / STANDARD / RUNS).is_file():
         folder = folder / STANDARD
-    source = _open_grid(text, folder, option) if (folder / RUNS).is_file() else _open_run(text, folder, option)
+    source = _open_grid(text, folder, parameter) if (folder / RUNS).is_file() else _open_run(text, folder, parameter)
     if not at:
         return source
     rows = source.rows[source.rows["label"] == label]
     if not len(rows):
-        raise UserError(f"{option}: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
+        raise InputError(f"`{parameter}`: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
     return Source(text, folder, rows, source.failed, source.is_run, source.axes)
 
 
-def _open_grid(name: str, folder: Path, option: str) -> Source:
-    table = runfolder.read_table(folder, RUNS, option, (*SETTING, "seed", "succeeded", "variant", "model"))
+def _open_grid(name: str, folder: Path, parameter: str) -> Source:
+    table = runfolder.read_table(folder, RUNS, parameter, (*SETTING, "seed", "succeeded", "variant", "model"))
     done = table[table["succeeded"].astype(bool)].copy()
     done["label"] = [label_of(row) for _, row in done.iterrows()]
     try:
         vary = json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]
     except (OSError, ValueError, KeyError):
-        raise UserError(f"{option}: {folder / GRID} is missing or broken; make the grid again") from None
+        raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
     axes = tuple(word.partition("=")[0].strip() for word in vary)
     return Source(name, folder, done, len(table) - len(done), False, axes)
 
 
-def _open_run(name: str, folder: Path, option: str) -> Source:
+def _open_run(name: str, folder: Path, parameter: str) -> Source:
     import pandas as pd  # noqa: PLC0415
 
     if not folder.is_dir():
-        raise UserError(f"{option}: {folder} is no folder; give the folder of a run or of a stress test")
-    runfolder.read_manifest(folder, option)
+        raise InputError(f"`{parameter}`: {folder} is no folder; give the folder of a run or of a stress test")
+    runfolder.read_manifest(folder, parameter)
     try:
         metrics: dict[str, Any] = json.loads((folder / runfolder.METRICS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise UserError(f"{option}: {folder / runfolder.METRICS} is missing or broken; make the run again") from None
+        raise InputError(
+            f"`{parameter}`: {folder / runfolder.METRICS} is missing or broken; make the run again"
+        ) from None
     run = metrics.pop("run")
     row = {**run, "variant": run["tracker"], **flattened(metrics)}
     table = pd.DataFrame([row])

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from harness.comparison.sources import STANDARD
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.pool import run_cells
 from harness.grid.stress import GRID, RUNS, TABLE, FinishedGrid, run_stress
@@ -43,10 +43,10 @@ def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) 
         quiet: Whether to leave out the progress bar.
 
     Raises:
-        UserError: There is no such suite, or the folder is wrong.
+        InputError: There is no such suite, or the folder is wrong.
     """
     if name not in SUITES:
-        raise UserError(f"--suite {name}: no such suite; choose one of {', '.join(SUITES)}")
+        raise InputError(f"`suite` {name}: no such suite; choose one of {', '.join(SUITES)}")
     return run_stress(
         SUITES[name],
         out,

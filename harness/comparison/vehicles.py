@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.comparison.sources import Source
 from harness.comparison.verdicts import METRICS, Arms, ComparedMetric
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.scoring.paired import KEYS, QUANTITIES, paired_errors
 from mmpf.compute.arrays import FloatArray
@@ -26,7 +26,7 @@ def arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
     Scores of a whole run, which no vehicle has of its own, are given untested.
 
     Raises:
-        UserError: The runs saw different traffic.
+        InputError: The runs saw different traffic.
     """
     _check_same_traffic(a, b)
     columns = (*KEYS, *QUANTITIES, "state", "seconds_hidden", "outcome")
@@ -40,9 +40,9 @@ def _check_same_traffic(a: Source, b: Source) -> None:
     places = ["step", "vehicle_id", "lon_m", "lat_m"]
     first, second = (runfolder.read_table(side.folder, runfolder.TRUTH, "compare", places)[places] for side in (a, b))
     if not first.equals(second):
-        raise UserError(
+        raise InputError(
             f"compare: {a.name} and {b.name} are single runs on different traffic, which tells nothing; make the "
-            f"second with --replay {a.folder}, or compare grids of several seeds"
+            f"second with `replay` {a.folder}, or compare grids of several seeds"
         )
 
 

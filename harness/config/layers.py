@@ -1,6 +1,6 @@
-"""``config.toml``, options and ``--set`` merged, checked and filled up with defaults, and written back to a file.
+"""``config.toml``, options and settings merged, checked and filled up with defaults, and written back to a file.
 
-Later layers win: defaults, then the file of ``--config``, then the command's options, then ``--set``.
+Later layers win: defaults, then the file of ``config``, then the options, then ``settings``.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 
 from harness.config.model import DEFAULT_TRACKER, RunConfig
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 
 Table = dict[str, Any]
 
-# Where the command line spells a key its own way.
-OPTION_OF_KEY = {
-    "seed": "--seed",
-    "replay": "--replay",
-    "traffic.net": "--net",
-    "traffic.demand": "--demand",
-    "traffic.density": "--density",
-    "traffic.duration_s": "--duration",
-    "traffic.recording.format": "--format",
-    "traffic.recording.ego": "--ego",
-    "sensor.profile": "--sensor",
-    "tracker.name": "--tracker",
-    "tracker.model": "--model",
-    "tracker.update": "--update",
-    "tracker.particles": "--particles",
-    "tracker.model_file": "--model-file",
+# Which parameter sets a key.
+PARAMETER_OF_KEY = {
+    "seed": "seed",
+    "replay": "replay",
+    "traffic.net": "net",
+    "traffic.demand": "demand",
+    "traffic.density": "density",
+    "traffic.duration_s": "duration",
+    "traffic.recording.format": "format",
+    "traffic.recording.ego": "ego",
+    "sensor.profile": "sensor",
+    "tracker.name": "tracker",
+    "tracker.model": "model",
+    "tracker.update": "update",
+    "tracker.particles": "particles",
+    "tracker.model_file": "model_file",
 }
-KEY_OF_OPTION = {option.removeprefix("--"): key for key, option in OPTION_OF_KEY.items()}
+KEY_OF_PARAMETER = {parameter: key for key, parameter in PARAMETER_OF_KEY.items()}
 
 # Of these keys at most one can hold; a later layer's choice replaces an earlier layer's other.
 EXCLUSIVE = ("demand", "density")
@@ -49,16 +49,16 @@ def merge_layers(
     """Return what the user set, unchecked, as one nested table.
 
     Args:
-        config_file: TOML file of ``--config``.
-        options: The command's options by name without dashes (``net``, ``duration``, ...); None where not given.
-        settings: The ``KEY=VALUE`` words of ``--set``.
+        config_file: TOML file of ``config``.
+        options: The run's options by name (``net``, ``duration``, ...); None where not given.
+        settings: The ``KEY=VALUE`` words of ``settings``.
 
     Raises:
-        UserError: The file can't be read, or a word of ``--set`` is not ``KEY=VALUE``.
+        InputError: The file can't be read, or a word of ``settings`` is not ``KEY=VALUE``.
     """
     merged: Table = {}
     layers = [
-        read_toml(config_file, "--config") if config_file is not None else {},
+        read_toml(config_file, "config") if config_file is not None else {},
         _table_of_options(options or {}),
         _table_of_settings(settings),
     ]
@@ -72,30 +72,30 @@ def config_from_table(table: Table) -> RunConfig:
     """Check a nested table and fill in the defaults.
 
     Raises:
-        UserError: A key is unknown or a value is out of bounds; the message names the key or option.
+        InputError: A key is unknown or a value is out of bounds; the message names the key or parameter.
     """
     try:
         return RunConfig.model_validate(table)
     except ValidationError as error:
-        raise UserError(_first_problem(error)) from None
+        raise InputError(_first_problem(error)) from None
 
 
-def read_toml(path: Path, option: str) -> Table:
+def read_toml(path: Path, parameter: str) -> Table:
     """Read a TOML file that ``option`` named.
 
     Raises:
-        UserError: The file can't be read or is not TOML.
+        InputError: The file can't be read or is not TOML.
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise UserError(f"{option}: can't read {path}: {error.strerror}; give the path of a TOML file") from None
+        raise InputError(f"`{parameter}`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UserError(f"{option}: {path} is not valid TOML: {error}") from None
+        raise InputError(f"`{parameter}`: {path} is not valid TOML: {error}") from None
 
 
 def write_config(config: RunConfig, path: Path) -> None:
-    """Write a configuration so that ``--config`` reads the same one back."""
+    """Write a configuration so that ``config`` reads the same one back."""
     path.write_text(tomli_w.dumps(config.as_table()), encoding="utf-8")
 
 
@@ -103,7 +103,7 @@ def _table_of_options(options: Mapping[str, object]) -> Table:
     table: Table = {}
     for name, value in options.items():
         if value is not None:
-            _put(table, KEY_OF_OPTION[name].split("."), value)
+            _put(table, KEY_OF_PARAMETER[name].split("."), value)
     return table
 
 
@@ -113,7 +113,7 @@ def _table_of_settings(settings: Sequence[str]) -> Table:
         key, equals, text = setting.partition("=")
         parts = [part.strip() for part in key.split(".")]
         if not equals or not all(parts):
-            raise UserError(f"--set: {setting!r} is not KEY=VALUE, for example --set sensor.range_m=80")
+            raise InputError(f"`settings`: {setting!r} is not KEY=VALUE, for example `settings` sensor.range_m=80")
         _put(table, parts, _toml_value(text.strip()))
     return table
 
@@ -130,7 +130,7 @@ def _put(table: Table, parts: Sequence[str], value: object) -> None:
     for part in parts[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise UserError(f"--set: {'.'.join(parts)} lies below {part}, which is set to a value")
+            raise InputError(f"`settings`: {'.'.join(parts)} lies below {part}, which is set to a value")
     table[parts[-1]] = value
 
 
@@ -159,8 +159,8 @@ def _first_problem(error: ValidationError) -> str:
     key = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
         return f"unknown key {key!r}{_nearest(key)}"
-    option = OPTION_OF_KEY.get(key)
-    place = f"{option} ({key})" if option else key or "configuration"
+    parameter = PARAMETER_OF_KEY.get(key)
+    place = f"`{parameter}` ({key})" if parameter else key or "configuration"
     message = problem["msg"].removeprefix("Value error, ")
     if isinstance(problem["input"], dict):
         return f"{place}: {message}"
@@ -190,12 +190,12 @@ def resolve_run_config(
     """Return the checked configuration of a run.
 
     Args:
-        config_file: TOML file of ``--config``.
-        options: The command's options by name without dashes (``net``, ``duration``, ...); None where not given.
-        settings: The ``KEY=VALUE`` words of ``--set``.
+        config_file: TOML file of ``config``.
+        options: The run's options by name (``net``, ``duration``, ...); None where not given.
+        settings: The ``KEY=VALUE`` words of ``settings``.
 
     Raises:
-        UserError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
+        InputError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
             traffic, a sensor or a folder that the recording does not have; or the file is no recorded traffic.
     """
     table = merge_layers(config_file, options, settings)
@@ -205,8 +205,8 @@ def resolve_run_config(
         part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
         table |= part | {"replay": str(path)}
     elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):
-        option = next(iter(traffic["recording"]))
-        raise UserError(f"--{option}: simulated traffic has no such choice; add --replay FILE of recorded traffic")
+        parameter = next(iter(traffic["recording"]))
+        raise InputError(f"`{parameter}`: simulated traffic has no such choice; add `replay`, recorded traffic")
     return config_from_table(table)
 
 
@@ -223,14 +223,13 @@ def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, An
 
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return traffic, sensor and (unless asked otherwise) seed of the recording; refuse what contradicts them."""
-    runfolder.read_manifest(folder, "--replay")
-    recorded = config_from_table(runfolder.read_config_table(folder, "--replay")).as_table()
+    runfolder.read_manifest(folder, "replay")
+    recorded = config_from_table(runfolder.read_config_table(folder, "replay")).as_table()
     part = {name: recorded[name] for name in ("traffic", "sensor")}
     for key, value in _leaves({name: asked[name] for name in part if name in asked}):
         if value != dict(_leaves(part)).get(key):
-            raise UserError(
-                f"{OPTION_OF_KEY.get(key, key)}: a replay takes traffic and sensor from the recording; leave it out"
-            )
+            parameter = PARAMETER_OF_KEY.get(key, key)
+            raise InputError(f"`{parameter}`: a replay takes traffic and sensor from the recording; leave it out")
     return part | {"seed": asked.get("seed", recorded["seed"])}
 
 

@@ -5,78 +5,80 @@ from __future__ import annotations
 import math
 from decimal import Decimal, InvalidOperation
 
-from harness.errors import UserError
+from harness.errors import InputError
 
 MOST_VALUES = 100_000
 MOST_SEED = 2**31 - 1
 
 
-def numbers(text: str, option: str, example: str) -> tuple[float, ...]:
+def numbers(text: str, parameter: str, example: str) -> tuple[float, ...]:
     """Return the numbers of ``START:STOP:STEP`` (both ends included) or of a list with commas.
 
     Args:
-        text: What the user typed.
-        option: Option that it was typed after, for the message.
+        text: What the user gave.
+        parameter: Parameter that it was given for, for the message.
         example: A right text, for the message.
 
     Raises:
-        UserError: It is no such text, holds no number, one twice, or too many.
+        InputError: It is no such text, holds no number, one twice, or too many.
     """
     values = (
-        _steps(text, option, example)
+        _steps(text, parameter, example)
         if ":" in text
-        else [_number(word, text, option, example) for word in text.split(",")]
+        else [_number(word, text, parameter, example) for word in text.split(",")]
     )
     if len(set(values)) < len(values):
-        raise UserError(f"{option} {text}: a value stands there twice; for example {option} {example}")
+        raise InputError(f"`{parameter}` {text}: a value stands there twice; for example `{parameter}` {example}")
     return tuple(float(value) for value in values)
 
 
-def names(text: str, option: str, example: str) -> tuple[str, ...]:
+def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
     """Return the names of a list with commas.
 
     Raises:
-        UserError: The list is empty or holds a name twice.
+        InputError: The list is empty or holds a name twice.
     """
     words = [word.strip() for word in text.split(",")]
     if not all(words) or len(set(words)) < len(words):
         problem = "a name stands there twice" if all(words) else "an empty name"
-        raise UserError(f"{option} {text!r}: {problem}; for example {option} {example}")
+        raise InputError(f"`{parameter}` {text!r}: {problem}; for example `{parameter}` {example}")
     return tuple(words)
 
 
-def seed_values(text: str, option: str = "--seeds") -> range:
+def seed_values(text: str, parameter: str = "seeds") -> range:
     """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded.
 
     Raises:
-        UserError: It is neither.
+        InputError: It is neither.
     """
     first, end = text.split(":", 1) if ":" in text else ("0", text)
     if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
-        raise UserError(
-            f"{option} {text}: give a number of seeds or a range A:B with A below B; for example {option} 10"
+        raise InputError(
+            f"`{parameter}` {text}: give a number of seeds or a range A:B with A below B; for example `{parameter}` 10"
         )
     return range(int(first), int(end))
 
 
-def _steps(text: str, option: str, example: str) -> list[Decimal]:
+def _steps(text: str, parameter: str, example: str) -> list[Decimal]:
     words = text.split(":")
     if len(words) != 3:
-        raise UserError(f"{option} {text}: a range is START:STOP:STEP; for example {option} {example}")
-    start, stop, step = (_number(word, text, option, example) for word in words)
+        raise InputError(f"`{parameter}` {text}: a range is START:STOP:STEP; for example `{parameter}` {example}")
+    start, stop, step = (_number(word, text, parameter, example) for word in words)
     if step <= 0 or stop < start:
-        raise UserError(
-            f"{option} {text}: START must not lie above STOP, and STEP must be above 0; for example {option} {example}"
+        raise InputError(
+            f"`{parameter}` {text}: START must not lie above STOP, STEP must be above 0; "
+            f"for example `{parameter}` {example}"
         )
     count = math.floor((stop - start) / step) + 1
     if count > MOST_VALUES:
-        raise UserError(
-            f"{option} {text}: {count} values, at most {MOST_VALUES} are allowed; for example {option} {example}"
+        raise InputError(
+            f"`{parameter}` {text}: {count} values, at most {MOST_VALUES} are allowed; "
+            f"for example `{parameter}` {example}"
         )
     return [start + k * step for k in range(count)]
 
 
-def _number(word: str, text: str, option: str, example: str) -> Decimal:
+def _number(word: str, text: str, parameter: str, example: str) -> Decimal:
     # Decimal steps give 0.3 where adding 0.1 up in binary does not.
     try:
         value = Decimal(word.strip())
@@ -84,17 +86,17 @@ def _number(word: str, text: str, option: str, example: str) -> Decimal:
         value = Decimal("nan")
     if not value.is_finite():
         what = f"{word.strip()!r} is not a number" if word.strip() else "a number is missing"
-        raise UserError(f"{option} {text!r}: {what}; for example {option} {example}")
+        raise InputError(f"`{parameter}` {text!r}: {what}; for example `{parameter}` {example}")
     return value
 
 
-def seed_range(text: str, option: str = "--seeds") -> tuple[int, int]:
+def seed_range(text: str, parameter: str = "seeds") -> tuple[int, int]:
     """Return first seed and count of a range ``A:B``, B excluded.
 
     Raises:
-        UserError: The text is no such range.
+        InputError: The text is no such range.
     """
     first, colon, end = text.partition(":")
     if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
-        raise UserError(f"{option} {text}: give a range A:B with A below B, for example 0:16")
+        raise InputError(f"`{parameter}` {text}: give a range A:B with A below B, for example 0:16")
     return int(first), int(end) - int(first)

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.driving.following import BoolArray, Following, following_windows
 from harness.driving.recording import Recording
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.compute.arrays import FloatArray, IntArray
@@ -55,7 +55,7 @@ def pair_windows(path: Path, steps: int, step_s: float) -> Following:
         step_s: Time between steps.
 
     Raises:
-        UserError: The file is missing, broken, or lacks a column.
+        InputError: The file is missing, broken, or lacks a column.
     """
     windows = following_windows(pairs_recording(path), pairs_road(), steps, step_s)
     led = windows.take(np.flatnonzero(windows.has_leader))
@@ -76,7 +76,7 @@ def pairs_recording(path: Path) -> Recording:
     vehicle counts from where the vehicles of its lane drive in the median.
 
     Raises:
-        UserError: The file is missing, broken, or lacks a column.
+        InputError: The file is missing, broken, or lacks a column.
     """
     table = _read_pairs(path)
     code = np.unique(table["pair_id"].to_numpy(dtype=str), return_inverse=True)[1]
@@ -86,7 +86,7 @@ def pairs_recording(path: Path) -> Recording:
     inside = _off_the_edges(code, frame)
     table, code, frame = table[inside], np.unique(code[inside], return_inverse=True)[1], frame[inside]
     if not len(table):
-        raise UserError(f"{path} has no pair on record for more than {2 * EDGE_S:g} s")
+        raise InputError(f"{path} has no pair on record for more than {2 * EDGE_S:g} s")
     first = np.flatnonzero(np.diff(code, prepend=-1))
     # Pairs were not there at the same time: each has steps of its own.
     since_first = frame - frame[first][code]
@@ -147,13 +147,13 @@ def _read_pairs(path: Path) -> pd.DataFrame:
     try:
         table = pd.read_parquet(path)
     except FileNotFoundError:
-        raise UserError(f"{path} does not exist; give a table of leader-follower pairs") from None
+        raise InputError(f"{path} does not exist; give a table of leader-follower pairs") from None
     except (OSError, ValueError) as error:
-        raise UserError(f"{path} can't be read as parquet ({str(error).splitlines()[0]})") from None
+        raise InputError(f"{path} can't be read as parquet ({str(error).splitlines()[0]})") from None
     needed = [*OTHER_COLUMNS, *FOLLOWER, *LEADER]
     missing = [name for name in needed if name not in table]
     if missing:
-        raise UserError(f"{path} has no column {', '.join(missing)}")
+        raise InputError(f"{path} has no column {', '.join(missing)}")
     if not len(table) or table[needed].isna().to_numpy().any():
-        raise UserError(f"{path} has no rows, or an empty field in one of {', '.join(needed)}")
+        raise InputError(f"{path} has no rows, or an empty field in one of {', '.join(needed)}")
     return table

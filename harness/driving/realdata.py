@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from harness.errors import UserError
+from harness.errors import InputError
 
 VARIABLE = "MMPF_REALDATA"
-OPTION = "--real-data"
+PARAMETER = "real_data"
 PAIRS = "car_following_pairs.parquet"
 SNIPPETS = ("commonroad/*.xml", "ngsim/*.csv")
 
@@ -21,13 +21,14 @@ def real_data_folder(given: Path | None = None) -> Path:
             the project.
 
     Raises:
-        UserError: There is no such folder.
+        InputError: There is no such folder.
     """
     beside = Path(__file__).resolve().parents[3] / "shared" / "realdata"
     folder = given or Path(os.environ.get(VARIABLE, beside))
     if not folder.is_dir():
-        raise UserError(
-            f"{OPTION}: no real recordings in {folder}; name their folder with {OPTION} or the variable {VARIABLE}"
+        raise InputError(
+            f"`{PARAMETER}`: no real recordings in {folder}; name their folder with `{PARAMETER}` "
+            f"or the variable {VARIABLE}"
         )
     return folder
 
@@ -36,11 +37,11 @@ def pairs_file(folder: Path) -> Path:
     """Return the file of leader-follower pairs.
 
     Raises:
-        UserError: It is not there.
+        InputError: It is not there.
     """
     path = folder / PAIRS
     if not path.is_file():
-        raise UserError(f"{OPTION}: {folder} has no {PAIRS}; name another folder")
+        raise InputError(f"`{PARAMETER}`: {folder} has no {PAIRS}; name another folder")
     return path
 
 
@@ -48,9 +49,11 @@ def snippet_files(folder: Path, patterns: tuple[str, ...] = SNIPPETS) -> list[Pa
     """Return the files of recorded traffic, sorted by name within each layout.
 
     Raises:
-        UserError: There is none.
+        InputError: There is none.
     """
     found = [path for pattern in patterns for path in sorted(folder.glob(pattern))]
     if not found:
-        raise UserError(f"{OPTION}: {folder} has no recorded traffic ({', '.join(patterns)}); name another folder")
+        raise InputError(
+            f"`{PARAMETER}`: {folder} has no recorded traffic ({', '.join(patterns)}); name another folder"
+        )
     return found

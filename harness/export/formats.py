@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.runfolder.finished import RecordedRun, read_recorded_run
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
@@ -49,22 +49,22 @@ def export_run(folder: Path, name: str, out: Path | None = None, force: bool = F
         force: Whether an existing ``out`` may be replaced.
 
     Raises:
-        UserError: There is no such format, the package's part for it is not installed, the folder is no finished
+        InputError: There is no such format, the package's part for it is not installed, the folder is no finished
             run's, or ``out`` exists.
     """
     exporter = _exporter(name)
     target = out if out is not None else folder / EXPORTS / name
     if target.exists() and out is not None and not force:
-        raise UserError(f"--out: {target} exists; choose another folder or add --force to replace it")
+        raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
     if target.exists() and not target.is_dir():
-        raise UserError(f"--out: {target} is a file; choose another folder")
+        raise InputError(f"`out`: {target} is a file; choose another folder")
     run = read_recorded_run(folder)
     pending = target.with_name(f".{target.name}.running")
     shutil.rmtree(pending, ignore_errors=True)
     try:
         pending.mkdir(parents=True)
     except OSError as error:
-        raise UserError(f"--out: can't write in {target.parent}: {error.strerror}; choose another folder") from None
+        raise InputError(f"`out`: can't write in {target.parent}: {error.strerror}; choose another folder") from None
     try:
         files = exporter(run, pending)
     except BaseException:
@@ -78,14 +78,14 @@ def export_run(folder: Path, name: str, out: Path | None = None, force: bool = F
 
 def _exporter(name: str) -> Exporter:
     if name not in FORMATS:
-        raise UserError(f"--to: there is no format {name!r}; choose from {', '.join(FORMATS)}")
+        raise InputError(f"`to`: there is no format {name!r}; choose from {', '.join(FORMATS)}")
     chosen = FORMATS[name]
     try:
         exporter: Exporter = importlib.import_module(chosen.module).export
     except ModuleNotFoundError as error:
         if chosen.extra is None:
             raise
-        raise UserError(
-            f"--to: {name} needs {error.name}; install it with: pip install 'mmpf-harness[{chosen.extra}]'"
+        raise InputError(
+            f"`to`: {name} needs {error.name}; install it with: pip install 'mmpf-harness[{chosen.extra}]'"
         ) from None
     return exporter

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.report.scene import (
     ELLIPSE_SCALE,
     GREEN,
@@ -72,7 +72,7 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
         force: Whether an existing file may be replaced.
 
     Raises:
-        UserError: The folder is no finished run's, the file exists or does not end in ``.mp4``, or the part of the
+        InputError: The folder is no finished run's, the file exists or does not end in ``.mp4``, or the part of the
             package that writes films is not installed.
     """
     check_film(path, force)
@@ -98,15 +98,15 @@ def check_film(path: Path, force: bool) -> None:
     """Find out beforehand whether a film can be written.
 
     Raises:
-        UserError: The file exists or does not end in ``.mp4``, or the part of the package that writes films is not
+        InputError: The file exists or does not end in ``.mp4``, or the part of the package that writes films is not
             installed.
     """
     if path.suffix != ".mp4":
-        raise UserError(f"--video: {path} must end in .mp4")
+        raise InputError(f"`video`: {path} must end in .mp4")
     if path.exists() and not force:
-        raise UserError(f"--video: {path} exists; choose another file or add --force to replace it")
+        raise InputError(f"`video`: {path} exists; choose another file or add `force` to replace it")
     if importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise UserError("--video: needs imageio-ffmpeg; install it with: pip install 'mmpf-harness[video]'")
+        raise InputError("`video`: needs imageio-ffmpeg; install it with: pip install 'mmpf-harness[video]'")
 
 
 def frames(run: RecordedRun) -> Iterator[Image.Image]:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.fidelity import candidate as outcome
 from harness.fidelity.candidate import Candidate, first_candidate
 from harness.fidelity.fields import read_fields
@@ -83,7 +83,7 @@ class CalibrationResult:
             (folder / "calibration.json").write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
             outcome.write_candidate(folder / "calibration.toml", self.outcome)
         except OSError as error:
-            raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from error
+            raise InputError(f"`out` {folder}: cannot be written: {error.strerror}") from error
         if network is not None and network.calibration_file is not None:
             outcome.write_candidate(network.calibration_file, self.outcome.with_others(network))
             if self.measured_anew and network.measured_file is not None:
@@ -96,7 +96,7 @@ def calibrate(
     """Search for the drivers and demands that fit best.
 
     Raises:
-        UserError: The network has no measurements, the demand is none of them, or the fields cannot be read.
+        InputError: The network has no measurements, the demand is none of them, or the fields cannot be read.
     """
     site = read_measured(network)
     if request.fields is not None:

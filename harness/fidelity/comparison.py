@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import wasserstein_distance
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.fidelity.fields import Fields, read_fields
 from harness.fidelity.measured import MeasuredSite, measure, read_measured
 from harness.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged, recorded_samples, recording_files
@@ -138,7 +138,7 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
     """Simulate the periods and compare them with what was measured.
 
     Raises:
-        UserError: The network has no measurements, a demand was not measured, or a file cannot be read.
+        InputError: The network has no measurements, a demand was not measured, or a file cannot be read.
     """
     site, fields = _measured(network, request)
     demands = request.demands or tuple(site.periods)
@@ -147,7 +147,9 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
         period = site.period(demand)
         network.demand(demand)
         if request.duration_s <= period.skip_s:
-            raise UserError(f"--minutes {request.duration_s / 60.0:g}: the first {period.skip_s / 60.0:g} are left out")
+            raise InputError(
+                f"`minutes` {request.duration_s / 60.0:g}: the first {period.skip_s / 60.0:g} are left out"
+            )
     files = recording_files(request.recordings)
     recorded = recorded_samples(files, network.name) if files else None
     jobs = [RunJob(network, demand, request.duration_s, seed) for demand in demands for seed in request.seeds]
@@ -158,9 +160,9 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
     periods = tuple(_period(demand, grouped[demand], site, fields, request.duration_s, lanes) for demand in demands)
     simulated = merged(run.samples for run in runs)
     if fields is None:
-        left_out.append("speed fields of the road: the recorded ones are not there; give their folder with --fields")
+        left_out.append("speed fields of the road: the recorded ones are not there; give their folder as `fields`")
     if recorded is None:
-        left_out.append("distributions: no recorded vehicles are there; give files or folders with --recordings")
+        left_out.append("distributions: no recorded vehicles are there; give files or folders as `recordings`")
     return Fidelity(
         network=network.name,
         source=site.source,

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE
@@ -96,11 +96,11 @@ def read_fields(folder: Path) -> Fields:
     """Read the recorded fields of US-101, which are in feet and seconds.
 
     Raises:
-        UserError: A file is missing, is no table of numbers, or the three do not match.
+        InputError: A file is missing, is no table of numbers, or the three do not match.
     """
     speed, flow, density = (_read_table(folder / name) for name in FIELD_FILES.values())
     if not speed.shape == flow.shape == density.shape:
-        raise UserError(f"--fields {folder}: the tables of speed, flow and density differ in size")
+        raise InputError(f"`fields` {folder}: the tables of speed, flow and density differ in size")
     return Fields(speed_mps=speed * FOOT_M, flow_veh_per_s=flow, density_veh_per_m=density / FOOT_M)
 
 
@@ -110,7 +110,9 @@ def _read_table(path: Path) -> FloatArray:
             warnings.simplefilter("ignore")  # an empty table is told below
             table = np.loadtxt(path, ndmin=2)
     except (OSError, ValueError) as error:
-        raise UserError(f"--fields: {path} is missing or no table of numbers; give the folder that holds it") from error
+        raise InputError(
+            f"`fields`: {path} is missing or no table of numbers; give the folder that holds it"
+        ) from error
     if table.size == 0 or not np.isfinite(table).all() or (table < 0.0).any():
-        raise UserError(f"--fields: {path} is empty or holds numbers that are negative or not finite")
+        raise InputError(f"`fields`: {path} is empty or holds numbers that are negative or not finite")
     return np.asarray(table, dtype=np.float64)

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.fidelity.fields import Fields
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
@@ -57,10 +57,10 @@ class MeasuredSite(_Strict):
         """Return the period that a demand stands for.
 
         Raises:
-            UserError: None was measured.
+            InputError: None was measured.
         """
         if demand not in self.periods:
-            raise UserError(f"--demand {demand}: nothing was measured for it; measured are: {', '.join(self.periods)}")
+            raise InputError(f"`demand` {demand}: nothing was measured for it; measured are: {', '.join(self.periods)}")
         return self.periods[demand]
 
 
@@ -68,29 +68,29 @@ def read_measured(network: Network) -> MeasuredSite:
     """Read what was measured at a network's site.
 
     Raises:
-        UserError: The network has no measurements, or their file is broken.
+        InputError: The network has no measurements, or their file is broken.
     """
     path = network.measured_file
     if path is None:
-        raise UserError(f"--net {network.name}: it has no measured_file in its network.toml to be compared with")
+        raise InputError(f"`net` {network.name}: it has no measured_file in its network.toml to be compared with")
     try:
         return MeasuredSite.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise UserError(f"{path}: cannot be read as TOML: {error}") from error
+        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
         first = error.errors()[0]
-        raise UserError(f"{path}: {'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
+        raise InputError(f"{path}: {'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
 
 
 def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
     """Return the site with the figures of every period made anew from its fields.
 
     Raises:
-        UserError: The fields end before the last period does.
+        InputError: The fields end before the last period does.
     """
     ends = max(period.start_s + period.duration_s for period in site.periods.values())
     if fields.duration_s < ends:
-        raise UserError(f"--fields: they cover {fields.duration_s:g} s; the periods end at {ends:g} s")
+        raise InputError(f"`fields`: they cover {fields.duration_s:g} s; the periods end at {ends:g} s")
     return site.model_copy(
         update={"periods": {name: _measure_period(entry, fields, lanes) for name, entry in site.periods.items()}}
     )

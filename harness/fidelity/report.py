@@ -10,7 +10,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.fidelity.comparison import Distance, Fidelity, Period
 from harness.fidelity.figures import draw_figures
 from harness.fidelity.targets import Target
@@ -23,7 +23,7 @@ def write_fidelity(result: Fidelity, folder: Path) -> None:
     """Write the result into a folder.
 
     Raises:
-        UserError: The folder cannot be written.
+        InputError: The folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -32,7 +32,7 @@ def write_fidelity(result: Fidelity, folder: Path) -> None:
         for name, figure in draw_figures(result).items():
             figure.savefig(folder / f"{name}.png")
     except OSError as error:
-        raise UserError(f"--out {folder}: cannot be written: {error.strerror}") from error
+        raise InputError(f"`out` {folder}: cannot be written: {error.strerror}") from error
 
 
 def as_markdown(result: Fidelity) -> str:

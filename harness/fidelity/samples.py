@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.frame import Frame
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.resample import STEP_S
@@ -160,15 +160,15 @@ def recording_files(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Return the files that are meant by files and folders of them.
 
     Raises:
-        UserError: A path does not exist or a folder holds no recording.
+        InputError: A path does not exist or a folder holds no recording.
     """
     found: list[Path] = []
     for path in paths:
         if not path.exists():
-            raise UserError(f"--recordings {path}: does not exist; give files or folders of recorded traffic")
+            raise InputError(f"`recordings` {path}: does not exist; give files or folders of recorded traffic")
         inside = sorted(file for file in path.iterdir() if file.suffix in SUFFIXES) if path.is_dir() else [path]
         if not inside:
-            raise UserError(f"--recordings {path}: the folder holds no recorded traffic")
+            raise InputError(f"`recordings` {path}: the folder holds no recorded traffic")
         found += inside
     return tuple(found)
 
@@ -177,7 +177,7 @@ def recorded_samples(files: Iterable[Path], net: str) -> Samples:
     """Return the samples of all recordings as one.
 
     Raises:
-        UserError: One is no recording or is broken.
+        InputError: One is no recording or is broken.
     """
     return merged(_samples(path, net) for path in files)
 

@@ -24,7 +24,7 @@ class Ablation:
     """One arm of the study.
 
     Attributes:
-        variant: The tracker as ``stress --trackers`` takes it.
+        variant: The tracker as ``trackers`` of a stress test takes it.
         what: What is different from the default, in words.
     """
 

@@ -20,7 +20,7 @@ class Grid:
 
     Attributes:
         cells: The cells, sorted as their rows are.
-        axes: Keys of ``--vary``.
+        axes: Keys of ``vary``.
     """
 
     cells: tuple[Cell, ...]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.cells import Cell
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.rows import Row, failed_row
@@ -15,7 +15,7 @@ from harness.grid.rows import Row, failed_row
 Client = Any
 Future = Any
 
-OPTION = "--scheduler"
+PARAMETER = "scheduler"
 EXAMPLE = "tcp://host:8786"
 CONNECT_S = 10
 RETRIES = 3
@@ -25,18 +25,20 @@ def connect(address: str) -> Client:
     """Return a connection to a cluster's scheduler.
 
     Raises:
-        UserError: Dask is not installed, or no scheduler answers.
+        InputError: Dask is not installed, or no scheduler answers.
     """
     try:
         distributed: Any = import_module("distributed")
     except ImportError:
-        raise UserError(f"{OPTION} needs Dask, which is not installed: pip install 'mmpf-harness[cluster]'") from None
+        raise InputError(
+            f"`{PARAMETER}` needs Dask, which is not installed: pip install 'mmpf-harness[cluster]'"
+        ) from None
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         problem = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(
-            f"{OPTION} {address}: no scheduler answers ({problem}); for example {OPTION} {EXAMPLE}"
+        raise InputError(
+            f"`{PARAMETER}` {address}: no scheduler answers ({problem}); for example `{PARAMETER}` {EXAMPLE}"
         ) from None
 
 

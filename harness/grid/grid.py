@@ -1,9 +1,10 @@
 """From the lists that a user writes to the grid of a stress test: every combination, each a checked configuration.
 
 Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
-``mmpf+joint.association.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the tracker's named
-settings, everything else is one of its options. ``--models`` goes with the project's own tracker; settings of
-``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned settings.
+``mmpf+joint.association.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the
+tracker's named settings, everything else is one of its options. ``models`` goes with the project's own tracker;
+settings of ``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned
+settings.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 from harness.config.layers import resolve_run_config
 from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.cells import DEMAND, DENSITY, RECORDING, Cell, Grid, PlannedRun
 from harness.truth.recorded.egos import EACH
 
@@ -45,7 +46,7 @@ class GridRequest:
         settings: ``KEY=VALUE`` words that hold for all runs.
         vary: ``KEY=VALUES`` words; each is one more axis.
         replay: Files of recorded traffic in place of simulated traffic.
-        ego: Which recorded vehicles carry the sensor, as in ``run --ego``.
+        ego: Which recorded vehicles carry the sensor, as in ``ego`` of a run.
     """
 
     net: str | None = "us101"
@@ -67,7 +68,7 @@ def plan_grid(request: GridRequest) -> Grid:
     """Turn what the user wrote into runs, each with a checked configuration.
 
     Raises:
-        UserError: A list is wrong, a key or name is unknown, or there are too many runs.
+        InputError: A list is wrong, a key or name is unknown, or there are too many runs.
     """
     places = _traffic_points(request)
     seeds = seed_values(request.seeds)
@@ -75,9 +76,9 @@ def plan_grid(request: GridRequest) -> Grid:
     variants = _variants(request)
     sizes = (len(places), len(seeds), *(len(values) for values in axes.values()), len(variants))
     if math.prod(sizes) > MOST_RUNS:
-        raise UserError(
+        raise InputError(
             f"the grid has {math.prod(sizes)} runs, at most {MOST_RUNS} are allowed; fewer densities, seeds or values, "
-            "for example --densities 5:65:10 --seeds 10"
+            "for example `densities` 5:65:10, `seeds` 10"
         )
     shared = {key: values for key, values in axes.items() if not key.startswith("tracker.")}
     own = {key: values for key, values in axes.items() if key.startswith("tracker.")}
@@ -116,21 +117,21 @@ class _Variant:
 
 
 def _variants(request: GridRequest) -> list[_Variant]:
-    models = names(request.models, "--models", "gmm,idm,cvm,cam") if request.models is not None else (None,)
+    models = names(request.models, "models", "gmm,idm,cvm,cam") if request.models is not None else (None,)
     variants = []
-    for text in names(request.trackers, "--trackers", TRACKER_EXAMPLE):
+    for text in names(request.trackers, "trackers", TRACKER_EXAMPLE):
         name, *settings = text.split("+")
         for setting in settings:
             key, equals, value = setting.partition("=")
             if not (key and equals and value):
-                raise UserError(
-                    f"--trackers {text}: {setting!r} is not KEY=VALUE; for example mmpf+update=max_likelihood"
+                raise InputError(
+                    f"`trackers` {text}: {setting!r} is not KEY=VALUE; for example mmpf+update=max_likelihood"
                 )
         crossed = name == DEFAULT_TRACKER and not any(setting.startswith("model=") for setting in settings)
         full = tuple(_full_key(setting) for setting in settings)
         variants += [_Variant(text, name, full, model) for model in (models if crossed else (None,))]
     if request.models is not None and not any(variant.model for variant in variants):
-        raise UserError("--models: only mmpf takes them here; for example --trackers mmpf --models gmm,cvm")
+        raise InputError("`models`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
     return variants
 
 
@@ -141,18 +142,18 @@ def _full_key(setting: str) -> str:
 
 def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
     if request.densities is not None and request.demands is not None:
-        raise UserError("--demands: give either densities or demands, not both; for example --densities 5:65:10")
+        raise InputError("`demands`: give either densities or demands, not both; for example `densities` 5:65:10")
     if request.replay and (request.densities is not None or request.demands is not None):
-        raise UserError("--replay: recorded traffic is as it was; leave densities and demands out")
+        raise InputError("`replay`: recorded traffic is as it was; leave densities and demands out")
     if request.ego is not None and not request.replay:
-        raise UserError("--ego: simulated traffic has no such choice; add --replay FILE of recorded traffic")
+        raise InputError("`ego`: simulated traffic has no such choice; add `replay`, recorded traffic")
     if request.demands is not None:
-        return [{DEMAND: name} for name in names(request.demands, "--demands", "us101-0750,us101-0805")]
+        return [{DEMAND: name} for name in names(request.demands, "demands", "us101-0750,us101-0805")]
     if request.densities is not None:
-        return [{DENSITY: value} for value in numbers(request.densities, "--densities", "5:65:10")]
+        return [{DENSITY: value} for value in numbers(request.densities, "densities", "5:65:10")]
     if request.replay:
         if len({Path(path).name for path in request.replay}) < len(request.replay):
-            raise UserError("--replay: two of the files have the same name; results are told apart by it")
+            raise InputError("`replay`: two of the files have the same name; results are told apart by it")
         return [{RECORDING: path, "ego": request.ego or EACH} for path in request.replay]
     return [{}]
 
@@ -162,17 +163,17 @@ def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
     for word in words:
         key, equals, text = (part.strip() for part in word.partition("="))
         if not equals or not key:
-            raise UserError(
-                f"--vary {word!r}: give KEY=START:STOP:STEP or KEY=A,B,C; for example --vary {VARY_EXAMPLE}"
+            raise InputError(
+                f"`vary` {word!r}: give KEY=START:STOP:STEP or KEY=A,B,C; for example `vary` {VARY_EXAMPLE}"
             )
         if key in axes:
-            raise UserError(f"--vary {key}: given twice; for example --vary {VARY_EXAMPLE}")
-        instead = {"seed": "--seeds 10", "traffic.density": "--densities 5:65:10"}.get(key)
+            raise InputError(f"`vary` {key}: given twice; for example `vary` {VARY_EXAMPLE}")
+        instead = {"seed": "`seeds` 10", "traffic.density": "`densities` 5:65:10"}.get(key)
         if instead:
-            raise UserError(f"--vary {key}: this axis has an option of its own; for example {instead}")
+            raise InputError(f"`vary` {key}: this axis has a parameter of its own; for example {instead}")
         if not key.startswith(("sensor.", "tracker.", "traffic.")):
-            raise UserError(f"--vary {key}: no such setting can be varied; for example --vary {VARY_EXAMPLE}")
-        axes[key] = numbers(text, f"--vary {key}:", VARY_EXAMPLE)
+            raise InputError(f"`vary` {key}: no such setting can be varied; for example `vary` {VARY_EXAMPLE}")
+        axes[key] = numbers(text, "vary", VARY_EXAMPLE)
     return axes
 
 
@@ -198,18 +199,18 @@ def _config(
     words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
     try:
         return resolve_run_config(None, options, [*settings, *variant.settings, *words])
-    except UserError as error:
+    except InputError as error:
         if "traffic.density" in str(error):
-            raise UserError(
-                f"--densities {request.densities}: densities lie between 5 and 65; for example --densities 5:65:10"
+            raise InputError(
+                f"`densities` {request.densities}: densities lie between 5 and 65; for example `densities` 5:65:10"
             ) from None
         raise with_example(error, varied) from None
 
 
-def with_example(error: UserError, varied: Iterable[str]) -> UserError:
-    """Return the error, with an example of ``--vary`` where it is about one of its keys."""
+def with_example(error: InputError, varied: Iterable[str]) -> InputError:
+    """Return the error, with an example of ``vary`` where it is about one of its keys."""
     if any(key.split(".", 1)[-1] in str(error) for key in varied):
-        return UserError(f"--vary: {error}; for example --vary {VARY_EXAMPLE}")
+        return InputError(f"`vary`: {error}; for example `vary` {VARY_EXAMPLE}")
     return error
 
 

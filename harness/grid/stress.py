@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import RunInterruptedError, UserError
+from harness.errors import InputError, RunInterruptedError
 from harness.grid.cells import RECORDING, Cell, Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.pool import OnRow
@@ -76,7 +76,7 @@ def run_stress(
         command: What the user typed, for the manifest.
 
     Raises:
-        UserError: The grid or the folder is wrong; no run was made.
+        InputError: The grid or the folder is wrong; no run was made.
         RunInterruptedError: The user stopped it; finished runs are kept.
     """
     grid = plan_grid(request)
@@ -107,7 +107,7 @@ def run_stress(
             execute(sorted(open_cells, key=lambda cell: -(cell.config.traffic.density or 0.0)), keep)
     except KeyboardInterrupt:
         raise RunInterruptedError(
-            f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and --resume"
+            f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and `resume`"
         ) from None
     finished = _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
     _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
@@ -122,7 +122,7 @@ def check_grid(grid: Grid, tell: Callable[[str], object] = str) -> None:
         tell: Called with what was read of each recording.
 
     Raises:
-        UserError: One is wrong.
+        InputError: One is wrong.
     """
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
@@ -133,7 +133,7 @@ def check_grid(grid: Grid, tell: Callable[[str], object] = str) -> None:
         return
     network = load_network(traffic.net)
     if network.configuration is not None and (traffic.density is not None or traffic.demand is not None):
-        raise UserError(f"--densities: {network.name} brings its own demand; leave densities and demands out")
+        raise InputError(f"`densities`: {network.name} brings its own demand; leave densities and demands out")
     for demand in {cell.config.traffic.demand for cell in grid.cells} - {None}:
         network.demand(str(demand))
     _check_sensors_and_trackers(grid)
@@ -155,7 +155,7 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
     for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
         try:
             sensor_settings(config.sensor.profile, config.sensor.overrides)
-        except UserError as error:
+        except InputError as error:
             raise with_example(error, grid.axes) from None
     for config in distinct_trackers(grid):
         check_tracker(config)
@@ -163,14 +163,14 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
 
 def _open_folder(out: Path, resume: bool) -> Path:
     if out.exists() and not resume:
-        raise UserError(f"--out: {out} exists; add --resume to go on with it, or choose another folder")
+        raise InputError(f"`out`: {out} exists; add `resume` to go on with it, or choose another folder")
     rows = out / ROWS
     if out.exists() and not rows.is_dir() and any(out.iterdir()):
-        raise UserError(f"--out: {out} is not a stress test's folder; choose another folder")
+        raise InputError(f"`out`: {out} is not a stress test's folder; choose another folder")
     try:
         rows.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f"--out: can't write in {out}: {error.strerror}; choose another folder") from None
+        raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
     for leftover in rows.glob(f"*{TEMPORARY}"):
         leftover.unlink()
     return rows

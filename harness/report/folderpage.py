@@ -12,7 +12,7 @@ from markdown_it.token import Token
 from markupsafe import Markup
 
 from harness.comparison.verdicts import BETTER, SAME, UNTESTED, WORSE
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.report.page import PAGE, PageFigure, embedded, render, write_run_page
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
@@ -49,20 +49,20 @@ class Document:
     text: str
 
 
-def write_page(folder: Path, option: str = "RUN") -> Path:
+def write_page(folder: Path, parameter: str = "folder") -> Path:
     """Write ``report.html`` into a folder of results and return the page.
 
     Args:
         folder: A run's folder, or one with Markdown tables, ``runs.parquet`` or pictures.
-        option: Option that named it, for the message.
+        parameter: Parameter that named it, for the message.
 
     Raises:
-        UserError: There is no such folder, the run in it did not end or is broken, or nothing in it can be shown.
+        InputError: There is no such folder, the run in it did not end or is broken, or nothing in it can be shown.
     """
     if not folder.is_dir():
-        raise UserError(f"{option}: there is no folder {folder}")
+        raise InputError(f"`{parameter}`: there is no folder {folder}")
     if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
-        return write_run_page(folder, option)
+        return write_run_page(folder, parameter)
     page = folder / PAGE
     page.write_text(folder_page(folder), encoding="utf-8")
     return page
@@ -142,7 +142,7 @@ def _tables(folder: Path) -> list[NamedTable]:
     path = folder / "runs.parquet"
     if not path.is_file():
         return []
-    runs = runfolder.read_table(folder, path.name, "RUN", ()).head(MOST_ROWS)
+    runs = runfolder.read_table(folder, path.name, "folder", ()).head(MOST_ROWS)
     shown = [name for name in runs if runs[name].notna().any()]
     rows = [[_cell(value) for value in row] for row in runs[shown].itertuples(index=False)]
     return [NamedTable(path.name, html_table([str(name) for name in shown], rows))]

@@ -62,17 +62,17 @@ class Strip:
     time_s: float
 
 
-def write_run_page(folder: Path, option: str = "RUN") -> Path:
+def write_run_page(folder: Path, parameter: str = "folder") -> Path:
     """Write ``report.html`` and the failure gallery's figures into a finished run's folder, and return the page.
 
     Args:
         folder: The folder.
-        option: Option that named it, for the message.
+        parameter: Parameter that named it, for the message.
 
     Raises:
-        UserError: It is no finished run's folder, or one of its files is missing or broken.
+        InputError: It is no finished run's folder, or one of its files is missing or broken.
     """
-    run = read_recorded_run(folder, option)
+    run = read_recorded_run(folder, parameter)
     page = folder / PAGE
     page.write_text(run_page(run), encoding="utf-8")
     return page

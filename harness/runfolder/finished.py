@@ -12,7 +12,7 @@ import pandas as pd
 
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.road import read_road
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS
@@ -58,29 +58,29 @@ class RecordedRun:
     particles: pd.DataFrame | None
 
 
-def read_recorded_run(folder: Path, option: str = "RUN") -> RecordedRun:
+def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
     """Read a run folder.
 
     Args:
         folder: The folder.
-        option: Option that named it, for the message.
+        parameter: Parameter that named it, for the message.
 
     Raises:
-        UserError: It is no finished run's folder, or one of its files is missing, truncated or broken.
+        InputError: It is no finished run's folder, or one of its files is missing, truncated or broken.
     """
-    manifest = runfolder.read_manifest(folder, option)
-    config = config_from_table(runfolder.read_config_table(folder, option))
+    manifest = runfolder.read_manifest(folder, parameter)
+    config = config_from_table(runfolder.read_config_table(folder, parameter))
 
     def table(name: str, columns: Collection[str]) -> pd.DataFrame:
-        return runfolder.read_table(folder, name, option, columns)
+        return runfolder.read_table(folder, name, parameter, columns)
 
     truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
     return RecordedRun(
         folder=folder,
         config=config,
-        metrics=_read_metrics(folder, option),
+        metrics=_read_metrics(folder, parameter),
         manifest=manifest,
-        road=read_road(folder / runfolder.ROAD, option),
+        road=read_road(folder / runfolder.ROAD, parameter),
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
         truth=table(runfolder.TRUTH, truth_columns),
         detections=table(runfolder.DETECTIONS, (*WHEN, *DETECTION_NUMBERS, "truth_id")),
@@ -91,12 +91,12 @@ def read_recorded_run(folder: Path, option: str = "RUN") -> RecordedRun:
     )
 
 
-def _read_metrics(folder: Path, option: str) -> dict[str, Any]:
+def _read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
     path = folder / runfolder.METRICS
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise UserError(f"{option}: {path} is missing or broken ({error}); make the run again") from None
+        raise InputError(f"`{parameter}`: {path} is missing or broken ({error}); make the run again") from None
     if not isinstance(metrics, dict):
-        raise UserError(f"{option}: {path} is broken; make the run again")
+        raise InputError(f"`{parameter}`: {path} is broken; make the run again")
     return metrics

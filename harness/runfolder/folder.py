@@ -17,7 +17,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.errors import UserError
+from harness.errors import InputError
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
 TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
@@ -78,18 +78,18 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         force: Whether an earlier run in ``out`` may be replaced.
 
     Raises:
-        UserError: The folder exists and may not be replaced, or can't be written.
+        InputError: The folder exists and may not be replaced, or can't be written.
     """
     final = out if out is not None else _first_free(DEFAULT_PARENT / default_name)
     if final.exists() and not force:
-        raise UserError(f"--out: {final} exists; choose another folder or add --force to replace it")
+        raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
     if final.exists() and not _may_be_replaced(final):
-        raise UserError(f"--out: {final} is not a run's folder, so --force leaves it alone; choose another folder")
+        raise InputError(f"`out`: {final} is not a run's folder, so `force` leaves it alone; choose another folder")
     pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
         pending.mkdir(parents=True)
     except OSError as error:
-        raise UserError(f"--out: can't write in {final.parent}: {error.strerror}; choose another folder") from None
+        raise InputError(f"`out`: can't write in {final.parent}: {error.strerror}; choose another folder") from None
     _remove_leftovers(final.parent)
     return PendingFolder(path=pending, final=final, force=force)
 
@@ -99,55 +99,55 @@ def is_run_folder(path: Path) -> bool:
     return (path / MANIFEST).is_file() or (path / CONFIG).is_file()
 
 
-def read_manifest(folder: Path, option: str) -> dict[str, Any]:
+def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
     """Return the manifest of a run folder.
 
     Raises:
-        UserError: The folder is not a run's folder, or the run did not end.
+        InputError: The folder is not a run's folder, or the run did not end.
     """
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise UserError(f"{option}: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
+        raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
-        raise UserError(f"{option}: the run in {folder} did not end; run it again")
+        raise InputError(f"`{parameter}`: the run in {folder} did not end; run it again")
     return manifest
 
 
-def read_config_table(folder: Path, option: str) -> dict[str, Any]:
+def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     """Return the recorded configuration of a run folder as a nested table.
 
     Raises:
-        UserError: It can't be read.
+        InputError: It can't be read.
     """
     try:
         return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise UserError(f"{option}: {folder / CONFIG} is missing or broken ({error})") from None
+        raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
 
 
-def read_table(folder: Path, name: str, option: str, columns: Collection[str]) -> pd.DataFrame:
+def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]) -> pd.DataFrame:
     """Return one of the tables of a run folder.
 
     Args:
         folder: The run folder.
         name: File name of the table.
-        option: Option that named the folder, for the message.
+        parameter: Parameter that named the folder, for the message.
         columns: Columns that it must have.
 
     Raises:
-        UserError: It is missing, truncated, not parquet, or lacks columns.
+        InputError: It is missing, truncated, not parquet, or lacks columns.
     """
     path = folder / name
     try:
         table: pd.DataFrame = pq.read_table(path).to_pandas()
     except FileNotFoundError:
-        raise UserError(f"{option}: {path} is missing; make the run again") from None
+        raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
     except (OSError, pa.ArrowException):
-        raise UserError(f"{option}: {path} is truncated or damaged; make the run again") from None
+        raise InputError(f"`{parameter}`: {path} is truncated or damaged; make the run again") from None
     missing = [column for column in columns if column not in table]
     if missing:
-        raise UserError(f"{option}: {path} lacks the columns {', '.join(missing)}; make the run again")
+        raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
     return table
 
 

@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from harness.errors import UserError
+from harness.errors import InputError
 from mmpf.road import Lane, Road
 
 
@@ -15,15 +15,15 @@ def write_road(road: Road, path: Path) -> None:
     path.write_text(json.dumps(asdict(road), indent=1) + "\n", encoding="utf-8")
 
 
-def read_road(path: Path, option: str) -> Road:
+def read_road(path: Path, parameter: str) -> Road:
     """Return the road that a file holds.
 
     Args:
         path: The file.
-        option: Option that named it, for the message.
+        parameter: Parameter that named it, for the message.
 
     Raises:
-        UserError: The file is missing or broken.
+        InputError: The file is missing or broken.
     """
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
@@ -34,4 +34,4 @@ def read_road(path: Path, option: str) -> Road:
             section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
         )
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        raise UserError(f"{option}: {path} is missing or broken ({error})") from None
+        raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None

@@ -61,7 +61,7 @@ def observe_traffic(config: RunConfig) -> ObservedTraffic:
     """Simulate traffic and sensor, with the very draws that a single run of this configuration makes.
 
     Raises:
-        UserError: Traffic or sensor can't be opened.
+        InputError: Traffic or sensor can't be opened.
         RunError: The simulation fails, or has no ego vehicle.
     """
     streams = Streams.from_seed(config.seed)

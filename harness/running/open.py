@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.running.follow import AnyTracker, Streams
 from harness.sensor.observation import Sensor
@@ -35,7 +35,7 @@ def open_inputs(config: RunConfig, streams: Streams, gui: bool = False) -> RunIn
         gui: Whether simulated traffic is shown in a window.
 
     Raises:
-        UserError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
+        InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """
     if config.replay is None:
         return _open_live(config, streams, gui)
@@ -55,7 +55,7 @@ def _open_recorded_traffic(path: Path, config: RunConfig) -> RunInputs:
 
     traffic, recording = config.traffic, config.traffic.recording
     if recording is None:
-        raise UserError(f"--replay: {path} is not a run's folder, and no format of recorded traffic is set")
+        raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
     sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
     truth = open_recorded_traffic(
         path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s
@@ -81,7 +81,7 @@ def _open_live(config: RunConfig, streams: Streams, gui: bool) -> RunInputs:
     traffic = config.traffic
     network = load_network(traffic.net)
     if network.configuration is not None and traffic.density is not None:
-        raise UserError(f"--density: {network.name} brings its own demand; leave --density out")
+        raise InputError(f"`density`: {network.name} brings its own demand; leave `density` out")
     truth = open_traffic(
         network,
         density=traffic.density,
@@ -106,7 +106,7 @@ def check_tracker(config: RunConfig) -> None:
     """Build the tracker once for nothing, so that a wrong option is told before any traffic is simulated.
 
     Raises:
-        UserError: There is no such tracker or it refuses its options.
+        InputError: There is no such tracker or it refuses its options.
     """
     setting = TrackerSetting(road=highway(), sensor=SensorModel(), rng=np.random.default_rng(0))
     _build_tracker(config, setting)
@@ -116,11 +116,11 @@ def check_gui(config: RunConfig) -> None:
     """Check that there is traffic to be shown, and a window to show it in.
 
     Raises:
-        UserError: The traffic is recorded, there is no screen, or sumo-gui is not installed.
+        InputError: The traffic is recorded, there is no screen, or sumo-gui is not installed.
     """
     if config.replay is not None:
-        raise UserError(
-            "--gui: --replay uses recorded traffic, so no SUMO runs and there is nothing to open; leave it out"
+        raise InputError(
+            "`gui`: `replay` uses recorded traffic, so no SUMO runs and there is nothing to open; leave it out"
         )
     from harness.truth.sumo.window import check_window  # noqa: PLC0415
 
@@ -131,9 +131,9 @@ def _build_tracker(config: RunConfig, setting: TrackerSetting) -> AnyTracker:
     try:
         return build_tracker(config.tracker.name, setting, config.tracker.all_options())
     except UnknownNameError as error:
-        raise UserError(f"--model: {error}") from None
+        raise InputError(f"`model`: {error}") from None
     except (ValueError, TypeError) as error:
-        raise UserError(f"--tracker {config.tracker.name!r}: {error}") from None
+        raise InputError(f"`tracker` {config.tracker.name!r}: {error}") from None
 
 
 @dataclass(frozen=True)

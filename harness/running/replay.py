@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-OPTION = "--replay"
+PARAMETER = "replay"
 TRUTH_OBSERVATION = ("visible_fraction", "occluder_id", "in_range", "state")
 RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 
@@ -42,16 +42,16 @@ def open_recording(folder: Path, config: RunConfig) -> RunInputs:
         config: Its sensor is the one that made the recording.
 
     Raises:
-        UserError: The folder is no finished run, or one of its files is missing, truncated or broken.
+        InputError: The folder is no finished run, or one of its files is missing, truncated or broken.
     """
-    runfolder.read_manifest(folder, OPTION)
-    truth = runfolder.read_table(folder, runfolder.TRUTH, OPTION, (*COLUMNS, *TRUTH_OBSERVATION))
+    runfolder.read_manifest(folder, PARAMETER)
+    truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER, (*COLUMNS, *TRUTH_OBSERVATION))
     detections = runfolder.read_table(
-        folder, runfolder.DETECTIONS, OPTION, ("step", *DETECTION_NUMBERS, "visible_fraction", "truth_id")
+        folder, runfolder.DETECTIONS, PARAMETER, ("step", *DETECTION_NUMBERS, "visible_fraction", "truth_id")
     )
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     return RunInputs(
-        truth=RecordedTruth(truth, read_road(folder / runfolder.ROAD, OPTION)),
+        truth=RecordedTruth(truth, read_road(folder / runfolder.ROAD, PARAMETER)),
         sensor=RecordedSensor(settings, _steps_of(truth), _steps_of(detections), detections.iloc[:0]),
         files={f"replay/{name}": folder / name for name in RECORDED},
     )

@@ -15,7 +15,7 @@ from typing import Any
 
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
-from harness.errors import RunError, RunInterruptedError, UserError
+from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import write_manifest
 from harness.runfolder.road import write_road
@@ -65,7 +65,7 @@ def run(
         gui: Whether the traffic is shown in a window of sumo-gui while it is simulated; the results are the same.
 
     Raises:
-        UserError: The input is wrong or no window can be opened; nothing is left behind.
+        InputError: The input is wrong or no window can be opened; nothing is left behind.
         RunError: The run failed part-way; its finished steps lie in a folder that says so.
         RunInterruptedError: The user stopped the run; likewise.
     """
@@ -77,7 +77,7 @@ def run(
     try:
         metrics = attempt.complete(quiet)
         return FinishedRun(folder=pending.finish(), metrics=metrics)
-    except UserError:
+    except InputError:
         pending.discard()
         raise
     except (KeyboardInterrupt, Exception) as error:
@@ -221,7 +221,9 @@ class _Attempt:
                 self.times,
             )
         if not self.recorder.steps:
-            raise UserError("the traffic has no ego vehicle in the section; choose another demand, density or duration")
+            raise InputError(
+                "the traffic has no ego vehicle in the section; choose another demand, density or duration"
+            )
 
     def _write_page(self) -> None:
         from harness.report.page import write_run_page  # noqa: PLC0415

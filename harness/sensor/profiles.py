@@ -12,7 +12,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from harness.errors import UserError
+from harness.errors import InputError
 from mmpf.registry import Registry, UnknownNameError
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -32,7 +32,7 @@ class SensorSettings(BaseModel):
     detection_probability: Probability = 0.95
     """Probability of detecting a vehicle in plain view."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.7
-    """A vehicle seen to this fraction or more is in plain view; below, the detection probability falls in proportion."""
+    """Seen to this fraction or more a vehicle is in plain view; below it detection falls in proportion."""
     hidden_fraction: Probability = 0.15
     """A vehicle seen to less than this fraction is hidden and never detected."""
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 1.0
@@ -78,16 +78,16 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
         overrides: New values by field name; numbers may be given as text.
 
     Raises:
-        UserError: There is no such profile or field, or a value is out of bounds.
+        InputError: There is no such profile or field, or a value is out of bounds.
     """
     try:
         settings = sensor_profiles[profile]()
     except UnknownNameError as error:
-        raise UserError(f"--sensor: {error}") from None
+        raise InputError(f"`sensor`: {error}") from None
     try:
         return SensorSettings.model_validate({**settings.model_dump(), **overrides})
     except ValidationError as error:
-        raise UserError(_first_complaint(error)) from None
+        raise InputError(_first_complaint(error)) from None
 
 
 def _first_complaint(error: ValidationError) -> str:

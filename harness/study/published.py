@@ -22,7 +22,7 @@ from harness.driving.scenarios import (
     open_scenario,
     scenarios,
 )
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.study.targets import Target, lane_change_targets, lane_keeping_targets
 from harness.truth.network.network import Network
@@ -105,10 +105,10 @@ def make_study(
         Numbers, targets and the setting.
 
     Raises:
-        UserError: An unknown study or model.
+        InputError: An unknown study or model.
     """
     if plan.study not in MODELS:
-        raise UserError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
+        raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
     models = {name: _model(plan, name) for name in plan.model_names}
     cases = _cases(plan, network, say)
     result = run_study(

@@ -42,7 +42,7 @@ class StudyResult:
         examples: Particles of the example case, by occlusion and model.
         example_truth: True states of the example case, shape (steps, 6).
         step_s: Time between steps.
-        rows: What ``--json`` prints under ``results``.
+        rows: What ``results.json`` holds under ``results``.
     """
 
     study: str

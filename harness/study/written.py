@@ -31,7 +31,7 @@ def write_study(result: StudyResult, targets: Sequence[Target], setting: Mapping
 
 
 def as_json(result: StudyResult, targets: Sequence[Target], setting: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what ``--json`` prints."""
+    """Return what ``results.json`` holds."""
     return {
         "setting": dict(setting),
         "results": [rounded(row) for row in result.rows],

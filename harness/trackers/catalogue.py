@@ -12,7 +12,7 @@ from typing import cast
 
 from pydantic import ValidationError
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker, trackers
 
 
@@ -70,13 +70,13 @@ def build_tracker(
         options: The tracker's own options; they override its tuned ones.
 
     Raises:
-        UserError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
+        InputError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
     """
     factory = _import_factory(name) if ":" in name else _registered_factory(name)
     try:
         return factory(setting, {**tuned_options(name), **options})
     except ValidationError as error:
-        raise UserError(_first_option_error(name, error)) from None
+        raise InputError(_first_option_error(name, error)) from None
 
 
 def _registered_factory(name: str) -> TrackerFactory:
@@ -85,7 +85,7 @@ def _registered_factory(name: str) -> TrackerFactory:
         _import_entry(name, entry)
     if name not in set(trackers):
         known = ", ".join(sorted({*_CATALOGUE, *trackers}))
-        raise UserError(f"--tracker {name}: unknown; choose one of {known}, or package.module:factory for your own")
+        raise InputError(f"`tracker` {name}: unknown; choose one of {known}, or package.module:factory for your own")
     return trackers[name]
 
 
@@ -96,8 +96,8 @@ def _import_entry(name: str, entry: _Entry) -> None:
         if entry.needs is None or (error.name or "").split(".")[0] in {"harness", "mmpf"}:
             raise
         package, extra = entry.needs
-        raise UserError(
-            f"--tracker {name} needs {package}, which is not installed: pip install 'mmpf-harness[{extra}]'"
+        raise InputError(
+            f"`tracker` {name} needs {package}, which is not installed: pip install 'mmpf-harness[{extra}]'"
         ) from None
 
 
@@ -106,12 +106,12 @@ def _import_factory(path: str) -> TrackerFactory:
     try:
         module = importlib.import_module(module_name)
     except (ImportError, ValueError) as error:
-        raise UserError(
-            f"--tracker {path}: can't import {module_name!r} ({error}); is it on PYTHONPATH or installed?"
+        raise InputError(
+            f"`tracker` {path}: can't import {module_name!r} ({error}); is it on PYTHONPATH or installed?"
         ) from None
     factory = getattr(module, attribute, None)
     if not callable(factory):
-        raise UserError(f"--tracker {path}: {module_name} has no callable {attribute!r}")
+        raise InputError(f"`tracker` {path}: {module_name} has no callable {attribute!r}")
     return cast(TrackerFactory, factory)
 
 

@@ -21,7 +21,7 @@ from harness.driving.scenarios import (
     open_scenario,
     scenarios,
 )
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.training.card import errors_by_regime, write_card
 from harness.training.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
 from harness.training.driver_fit import (
@@ -96,10 +96,10 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         The model files.
 
     Raises:
-        UserError: An unknown case, or too little traffic.
+        InputError: An unknown case, or too little traffic.
     """
     if plan.case not in PAPER_COMPONENTS:
-        raise UserError(f"--case {plan.case}: no such case; give {LANE_KEEPING} or {LANE_CHANGE}")
+        raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING} or {LANE_CHANGE}")
     cache = plan.cache or default_cache(network)
     opened = partial(open_scenario, network)
     training = record_all(scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S), cache, opened, say)
@@ -132,7 +132,7 @@ def _train_keeping(
 ) -> list[Path]:
     led = windows.take(np.flatnonzero(windows.has_leader))
     if len(led) < plan.size:
-        raise UserError(f"--seeds: {len(led)} windows of car following are too few to train on; give more seeds")
+        raise InputError(f"`seeds`: {len(led)} windows of car following are too few to train on; give more seeds")
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
     say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
     driver = fit_driver(windows, changes_per_s, plan.size, plan.seed, STEP_S, say)
@@ -177,7 +177,7 @@ def _train_keeping(
 def _train_change(plan: TrainingPlan, net: str, changes: LaneChanges, held_out: LaneChanges, say: Say) -> list[Path]:
     samples = len(changes) * (STEPS - 1)
     if samples < plan.size:
-        raise UserError(f"--seeds: {len(changes)} lane changes are too few to train on; give more seeds")
+        raise InputError(f"`seeds`: {len(changes)} lane changes are too few to train on; give more seeds")
     say(f"{len(changes)} lane changes, {samples} samples")
     path = plan.out / "lane_change.npz"
     mixture = fit_change(changes, plan.size, plan.seed)

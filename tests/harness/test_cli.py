@@ -13,7 +13,7 @@ import pytest
 
 from harness import cli
 from harness.cli import run_command_line
-from harness.errors import RunError, RunInterruptedError, UserError
+from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
 ROOT = Path(__file__).parents[2]
@@ -88,7 +88,7 @@ def test_a_broken_network_file_is_told_in_one_line(damage, capsys, tmp_path, mon
 @pytest.mark.parametrize(
     ("error", "code"),
     [
-        (UserError("x"), 2),
+        (InputError("x"), 2),
         (UnknownNameError("x"), 2),
         (RunError("x"), 3),
         (RunInterruptedError("x"), 130),

@@ -11,7 +11,7 @@ import numpy as np
 from harness.driving.cases import Cases, cases_of
 from harness.driving.following import Following, following_windows, join
 from harness.driving.pairs import recording_of
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble
 from mmpf.compute.arrays import IntArray
@@ -58,11 +58,11 @@ def split_pairs(windows: Following, seed: int) -> tuple[Following, Following]:
     """Return the windows of one half of the pairs for training, and those of the other half for the test.
 
     Raises:
-        UserError: There are fewer than four pairs.
+        InputError: There are fewer than four pairs.
     """
     pairs = np.unique(windows.vehicle)
     if len(pairs) < 4:
-        raise UserError(
+        raise InputError(
             f"the table of pairs gives {len(pairs)} pairs with 10 s of car following; at least 4 are needed"
         )
     chosen = np.random.default_rng([seed, 3]).permutation(pairs)[: len(pairs) // 2]
@@ -88,7 +88,7 @@ def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> Following:
     """Cut windows from files of recorded traffic; a line for each file says how many vehicles gave any.
 
     Raises:
-        UserError: A file can't be read, or there is no window in any.
+        InputError: A file can't be read, or there is no window in any.
     """
     parts = []
     for path in files:
@@ -103,7 +103,7 @@ def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> Following:
         parts.append(led)
     found = join(parts)
     if not len(found):
-        raise UserError(f"no recording has a vehicle that follows another for {(steps - 1) * STEP_S:g} s")
+        raise InputError(f"no recording has a vehicle that follows another for {(steps - 1) * STEP_S:g} s")
     return found
 
 

@@ -96,7 +96,7 @@ class TransferResult:
 
     Attributes:
         outcomes: In the order of the table.
-        rows: What ``--json`` prints under ``results``.
+        rows: What ``results.json`` holds under ``results``.
         inputs: How the test traffic lies in the ranges that the learned drivers were trained on.
         targets: The models trained on simulated traffic held against the others.
         setting: How the study was made.
@@ -119,7 +119,7 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         progress: Called after each model and test set.
 
     Raises:
-        UserError: Real recordings are missing or broken.
+        InputError: Real recordings are missing or broken.
     """
     pairs_path, files = pairs_file(plan.real_data), snippet_files(plan.real_data)
     training, held_out = split_pairs(pair_windows(pairs_path, LONG_STEPS, STEP_S), plan.seed)

@@ -36,7 +36,7 @@ def write_transfer(result: TransferResult, folder: Path) -> None:
 
 
 def as_json(result: TransferResult) -> dict[str, Any]:
-    """Return what ``--json`` prints."""
+    """Return what ``results.json`` holds."""
     return {
         "setting": dict(result.setting),
         "results": [rounded(row) for row in result.rows],

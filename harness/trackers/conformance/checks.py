@@ -8,7 +8,7 @@
     def test_my_tracker(check):                     # or one test for each
         check(make_tracker)
 
-``make_tracker`` is what ``--tracker package.module:make_tracker`` takes: a function of the setting and the options.
+``make_tracker`` is what ``tracker=package.module:make_tracker`` takes: a function of the setting and the options.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from xml.sax import SAXException
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Lane, Road
 
@@ -97,19 +97,19 @@ def read_net(path: Path) -> SumoNet:
     """Read a network with sumolib.
 
     Raises:
-        UserError: The file is missing or is no SUMO network.
+        InputError: The file is missing or is no SUMO network.
     """
     import sumolib.net  # noqa: PLC0415  (heavy)
 
     if not path.is_file():
-        raise UserError(f"{path}: the network file does not exist")
+        raise InputError(f"{path}: the network file does not exist")
     try:
         net = sumolib.net.readNet(str(path))
         edges = net.getEdges(withInternal=False)
     except (SAXException, ValueError, KeyError, AttributeError, TypeError, IndexError, OSError, EOFError) as error:
-        raise UserError(f"{path}: not a SUMO network file: {error}") from error
+        raise InputError(f"{path}: not a SUMO network file: {error}") from error
     if not edges:
-        raise UserError(f"{path}: not a SUMO network file: it has no edges")
+        raise InputError(f"{path}: not a SUMO network file: it has no edges")
     return net
 
 
@@ -128,15 +128,15 @@ def corridor_from_net(net: SumoNet, names: Sequence[str], start_m: float) -> Cor
     """Lay the road frame along the edges ``names``, the first of which starts at ``start_m``.
 
     Raises:
-        UserError: An edge is missing, or the edges do not follow one another.
+        InputError: An edge is missing, or the edges do not follow one another.
     """
     for name in names:
         if not net.hasEdge(name):
-            raise UserError(f"corridor edge {name} is not in the network")
+            raise InputError(f"corridor edge {name} is not in the network")
     sumo_edges = [net.getEdge(name) for name in names]
     for edge, following in pairwise(sumo_edges):
         if following not in edge.getOutgoing():
-            raise UserError(f"corridor edge {following.getID()} does not follow edge {edge.getID()} in the network")
+            raise InputError(f"corridor edge {following.getID()} does not follow edge {edge.getID()} in the network")
     main_lanes = min(edge.getLaneNumber() for edge in sumo_edges)
     reference = _reference_line(sumo_edges, main_lanes)
     frame = Road(lanes=(), reference_xy=tuple(map(tuple, reference.tolist())), reference_start_m=start_m)
@@ -150,16 +150,16 @@ def ramp_from_net(net: SumoNet, name: str, corridor: Corridor, entering: bool) -
     """Return a ramp and where it meets the corridor.
 
     Raises:
-        UserError: The ramp is not in the network or does not touch the corridor.
+        InputError: The ramp is not in the network or does not touch the corridor.
     """
     if not net.hasEdge(name):
-        raise UserError(f"ramp {name} is not an edge of the network")
+        raise InputError(f"ramp {name} is not an edge of the network")
     edge = net.getEdge(name)
     neighbours = {other.getID() for other in (edge.getOutgoing() if entering else edge.getIncoming())}
     for index, main in enumerate(corridor.edges):
         if main.name in neighbours:
             return Ramp(name=name, index=index, length_m=edge.getLength(), speed_limit_mps=edge.getSpeed())
-    raise UserError(f"ramp {name} does not touch the corridor")
+    raise InputError(f"ramp {name} does not touch the corridor")
 
 
 def _follow(first: SumoEdge) -> tuple[tuple[str, ...], float]:

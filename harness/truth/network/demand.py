@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.drivers import Drivers
 
 DENSITY_RANGE = (5.0, 65.0)
@@ -109,15 +109,15 @@ class Equilibrium:
 
 
 def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation: Equilibrium | None = None) -> Demand:
-    """Return the demand that ``--density`` asks for: ramp flows and waves that go with the density.
+    """Return the demand that ``density`` asks for: ramp flows and waves that go with the density.
 
     Raises:
-        UserError: The density is not a number or out of range.
+        InputError: The density is not a number or out of range.
     """
     lowest, highest = DENSITY_RANGE
     if not (math.isfinite(density_veh_per_km_lane) and lowest <= density_veh_per_km_lane <= highest):
-        raise UserError(
-            f"--density {density_veh_per_km_lane:g} is out of range: give {lowest:g} to {highest:g} "
+        raise InputError(
+            f"`density` {density_veh_per_km_lane:g} is out of range: give {lowest:g} to {highest:g} "
             "vehicles per km and lane"
         )
     relation = relation or Equilibrium()

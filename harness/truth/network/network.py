@@ -12,7 +12,7 @@ from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from harness.truth.network.drivers import Drivers
@@ -26,7 +26,7 @@ class NetworkDescription:
     """One line about a network, for ``nets``.
 
     Attributes:
-        name: What ``--net`` takes.
+        name: What ``net`` takes.
         description: What it is.
         demands: Name and description of each demand.
         section_length_m: Length of the section that is scored.
@@ -109,11 +109,11 @@ class Network:
         """Return a named demand.
 
         Raises:
-            UserError: The network has no demand of that name.
+            InputError: The network has no demand of that name.
         """
         if name not in self.demand_files:
             known = ", ".join(self.demand_files) or "none"
-            raise UserError(f"--demand {name}: {self.name} has no such demand; known are: {known}")
+            raise InputError(f"`demand` {name}: {self.name} has no such demand; known are: {known}")
         entry = self.demand_files[name]
         standard = self.demand_for_density(entry.density_veh_per_km_lane)
         given = entry.model_dump(exclude={"description"}, exclude_none=True)
@@ -124,10 +124,10 @@ class Network:
         return replace(self, demand_files={**self.demand_files, name: demand})
 
     def demand_for_density(self, density_veh_per_km_lane: float) -> Demand:
-        """Return the demand that ``--density`` asks for on this network.
+        """Return the demand that ``density`` asks for on this network.
 
         Raises:
-            UserError: The density is not a number or out of range.
+            InputError: The density is not a number or out of range.
         """
         return demand_for_density(density_veh_per_km_lane, self.corridor.main_lanes, self.relation)
 
@@ -141,7 +141,7 @@ def load_network(name_or_path: str) -> Network:
     """Load a network by its name, or from a folder or ``.sumocfg`` file of the user's own.
 
     Raises:
-        UserError: There is no such network, or its files are missing or malformed.
+        InputError: There is no such network, or its files are missing or malformed.
     """
     for folder in _network_folders():
         if folder.name == name_or_path:
@@ -152,7 +152,7 @@ def load_network(name_or_path: str) -> Network:
     if path.suffix == ".sumocfg":
         return _from_sumocfg(path)
     known = ", ".join(folder.name for folder in _network_folders())
-    raise UserError(f"--net {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
+    raise InputError(f"`net` {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
 
 
 def default_demand(name_or_path: str) -> str | None:
@@ -175,8 +175,8 @@ def _from_folder(folder: Path) -> Network:
         return _from_metadata(folder, str(folder))
     configurations = sorted(folder.glob("*.sumocfg"))
     if len(configurations) != 1:
-        raise UserError(
-            f"--net {folder}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
+        raise InputError(
+            f"`net` {folder}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
             f"it has {len(configurations)} of the latter"
         )
     return _from_sumocfg(configurations[0])
@@ -194,12 +194,12 @@ def _from_metadata(folder: Path, name: str) -> Network:
         drivers, demands = calibrated.drivers, {**demands, **calibrated.demands}
         calibrated_names = tuple(calibrated.demands)
     if content.default_demand is not None and content.default_demand not in demands:
-        raise UserError(f"{folder / METADATA_FILE}: default_demand {content.default_demand} is none of its demands")
+        raise InputError(f"{folder / METADATA_FILE}: default_demand {content.default_demand} is none of its demands")
     net_file = folder / content.net_file
     net = read_net(net_file)
     types_file = folder / content.vehicle_types_file
     if not types_file.is_file():
-        raise UserError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
+        raise InputError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
     corridor = corridor_from_net(net, content.corridor, content.corridor_start_m)
     return Network(
         name=name,

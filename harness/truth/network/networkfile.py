@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.demand import DENSITY_RANGE
 from harness.truth.network.drivers import Drivers
 
@@ -77,14 +77,14 @@ def read_toml(path: Path, kind: type[_File]) -> _File:
         kind: What it must hold.
 
     Raises:
-        UserError: It can't be read, or an entry is wrong.
+        InputError: It can't be read, or an entry is wrong.
     """
     try:
         content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
         return kind.model_validate(content)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise UserError(f"{path}: cannot be read as TOML: {error}") from error
+        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise UserError(f"{path}: {where}: {first['msg']}") from error
+        raise InputError(f"{path}: {where}: {first['msg']}") from error

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.compute.arrays import FloatArray
@@ -45,22 +45,22 @@ def read_commonroad(path: Path) -> ReadTraffic:
     bicycles are left out, and so are obstacles whose future is a set or a probability instead of a trajectory.
 
     Raises:
-        UserError: The file is broken or has no lanelets or no vehicles.
+        InputError: The file is broken or has no lanelets or no vehicles.
     """
     scenario = _Scenario()
     try:
         _collect(path, scenario)
     except ParseError as error:
-        raise UserError(f"{path}: broken or truncated XML: {error}") from None
+        raise InputError(f"{path}: broken or truncated XML: {error}") from None
     except (AttributeError, TypeError, ValueError, KeyError) as error:
-        raise UserError(f"{path}: not a CommonRoad scenario of version {' or '.join(VERSIONS)}: {error}") from None
+        raise InputError(f"{path}: not a CommonRoad scenario of version {' or '.join(VERSIONS)}: {error}") from None
     if not scenario.lanelets:
-        raise UserError(f"{path}: the scenario has no lanelets to take the road from")
+        raise InputError(f"{path}: the scenario has no lanelets to take the road from")
     if not scenario.obstacles:
-        raise UserError(f"{path}: the scenario has no vehicle with a trajectory")
+        raise InputError(f"{path}: the scenario has no vehicle with a trajectory")
     for obstacle in scenario.obstacles:
         if np.any(np.diff(obstacle.states[:, 0]) <= 0.0):
-            raise UserError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
+            raise InputError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
     last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
     return _traffic(scenario, [*scenario.obstacles, *(_lasting(obstacle, last) for obstacle in scenario.standing)])
 
@@ -80,7 +80,7 @@ def _collect(path: Path, scenario: _Scenario) -> None:
 def _check_root(root: Element, path: Path) -> None:
     version = root.attrib.get("commonRoadVersion")
     if root.tag != "commonRoad" or version not in VERSIONS:
-        raise UserError(f"{path}: CommonRoad version {version}; known are {' and '.join(VERSIONS)}")
+        raise InputError(f"{path}: CommonRoad version {version}; known are {' and '.join(VERSIONS)}")
 
 
 def _take(element: Element, scenario: _Scenario) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.resample import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.compute.arrays import IntArray
@@ -48,15 +48,15 @@ def plan_egos(traffic: RecordedTraffic, ego: str) -> tuple[EgoStay, ...]:
             evenly spaced in their order.
 
     Raises:
-        UserError: There is no such vehicle, or none that stays long enough.
+        InputError: There is no such vehicle, or none that stays long enough.
     """
     stays = _stays_in_window(traffic)
     if ego == EACH or SOME_OF_EACH.fullmatch(ego):
         shortest = round(SHORTEST_EGO_S / STEP_S)
         chosen = tuple(stay for stay in stays if stay.steps >= shortest)
         if not chosen:
-            raise UserError(
-                f"--ego {EACH}: no vehicle is driven for {SHORTEST_EGO_S:g} s; take --ego {AUTO} or a longer --duration"
+            raise InputError(
+                f"`ego` {EACH}: no vehicle is driven for {SHORTEST_EGO_S:g} s; take `ego` {AUTO} or a longer `duration`"
             )
         return _evenly_spaced(chosen, ego)
     if ego == AUTO:
@@ -65,7 +65,7 @@ def plan_egos(traffic: RecordedTraffic, ego: str) -> tuple[EgoStay, ...]:
     if not chosen:
         names = [str(traffic.names[stay.stay]) for stay in stays]
         known = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
-        raise UserError(f"--ego {ego}: no vehicle of that name is on record within the first seconds driven: {known}")
+        raise InputError(f"`ego` {ego}: no vehicle of that name is on record within the first seconds driven: {known}")
     return chosen
 
 
@@ -92,7 +92,7 @@ def _stays_in_window(traffic: RecordedTraffic) -> list[EgoStay]:
 def _relay(traffic: RecordedTraffic, stays: list[EgoStay]) -> tuple[EgoStay, ...]:
     """Hand the sensor on whenever its vehicle is gone; of equally long stays that nearest the window's middle goes."""
     if not stays:
-        raise UserError(f"--ego {AUTO}: no vehicle is on record within the window")
+        raise InputError(f"`ego` {AUTO}: no vehicle is on record within the window")
     stay, first, last = np.array([(s.stay, s.first_step, s.last_step) for s in stays], dtype=np.int64).T
     off_middle_m = _distance_from_middle(traffic, stay)
     relay: list[EgoStay] = []

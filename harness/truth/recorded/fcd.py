@@ -13,7 +13,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 import numpy as np
 import numpy.typing as npt
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import OFF_ROAD_WITHIN_M
@@ -61,21 +61,21 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     """Read floating-car data; vehicles that never come within 15 m of the network's main road are left out.
 
     Raises:
-        UserError: The file is broken, its time goes back, or a vehicle lacks position, angle or speed.
+        InputError: The file is broken, its time goes back, or a vehicle lacks position, angle or speed.
     """
     network = load_network(net)
     try:
         collected = _collect(path)
     except ParseError as error:
-        raise UserError(f"{path}: broken or truncated XML: {error}") from None
+        raise InputError(f"{path}: broken or truncated XML: {error}") from None
     except KeyError as error:
-        raise UserError(
+        raise InputError(
             f"{path}: a vehicle or timestep lacks {error}; write the data with SUMO's usual attributes"
         ) from None
     except ValueError as error:
-        raise UserError(f"{path}: a value is no number: {error}") from None
+        raise InputError(f"{path}: a value is no number: {error}") from None
     if not collected.names:
-        raise UserError(f"{path}: there is no vehicle in it; give a recording with vehicles")
+        raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
     return _traffic(collected, network)
 
 
@@ -89,7 +89,9 @@ def _collect(path: Path) -> _Collected:
         if event == "start" and element.tag == "timestep":
             before, time_s = time_s, float(element.attrib["time"])
             if time_s <= before:
-                raise UserError(f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order")
+                raise InputError(
+                    f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order"
+                )
         elif event == "end" and element.tag == "vehicle":
             collected.add(time_s, element.attrib)
         elif event == "end" and element.tag == ON_FOOT:

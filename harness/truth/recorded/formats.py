@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.rows import ReadTraffic
 
-OPTION = "--replay"
+PARAMETER = "replay"
 HEAD_BYTES = 65_536
 LONGEST_HEADER = 4_096
 
@@ -29,7 +29,7 @@ class RecordingFormat:
     """A format of recorded traffic.
 
     Attributes:
-        name: What ``--format`` takes.
+        name: What ``format`` takes.
         description: What it is.
         brings_road: Whether the file itself says where the lanes are.
         recognises: Whether the first characters of a file are of this format.
@@ -51,26 +51,27 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
         forced: Name of the format, if the user says so.
 
     Raises:
-        UserError: The file is missing, empty or binary, its format is unknown, or there is no format of that name.
+        InputError: The file is missing, empty or binary, its format is unknown, or there is no format of that name.
     """
     if forced is not None and forced not in FORMATS:
-        raise UserError(f"--format {forced}: no such format; known are {', '.join(FORMATS)}")
+        raise InputError(f"`format` {forced}: no such format; known are {', '.join(FORMATS)}")
     if not path.exists():
-        raise UserError(f"{OPTION}: {path} does not exist; give a run's folder or a file of recorded traffic")
+        raise InputError(f"`{PARAMETER}`: {path} does not exist; give a run's folder or a file of recorded traffic")
     head = "" if path.is_dir() else _head(path)
     if forced is not None:
         return FORMATS[forced]
     if path.is_dir():
         if any(path.glob("*_tracks.csv")):
             return FORMATS["highd"]
-        raise UserError(
-            f"{OPTION}: {path} is not a run's folder: manifest.json is missing or broken; nor has it a highD recording"
+        raise InputError(
+            f"`{PARAMETER}`: {path} is not a run's folder: manifest.json is missing or broken; "
+            "nor has it a highD recording"
         )
     for entry in FORMATS.values():
         if entry.recognises(head):
             return entry
-    raise UserError(
-        f"{OPTION}: {path} is no recorded traffic that is known here ({', '.join(FORMATS)}); name it with --format"
+    raise InputError(
+        f"`{PARAMETER}`: {path} is no recorded traffic that is known here ({', '.join(FORMATS)}); name it with `format`"
     )
 
 
@@ -82,14 +83,14 @@ def network_of(entry: RecordingFormat, net: str | None) -> str:
         net: What the user asked for.
 
     Raises:
-        UserError: The format brings its own road and another one is asked for, or the other way round.
+        InputError: The format brings its own road and another one is asked for, or the other way round.
     """
     if entry.brings_road:
         if net not in (None, ROAD_OF_RECORDING):
-            raise UserError(f"--net {net}: a {entry.name} recording brings its own road; leave --net out")
+            raise InputError(f"`net` {net}: a {entry.name} recording brings its own road; leave `net` out")
         return ROAD_OF_RECORDING
     if net == ROAD_OF_RECORDING:
-        raise UserError(f"--net {net}: a {entry.name} recording has no road of its own; name a network")
+        raise InputError(f"`net` {net}: a {entry.name} recording has no road of its own; name a network")
     return net if net is not None else "us101"
 
 
@@ -97,7 +98,7 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
     """Read a recording whose format is known.
 
     Raises:
-        UserError: The file is broken or does not fit the network.
+        InputError: The file is broken or does not fit the network.
     """
     entry = recognise(path, format_name)
     return entry.read(path, network_of(entry, net))
@@ -117,16 +118,16 @@ def _head(path: Path) -> str:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
-        raise UserError(f"{OPTION}: can't read {path}: {error.strerror}") from None
+        raise InputError(f"`{PARAMETER}`: can't read {path}: {error.strerror}") from None
     if not head.strip():
-        raise UserError(f"{OPTION}: {path} is empty; give a file of recorded traffic")
+        raise InputError(f"`{PARAMETER}`: {path} is empty; give a file of recorded traffic")
     if b"\0" in head:
-        raise UserError(f"{OPTION}: {path} is a binary file; recorded traffic is text: {', '.join(FORMATS)}")
+        raise InputError(f"`{PARAMETER}`: {path} is a binary file; recorded traffic is text: {', '.join(FORMATS)}")
     try:
         # A character may be cut in two at the end of the head.
         return head.decode("utf-8-sig", errors="strict" if len(head) < HEAD_BYTES else "ignore")
     except UnicodeDecodeError:
-        raise UserError(f"{OPTION}: {path} is no text; recorded traffic is text: {', '.join(FORMATS)}") from None
+        raise InputError(f"`{PARAMETER}`: {path} is no text; recorded traffic is text: {', '.join(FORMATS)}") from None
 
 
 def _header_names(head: str) -> set[str]:

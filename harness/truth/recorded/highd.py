@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Lane, Road
@@ -28,19 +28,19 @@ def recording_files(path: Path) -> tuple[Path, Path, Path]:
     """Return the files of tracks, tracks' meta data and recording's meta data, given the folder or the tracks' file.
 
     Raises:
-        UserError: One is missing, or the folder holds several recordings.
+        InputError: One is missing, or the folder holds several recordings.
     """
     tracks = path
     if path.is_dir():
         found = sorted(path.glob("*_tracks.csv"))
         if len(found) != 1:
-            raise UserError(f"{path}: {len(found)} highD recordings in the folder; name one of them: NN_tracks.csv")
+            raise InputError(f"{path}: {len(found)} highD recordings in the folder; name one of them: NN_tracks.csv")
         tracks = found[0]
     stem = tracks.name.removesuffix("_tracks.csv")
     files = (tracks, tracks.with_name(f"{stem}_tracksMeta.csv"), tracks.with_name(f"{stem}_recordingMeta.csv"))
     for file in files:
         if not file.is_file():
-            raise UserError(
+            raise InputError(
                 f"{path}: {file.name} is missing; a highD recording has tracks, tracksMeta and recordingMeta"
             )
     return files
@@ -50,7 +50,7 @@ def read_highd(path: Path) -> ReadTraffic:
     """Read the carriageway that carries more vehicles; those of the other one are left out.
 
     Raises:
-        UserError: A file or column is missing, or a value is no number.
+        InputError: A file or column is missing, or a value is no number.
     """
     tracks_file, meta_file, recording_file = recording_files(path)
     meta = _read(meta_file, META_COLUMNS, {})
@@ -124,7 +124,7 @@ def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
     except ValueError:
         markings = np.zeros(0)
     if len(markings) < 2:
-        raise UserError(f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them")
+        raise InputError(f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them")
     return markings
 
 
@@ -132,10 +132,10 @@ def _read(path: Path, columns: tuple[str, ...], types: dict[str, pa.DataType]) -
     try:
         table = pa.csv.read_csv(path, convert_options=pa.csv.ConvertOptions(column_types=types))
     except (pa.ArrowInvalid, OSError) as error:
-        raise UserError(f"{path}: broken CSV: {' '.join(str(error).split())[:200]}") from None
+        raise InputError(f"{path}: broken CSV: {' '.join(str(error).split())[:200]}") from None
     missing = [name for name in columns if name not in table.column_names]
     if missing:
-        raise UserError(f"{path}: the column {', '.join(missing)} is missing; highD has {', '.join(columns)}")
+        raise InputError(f"{path}: the column {', '.join(missing)} is missing; highD has {', '.join(columns)}")
     if not len(table):
-        raise UserError(f"{path}: there are no rows in it")
+        raise InputError(f"{path}: there are no rows in it")
     return table.select(list(columns))

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, name_codes, unknown
 from mmpf.compute.arrays import FloatArray
@@ -38,13 +38,13 @@ def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
     """Read the public CSV; where it holds several sites the one that is named like the network counts.
 
     Raises:
-        UserError: A column is missing, a value is no number, or no site is the network's.
+        InputError: A column is missing, a value is no number, or no site is the network's.
     """
     names = _csv_names(path)
     lower = {name.lower(): name for name in names}
     missing = [name for name in COLUMNS if name.lower() not in lower]
     if missing:
-        raise UserError(f"{path}: the column {', '.join(missing)} is missing; NGSIM's CSV has {', '.join(COLUMNS)}")
+        raise InputError(f"{path}: the column {', '.join(missing)} is missing; NGSIM's CSV has {', '.join(COLUMNS)}")
     wanted = {name: lower[name.lower()] for name in COLUMNS}
     location = lower.get("location")
     table = _read_columns(path, wanted, location)
@@ -58,14 +58,14 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
     """Read the original text.
 
     Raises:
-        UserError: It does not have 18 columns of numbers.
+        InputError: It does not have 18 columns of numbers.
     """
     import pandas as pd  # noqa: PLC0415  (heavy)
 
     with path.open(encoding="utf-8-sig") as file:
         found = len(next(line for line in file if line.strip()).split())
     if found != len(TEXT_COLUMNS):
-        raise UserError(
+        raise InputError(
             f"{path}: {found} columns where NGSIM's text has {len(TEXT_COLUMNS)}: {', '.join(TEXT_COLUMNS)}"
         )
     try:
@@ -73,7 +73,7 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
             path, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=list(COLUMNS), dtype=np.float64
         )
     except (ValueError, OSError) as error:
-        raise UserError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
+        raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
 
 
@@ -91,7 +91,7 @@ def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> p
         return _read_csv(path, include, types)
     except pa.ArrowInvalid as error:
         if "conversion error" not in str(error):
-            raise UserError(f"{path}: broken CSV: {_one_line(error)}") from None
+            raise InputError(f"{path}: broken CSV: {_one_line(error)}") from None
     # Some exports group the digits of large numbers by commas.
     try:
         texts = _read_csv(path, include, dict.fromkeys(include, pa.string()))
@@ -104,7 +104,7 @@ def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> p
             }
         )
     except pa.ArrowInvalid as error:
-        raise UserError(f"{path}: broken CSV: {_one_line(error)}") from None
+        raise InputError(f"{path}: broken CSV: {_one_line(error)}") from None
 
 
 def _read_csv(path: Path, include: list[str], types: dict[str, pa.DataType]) -> pa.Table:
@@ -123,8 +123,8 @@ def _of_one_site(columns: Columns, location: pa.ChunkedArray, path: Path, net: s
         return _traffic(columns, path, net, {})
     wanted = [site for site in known if _letters(site) == _letters(Path(net).name)]
     if not wanted:
-        raise UserError(
-            f"{path}: it holds the sites {', '.join(known)}, none of which is the network {net}; give --net"
+        raise InputError(
+            f"{path}: it holds the sites {', '.join(known)}, none of which is the network {net}; give `net`"
         )
     of_site = sites == wanted[0]
     others = len(set(zip(sites[~of_site].tolist(), columns["Vehicle_ID"][~of_site].tolist(), strict=True)))
@@ -178,7 +178,7 @@ def _check_clock(columns: Columns, path: Path) -> None:
     off = np.flatnonzero(one_period & (np.abs(elapsed_ms - 1e3 * FRAME_S * frames) > 50.0))
     if len(off):
         row = int(off[0])
-        raise UserError(
+        raise InputError(
             f"{path}: Global_Time of vehicle {columns['Vehicle_ID'][row]:.0f} moves by {elapsed_ms[row]:.0f} ms from "
             f"row {row + 1} to {row + 2} while Frame_ID moves by {frames[row]:.0f}; mend the time columns"
         )

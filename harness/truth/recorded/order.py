@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.frame import StringArray
 from harness.truth.recorded.rows import ReadTraffic, Rows
 from mmpf.compute.arrays import IntArray
@@ -59,7 +59,7 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     Of several rows of one vehicle and time the file's first counts.
 
     Raises:
-        UserError: A number is missing, or a vehicle's time goes back.
+        InputError: A number is missing, or a vehicle's time goes back.
     """
     rows = traffic.rows
     _check_numbers(rows, traffic.names, path)
@@ -94,12 +94,12 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
 
 def _check_numbers(rows: Rows, names: StringArray, path: Path) -> None:
     if not len(rows):
-        raise UserError(f"{path}: there is no vehicle in it; give a recording with vehicles")
+        raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
     for column in ("time_s", "lon_m", "lat_m", "length_m", "width_m"):
         missing = np.flatnonzero(~np.isfinite(getattr(rows, column)))
         if len(missing):
             name = names[rows.vehicle[missing[0]]]
-            raise UserError(f"{path}: vehicle {name} has a row whose {column} is no number; mend or remove the row")
+            raise InputError(f"{path}: vehicle {name} has a row whose {column} is no number; mend or remove the row")
 
 
 def _count_contradictions(rows: Rows, order: IntArray, repeated: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:
@@ -116,7 +116,7 @@ def _check_time(rows: Rows, names: StringArray, path: Path) -> None:
     back = (np.diff(rows.vehicle) == 0) & (step_s < 0.0) & (step_s > -NAME_USED_AGAIN_S)
     if back.any():
         row = int(np.flatnonzero(back)[0])
-        raise UserError(
+        raise InputError(
             f"{path}: the time of vehicle {names[rows.vehicle[row]]} goes back from {rows.time_s[row]:.2f} s to "
             f"{rows.time_s[row + 1]:.2f} s; sort the rows by vehicle and time, and check the time column"
         )

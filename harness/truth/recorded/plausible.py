@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.order import Stays
 from mmpf.compute.arrays import FloatArray
 
@@ -27,7 +27,7 @@ def check_units(stays: Stays, path: Path) -> None:
     """Refuse positions, speeds and sizes that contradict each other.
 
     Raises:
-        UserError: Vehicles move much farther or less far than their speed says, jump, change their size, or are of no
+        InputError: Vehicles move much farther or less far than their speed says, jump, change their size, or are of no
             vehicle's size: units are mixed or not those of the format.
     """
     _check_sizes(stays, path)
@@ -42,16 +42,16 @@ def _check_sizes(stays: Stays, path: Path) -> None:
     changing = np.flatnonzero(longest > SIZE_CHANGE_RATIO * np.maximum(shortest, 1e-9))
     if len(changing):
         stay = changing[0]
-        raise UserError(
+        raise InputError(
             f"{path}: vehicle {stays.names[stay]} is {shortest[stay]:.2f} and {longest[stay]:.2f} m long: mixed units?"
         )
     wrong = np.flatnonzero((longest < LENGTH_RANGE_M[0]) | (longest > LENGTH_RANGE_M[1]))
     if len(wrong):
         stay = wrong[0]
-        raise UserError(f"{path}: vehicle {stays.names[stay]} would be {longest[stay]:.2f} m long: wrong units?")
+        raise InputError(f"{path}: vehicle {stays.names[stay]} would be {longest[stay]:.2f} m long: wrong units?")
     usual_m = float(np.median(longest))
     if len(longest) >= 3 and not USUAL_LENGTH_RANGE_M[0] <= usual_m <= USUAL_LENGTH_RANGE_M[1]:
-        raise UserError(f"{path}: half of the vehicles would be no longer than {usual_m:.2f} m: wrong units?")
+        raise InputError(f"{path}: half of the vehicles would be no longer than {usual_m:.2f} m: wrong units?")
 
 
 def _check_jumps(stays: Stays, path: Path) -> None:
@@ -93,7 +93,7 @@ def _check_share(names: list[str], ratio: FloatArray, told: list[str], stays: St
     many = len(names) > TOLERATED_SHARE * len(stays.starts)
     suspects = np.flatnonzero(by_unit | many)
     if len(suspects):
-        raise UserError(f"{path}: vehicle {names[suspects[0]]} {told[suspects[0]]}: mixed or wrong units?")
+        raise InputError(f"{path}: vehicle {names[suspects[0]]} {told[suspects[0]]}: mixed or wrong units?")
 
 
 def _sum_by_stay(values: FloatArray, stays: Stays) -> FloatArray:

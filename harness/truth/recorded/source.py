@@ -26,7 +26,7 @@ def open_recorded_traffic(
         start_s: From where on.
 
     Raises:
-        UserError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
+        InputError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
     """
     traffic = assemble(read_traffic(path, format_name, net), path, duration_s, start_s)
     return RecordedTrafficTruth(path, format_name, traffic, plan_egos(traffic, ego), ego)

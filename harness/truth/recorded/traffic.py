@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.frame import Frame, StringArray
 from harness.truth.recorded.motion import completed
 from harness.truth.recorded.order import Stays, order_rows
@@ -108,7 +108,7 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     """Bring a file's content onto the clock and cut it to the ``duration_s`` seconds from ``start_s`` on.
 
     Raises:
-        UserError: The content contradicts itself, or has ended by ``start_s``.
+        InputError: The content contradicts itself, or has ended by ``start_s``.
     """
     stays = order_rows(read, path)
     check_units(stays, path)
@@ -118,7 +118,7 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     first_step = round(start_s / STEP_S)
     steps = min(int(clocked.step.max()) + 1 - first_step, max(1, round(duration_s / STEP_S)))
     if steps < 1:
-        raise UserError(
+        raise InputError(
             f"traffic.recording.start_s: {path} ends after {clocked.step.max() * STEP_S:.1f} s; start earlier"
         )
     order = order[slice(*np.searchsorted(clocked.step[order], (first_step, first_step + steps)))]

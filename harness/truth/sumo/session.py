@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
-from harness.errors import RunError, UserError
+from harness.errors import InputError, RunError
 from harness.truth.sumo.window import SumoWindow, open_window
 
 QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")
@@ -48,7 +48,7 @@ def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = F
     """Start SUMO in this process, or sumo-gui beside it, and return its interface.
 
     Raises:
-        UserError: SUMO refuses its input, or no window can be opened.
+        InputError: SUMO refuses its input, or no window can be opened.
         RunError: A simulation is already open in this process.
     """
     fixed = ("--step-length", f"{step_s:g}", "--seed", str(seed), "--step-method.ballistic", "true")
@@ -64,9 +64,9 @@ def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = F
             libsumo.start(["sumo", *arguments, *fixed, *QUIET])
     except libsumo.TraCIException as error:
         stop_sumo(libsumo)
-        raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
+        raise InputError(f"`net`: SUMO refuses the input: {_one_line(error)}") from error
     except libsumo.FatalTraCIError as error:
-        raise UserError(f"--net: SUMO refuses the input: {_one_line(error)}") from error
+        raise InputError(f"`net`: SUMO refuses the input: {_one_line(error)}") from error
     sumo: Sumo = libsumo
     return sumo
 
@@ -105,7 +105,7 @@ def _one_line(error: Exception) -> str:
 
 @contextmanager
 def _silent_native_streams() -> Iterator[None]:
-    """Keep what the C++ side writes to the process's own streams away from the user's screen and from ``--json``."""
+    """Keep what the C++ side writes to the process's own streams away from the screen and from what programs read."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from harness.errors import RunError, UserError
+from harness.errors import InputError, RunError
 from harness.truth.frame import Frame
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.network import Network
@@ -50,14 +50,14 @@ def open_traffic(
         gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
 
     Raises:
-        UserError: The density, the demand or the network's files are wrong, or no window can be opened.
+        InputError: The density, the demand or the network's files are wrong, or no window can be opened.
         RunError: A simulation is open already, or no vehicle ever appears.
     """
     if density is not None and demand is not None:
-        raise UserError("give either --density or --demand, not both")
+        raise InputError("give either `density` or `demand`, not both")
     if network.configuration is not None:
         if demand is not None:
-            raise UserError(f"--demand {demand}: {network.name} brings its own demand; leave --demand out")
+            raise InputError(f"`demand` {demand}: {network.name} brings its own demand; leave `demand` out")
         return _open_own_demand(network, duration_s, seed, step_s, warm_up_s, ego, gui)
     if demand is None and density is None:
         demand = network.default_demand

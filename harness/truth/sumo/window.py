@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import UserError
+from harness.errors import InputError
 
 if TYPE_CHECKING:
     from traci.connection import Connection
@@ -41,18 +41,18 @@ def check_window() -> Path:
     """Return the program sumo-gui, after checking that it can be expected to show its window.
 
     Raises:
-        UserError: There is no screen, sumo-gui is not installed, or it is another version than libsumo.
+        InputError: There is no screen, sumo-gui is not installed, or it is another version than libsumo.
     """
     if not has_screen(sys.platform, os.environ):
-        raise UserError("--gui: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); leave --gui out")
+        raise InputError("`gui`: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); leave `gui` out")
     package, traci = importlib.util.find_spec("sumo"), importlib.util.find_spec("traci")
     program = _program_in(Path(package.origin).parent) if package is not None and package.origin else None
     if program is None or traci is None:
-        raise UserError(f"--gui: sumo-gui is not installed; install it with: {INSTALL}")
+        raise InputError(f"`gui`: sumo-gui is not installed; install it with: {INSTALL}")
     gui, library = version("eclipse-sumo"), version("libsumo")
     if gui != library:
-        raise UserError(
-            f"--gui: sumo-gui {gui} would drive other traffic than libsumo {library}; install the same version with: "
+        raise InputError(
+            f"`gui`: sumo-gui {gui} would drive other traffic than libsumo {library}; install the same version with: "
             f"pip install eclipse-sumo=={library}"
         )
     return program
@@ -67,7 +67,7 @@ def open_window(arguments: Sequence[str]) -> SumoWindow:
     """Start sumo-gui on command-line arguments of SUMO's and return it, running.
 
     Raises:
-        UserError: No window can be opened, or SUMO refuses its input.
+        InputError: No window can be opened, or SUMO refuses its input.
     """
     program = check_window()
     from traci.main import getFreeSocketPort  # noqa: PLC0415
@@ -210,7 +210,7 @@ def _connect(port: int, process: subprocess.Popen[bytes], complaints: Complaints
     """Return the connection to sumo-gui as soon as it takes one.
 
     Raises:
-        UserError: It ends before, or takes none in time.
+        InputError: It ends before, or takes none in time.
     """
     import traci  # noqa: PLC0415
 
@@ -224,6 +224,6 @@ def _connect(port: int, process: subprocess.Popen[bytes], complaints: Complaints
         with suppress(subprocess.TimeoutExpired):
             process.wait(CLOSE_WITHIN_S)
         if error := complaints.first_error():
-            raise UserError(f"--net: SUMO refuses the input: {error}") from None
-        raise UserError(f"--gui: sumo-gui does not open: {complaints.last_line() or 'it does not answer'}") from None
+            raise InputError(f"`net`: SUMO refuses the input: {error}") from None
+        raise InputError(f"`gui`: sumo-gui does not open: {complaints.last_line() or 'it does not answer'}") from None
     return connection

@@ -11,7 +11,7 @@ from harness.bench.measure import SETTLING_STEPS, Contender, Stepping, as_row, t
 from harness.bench.scene import bench_scene
 from harness.bench.written import plot
 from harness.cli import run_command_line
-from harness.errors import UserError
+from harness.errors import InputError
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
@@ -95,13 +95,13 @@ def test_the_slope_is_the_power_of_a_power_law_from_25_vehicles_on():
 def test_names_stand_for_trackers_with_their_options():
     assert contender_of("mmpf:cvm", 500).options == {"model": "cvm", "particles": 500}
     assert contender_of("stonesoup-gnn:coarse", 500).options == {"coarse_gate": True}
-    with pytest.raises(UserError, match="stonesoup-gnn:coarse"):
+    with pytest.raises(InputError, match="stonesoup-gnn:coarse"):
         contender_of("stonesoup-gnn:fast", 500)
 
 
 @pytest.mark.parametrize("name", ["oracle-kalman", "mmpf:warp", "nobody"])
 def test_what_can_not_be_timed_is_refused(name):
-    with pytest.raises(UserError, match="--tracker"):
+    with pytest.raises(InputError, match="`trackers?`"):
         run_bench(BenchPlan(vehicles=(3,), trackers=(name,), particles=20, steps=12), lambda: None)
 
 

@@ -16,7 +16,7 @@ from harness.comparison.sources import open_source
 from harness.comparison.verdicts import BETTER, METRICS, SAME, UNTESTED, WORSE
 from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
 from harness.runfolder.tables import write_table
@@ -100,16 +100,16 @@ def test_grids_of_one_tracker_each_are_compared_across_models(tmp_path):
 def test_one_tracker_of_a_grid_is_chosen_by_its_label(tmp_path):
     a, b = grid_folder(tmp_path / "a", model="cvm"), grid_folder(tmp_path / "b", model="gmm")
     assert len(open_source(f"{a}@mmpf cvm", "compare").rows) == 10
-    with pytest.raises(UserError, match="choose one of mmpf gmm"):
+    with pytest.raises(InputError, match="choose one of mmpf gmm"):
         open_source(f"{b}@mmpf cvm", "compare")
 
 
 def test_grids_without_a_common_density_or_setting_are_refused(tmp_path):
     a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", densities=(40.0,))
-    with pytest.raises(UserError, match="no setting in common"):
+    with pytest.raises(InputError, match="no setting in common"):
         compared(a, b)
     c = grid_folder(tmp_path / "c", vary=("sensor.range_m=40,80",))
-    with pytest.raises(UserError, match="vary different settings"):
+    with pytest.raises(InputError, match="vary different settings"):
         compared(a, c)
 
 
@@ -176,7 +176,7 @@ def test_two_single_runs_are_paired_by_vehicle_and_called_one_seed(echo_runs):
 
 
 def test_single_runs_on_different_traffic_are_refused(echo_runs):
-    with pytest.raises(UserError, match=r"different traffic.*--replay"):
+    with pytest.raises(InputError, match=r"different traffic.*`replay`"):
         compared(echo_runs[0], echo_runs[2])
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
-from harness.errors import UserError
+from harness.errors import InputError
 
 
 def test_later_layers_win(tmp_path):
@@ -40,7 +40,7 @@ def test_a_later_density_replaces_an_earlier_demand(tmp_path):
 
 
 def test_demand_and_density_at_once_are_refused():
-    with pytest.raises(UserError, match="either a demand or a density"):
+    with pytest.raises(InputError, match="either a demand or a density"):
         resolve_run_config(options={"density": 30.0, "demand": "jam"})
 
 
@@ -50,20 +50,20 @@ def test_a_sumo_configuration_keeps_its_own_demand():
 
 @pytest.mark.parametrize("density", [0.0, -1.0, 500.0, math.nan, math.inf])
 def test_impossible_density_is_refused_by_its_option(density):
-    with pytest.raises(UserError, match="--density"):
+    with pytest.raises(InputError, match="`density`"):
         resolve_run_config(options={"density": density})
 
 
 @pytest.mark.parametrize("duration", [0.0, -5.0, math.nan])
 def test_impossible_duration_is_refused_by_its_option(duration):
-    with pytest.raises(UserError, match="--duration"):
+    with pytest.raises(InputError, match="`duration`"):
         resolve_run_config(options={"duration": duration})
 
 
 def test_unknown_key_is_told_with_its_nearest(tmp_path):
     file = tmp_path / "a.toml"
     file.write_text("[traffic]\ndensty = 20\n")
-    with pytest.raises(UserError, match=r"traffic\.densty.*did you mean traffic\.density"):
+    with pytest.raises(InputError, match=r"traffic\.densty.*did you mean traffic\.density"):
         resolve_run_config(file)
 
 
@@ -71,18 +71,18 @@ def test_unknown_key_is_told_with_its_nearest(tmp_path):
 def test_broken_toml_is_told_with_its_file(tmp_path, text):
     file = tmp_path / "broken.toml"
     file.write_text(text)
-    with pytest.raises(UserError, match=r"--config: .*broken\.toml is not valid TOML"):
+    with pytest.raises(InputError, match=r"`config`: .*broken\.toml is not valid TOML"):
         resolve_run_config(file)
 
 
 def test_missing_config_file_is_told():
-    with pytest.raises(UserError, match=r"--config: can't read nowhere\.toml"):
+    with pytest.raises(InputError, match=r"`config`: can't read nowhere\.toml"):
         resolve_run_config(Path("nowhere.toml"))
 
 
 @pytest.mark.parametrize("word", ["density", "=3", "traffic..net=a", "seed=1.5", "seed.x=1"])
 def test_a_setting_that_makes_no_sense_is_refused(word):
-    with pytest.raises(UserError):
+    with pytest.raises(InputError):
         resolve_run_config(settings=[word])
 
 
@@ -101,7 +101,7 @@ def test_settings_reach_sensor_and_tracker_as_toml_values_or_words():
 
 @pytest.mark.parametrize("option", ["format", "ego"])
 def test_a_choice_that_only_recorded_traffic_has_is_refused_without_a_recording(option):
-    with pytest.raises(UserError, match=f"--{option}: simulated traffic has no such choice"):
+    with pytest.raises(InputError, match=f"`{option}`: simulated traffic has no such choice"):
         resolve_run_config(options={option: "auto"})
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from harness.driving.following import following_windows
 from harness.driving.pairs import pair_windows, recording_of
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.source import open_recorded_traffic
 from tests.harness.training.recorded_pairs import FOLLOWER_LENGTH_M, LEADER_LENGTH_M, pair_rows, write_pairs
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
@@ -45,7 +45,7 @@ def test_the_ends_of_a_record_are_left_out(tmp_path):
 
 
 def test_pairs_that_are_too_short_are_refused(tmp_path):
-    with pytest.raises(UserError, match="more than 8 s"):
+    with pytest.raises(InputError, match="more than 8 s"):
         pair_windows(write_pairs(tmp_path / "pairs.parquet", [pair_rows("1-2", 7.0)]), 101, STEP_S)
 
 
@@ -76,21 +76,21 @@ def test_sideways_a_pair_counts_from_the_median_of_its_lane_to_the_left(tmp_path
 @pytest.mark.parametrize("column", ["pair_id", "v_vel", "preceding_length"])
 def test_a_missing_column_is_named(column, tmp_path):
     path = write_pairs(tmp_path / "pairs.parquet", [pair_rows("1-2", 18.0).drop(columns=column)])
-    with pytest.raises(UserError, match=column):
+    with pytest.raises(InputError, match=column):
         pair_windows(path, 101, STEP_S)
 
 
 def test_a_file_that_is_no_table_is_refused_in_one_line(tmp_path):
     path = tmp_path / "pairs.parquet"
     path.write_bytes(b"no parquet at all")
-    with pytest.raises(UserError) as refused:
+    with pytest.raises(InputError) as refused:
         pair_windows(path, 101, STEP_S)
     assert len(str(refused.value).splitlines()) == 1
 
 
 def test_an_empty_table_is_refused(tmp_path):
     path = write_pairs(tmp_path / "pairs.parquet", [pair_rows("1-2", 1.0).iloc[:0]])
-    with pytest.raises(UserError, match="no rows"):
+    with pytest.raises(InputError, match="no rows"):
         pair_windows(path, 101, STEP_S)
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from harness.cli import EXIT_USER_ERROR, run_command_line
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.export.formats import export_run
 from harness.runfolder.finished import read_recorded_run
 from harness.scoring.settings import ScoringSettings
@@ -187,7 +187,7 @@ def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
     assert count == STEPS
     assert seconds == pytest.approx(STEPS * 0.1, abs=0.1)
     assert next(imageio_ffmpeg.read_frames(str(film)))["size"] == (WIDTH, HEIGHT)
-    with pytest.raises(UserError, match="--force"):
+    with pytest.raises(InputError, match="`force`"):
         write_video(folder, film)
 
 
@@ -206,7 +206,7 @@ def test_an_export_is_replaced_as_a_whole_and_a_given_folder_only_by_force(folde
     out = tmp_path / "mine"
     out.mkdir()
     (out / "keep").touch()
-    with pytest.raises(UserError, match="--force"):
+    with pytest.raises(InputError, match="`force`"):
         export_run(folder, "csv", out)
     assert (out / "keep").exists()
     export_run(folder, "csv", out, force=True)

@@ -76,7 +76,7 @@ def test_the_same_traffic_on_both_sides_meets_every_target(no_sumo, recorded_fie
         assert period["sim"]["density_veh_per_km_lane"] == pytest.approx(48.0)
         assert all(target["met"] for target in period["targets"])
     assert result["distances"] == {}
-    assert any("--recordings" in reason for reason in result["left_out"])
+    assert any("`recordings`" in reason for reason in result["left_out"])
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"fidelity.json", "fidelity.md", "speed_along_the_road.png", "speed_field_us101-0805.png"} <= names
 
@@ -88,7 +88,7 @@ def test_without_recorded_fields_the_committed_figures_are_the_measure(no_sumo, 
     result = json.loads(output.out)
     assert result["periods"]["us101-0805"]["real"]["mean_speed_mps"] == pytest.approx(8.576)
     assert len(result["periods"]["us101-0805"]["sim_by_seed"]) == 2
-    assert any("--fields" in reason for reason in result["left_out"])
+    assert any("`fields`" in reason for reason in result["left_out"])
     assert "missed" in output.err
     assert "met" in (tmp_path / "fidelity.md").read_text()
     assert not list(tmp_path.glob("speed_field*"))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields, fields_from_frames, read_fields
 from harness.truth.frame import Frame
 
@@ -94,12 +94,12 @@ def test_a_broken_table_is_one_clear_line(folder, content):
     path.unlink()
     if content is not None:
         path.write_text(content)
-    with pytest.raises(UserError, match="--fields") as error:
+    with pytest.raises(InputError, match="`fields`") as error:
         read_fields(folder)
     assert "\n" not in str(error.value)
 
 
 def test_tables_of_different_size_are_refused(folder):
     np.savetxt(folder / FIELD_FILES["speed"], np.full((4, 5), 10.0))
-    with pytest.raises(UserError, match="differ in size"):
+    with pytest.raises(InputError, match="differ in size"):
         read_fields(folder)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.cluster import connect
 from harness.grid.rows import is_timing
 
@@ -34,7 +34,7 @@ GRID = (
 def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("harness.grid.cluster.CONNECT_S", 0.2)
-    with pytest.raises(UserError, match=r"^--scheduler tcp://127.0.0.1:9: .*for example --scheduler tcp://host:8786$"):
+    with pytest.raises(InputError, match=r"^`scheduler` tcp://127.0.0.1:9: .*for example `scheduler` tcp://host:8786$"):
         connect("tcp://127.0.0.1:9")
 
 

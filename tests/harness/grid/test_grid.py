@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.grid import GridRequest, plan_grid
 
 
@@ -96,6 +96,6 @@ def test_anything_that_changes_a_run_changes_its_key():
     ],
 )
 def test_a_wrong_grid_is_answered_with_an_example_on_one_line(asked):
-    with pytest.raises(UserError, match="for example") as caught:
+    with pytest.raises(InputError, match="for example") as caught:
         plan_grid(GridRequest(**asked))
     assert "\n" not in str(caught.value)

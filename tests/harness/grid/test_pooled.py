@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.pooled import JPDA, pool_files
@@ -134,15 +134,15 @@ def test_a_grid_over_recordings_has_a_cell_a_file_with_every_vehicle_in_turn(fil
 
 @pytest.mark.parametrize(
     ("asked", "words"),
-    [({"densities": "20"}, "--replay"), ({"replay": ("a/scene.csv", "b/scene.csv")}, "same name")],
+    [({"densities": "20"}, "`replay`"), ({"replay": ("a/scene.csv", "b/scene.csv")}, "same name")],
 )
 def test_recordings_and_what_goes_against_them_are_refused(files, asked, words):
-    with pytest.raises(UserError, match=words):
+    with pytest.raises(InputError, match=words):
         plan_grid(GridRequest(**({"net": None, "replay": files, "seeds": "1"} | asked)))
 
 
 def test_an_ego_without_a_recording_is_refused():
-    with pytest.raises(UserError, match="--ego"):
+    with pytest.raises(InputError, match="`ego`"):
         plan_grid(GridRequest(densities="20", ego="each"))
 
 

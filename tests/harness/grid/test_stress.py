@@ -16,7 +16,7 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.config.layers import resolve_run_config
-from harness.errors import RunInterruptedError, UserError
+from harness.errors import InputError, RunInterruptedError
 from harness.grid.grid import GridRequest
 from harness.grid.rows import flattened, is_timing
 from harness.grid.stress import FinishedGrid, run_stress
@@ -101,7 +101,7 @@ def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(opened, 
     whole = table_of(grid(tmp_path / "whole").folder)
     for stop in (0, 1, 4, 7):
         folder = tmp_path / f"stopped-{stop}"
-        with pytest.raises(RunInterruptedError, match=f"{stop} of 8 runs.*--resume"):
+        with pytest.raises(RunInterruptedError, match=f"{stop} of 8 runs.*`resume`"):
             grid(folder, execute=InProcess(stop_after=stop))
         rest = InProcess()
         pd.testing.assert_frame_equal(table_of(grid(folder, execute=rest, resume=True).folder), whole)
@@ -125,11 +125,11 @@ def test_a_resumed_grid_may_have_more_seeds(opened, tmp_path):
 
 def test_an_existing_folder_is_never_overwritten_without_asking(opened, tmp_path):
     grid(tmp_path / "grid")
-    with pytest.raises(UserError, match="--resume"):
+    with pytest.raises(InputError, match="`resume`"):
         grid(tmp_path / "grid")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
-    with pytest.raises(UserError, match="not a stress test's folder"):
+    with pytest.raises(InputError, match="not a stress test's folder"):
         grid(tmp_path / "mine", resume=True)
 
 

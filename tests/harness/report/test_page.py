@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from harness.cli import EXIT_USER_ERROR, run_command_line
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.report.folderpage import text_page, write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene
@@ -65,7 +65,7 @@ def test_a_run_that_did_not_end_has_no_page(tmp_path):
     folder = write_recorded_scene(tmp_path / "run")
     manifest = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps(manifest | {"status": "failed"}))
-    with pytest.raises(UserError, match="did not end"):
+    with pytest.raises(InputError, match="did not end"):
         write_page(folder)
 
 
@@ -73,7 +73,7 @@ def test_a_run_that_did_not_end_has_no_page(tmp_path):
 def test_a_damaged_run_is_told_by_the_file(tmp_path, name):
     folder = write_recorded_scene(tmp_path / "run")
     (folder / name).write_bytes((folder / name).read_bytes()[:15])
-    with pytest.raises(UserError, match=name):
+    with pytest.raises(InputError, match=name):
         write_page(folder)
 
 

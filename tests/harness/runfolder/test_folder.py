@@ -10,7 +10,7 @@ import sys
 import pandas as pd
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.tables import write_table
 
@@ -82,7 +82,7 @@ def test_a_run_that_ends_second_does_not_replace_the_first(tmp_path):
 
 def test_an_existing_folder_is_kept_without_force(tmp_path):
     (tmp_path / "run").mkdir()
-    with pytest.raises(UserError, match="--force"):
+    with pytest.raises(InputError, match="`force`"):
         runfolder.open_folder(tmp_path / "run", "x", force=False)
 
 
@@ -95,14 +95,14 @@ def test_force_replaces_a_run_and_nothing_else(tmp_path):
     assert list(run.iterdir()) == []
     home.mkdir()
     (home / "precious").write_text("x")
-    with pytest.raises(UserError, match="not a run's folder"):
+    with pytest.raises(InputError, match="not a run's folder"):
         runfolder.open_folder(home, "x", force=True)
     assert (home / "precious").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(UserError, match="--out"):
+    with pytest.raises(InputError, match="`out`"):
         runfolder.open_folder(tmp_path / "file" / "run", "x", force=False)
 
 
@@ -110,26 +110,26 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path):
 def test_only_a_finished_run_counts_as_one(tmp_path, manifest):
     if manifest is not None:
         (tmp_path / runfolder.MANIFEST).write_text(manifest)
-    with pytest.raises(UserError, match="--replay"):
-        runfolder.read_manifest(tmp_path, "--replay")
+    with pytest.raises(InputError, match="`replay`"):
+        runfolder.read_manifest(tmp_path, "replay")
     (tmp_path / runfolder.MANIFEST).write_text(json.dumps({"status": runfolder.COMPLETE}))
-    assert runfolder.read_manifest(tmp_path, "--replay")["status"] == runfolder.COMPLETE
+    assert runfolder.read_manifest(tmp_path, "replay")["status"] == runfolder.COMPLETE
 
 
 def test_a_truncated_table_is_told(tmp_path):
     path = tmp_path / "t.parquet"
     write_table(pd.DataFrame({"a": range(1000)}), path)
-    assert len(runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a"])) == 1000
-    with pytest.raises(UserError, match="lacks the columns b"):
-        runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a", "b"])
+    assert len(runfolder.read_table(tmp_path, "t.parquet", "replay", ["a"])) == 1000
+    with pytest.raises(InputError, match="lacks the columns b"):
+        runfolder.read_table(tmp_path, "t.parquet", "replay", ["a", "b"])
     whole = path.read_bytes()
     for length in (0, 3, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
-        with pytest.raises(UserError, match=r"t\.parquet is truncated"):
-            runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a"])
+        with pytest.raises(InputError, match=r"t\.parquet is truncated"):
+            runfolder.read_table(tmp_path, "t.parquet", "replay", ["a"])
     path.unlink()
-    with pytest.raises(UserError, match=r"t\.parquet is missing"):
-        runfolder.read_table(tmp_path, "t.parquet", "--replay", ["a"])
+    with pytest.raises(InputError, match=r"t\.parquet is missing"):
+        runfolder.read_table(tmp_path, "t.parquet", "replay", ["a"])
 
 
 def test_the_same_table_gives_the_same_bytes_and_an_empty_one_its_types(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
-from harness.errors import RunError, RunInterruptedError, UserError
+from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.running.open import RunInputs
 from harness.running.run import run
@@ -104,7 +104,7 @@ def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_pat
 @pytest.mark.parametrize("option", [{"net": "other"}, {"density": 33.0}, {"duration": 1.0}, {"sensor": "radar"}])
 def test_a_replay_refuses_other_traffic_or_another_sensor(steady_traffic, tmp_path, option):
     first = run(configured(), out=tmp_path / "first").folder
-    with pytest.raises(UserError, match=f"--{next(iter(option))}.*recording"):
+    with pytest.raises(InputError, match=f"--{next(iter(option))}.*recording"):
         resolve_run_config(options={"replay": str(first), **option})
 
 
@@ -120,7 +120,7 @@ def test_a_replay_of_a_damaged_folder_is_refused(steady_traffic, tmp_path, name)
     first = run(configured(), out=tmp_path / "first").folder
     content = (first / name).read_bytes()
     (first / name).write_bytes(content[: len(content) // 2 - 1])
-    with pytest.raises(UserError, match=name):
+    with pytest.raises(InputError, match=name):
         run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again")
     assert not (tmp_path / "again").exists()
 
@@ -150,7 +150,7 @@ def test_an_interrupt_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_p
     folder = tmp_path / "run.incomplete"
     assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
     assert pd.read_parquet(folder / "tracks.parquet")["step"].max() == 4
-    with pytest.raises(UserError, match="did not end"):
+    with pytest.raises(InputError, match="did not end"):
         resolve_run_config(options={"replay": str(folder)})
 
 
@@ -168,7 +168,7 @@ def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(
 
 def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):
     for options in ({"tracker": "mmpf", "model": "warp"}, {"tracker": "none"}, {"tracker": "mmpf", "update": "x"}):
-        with pytest.raises(UserError):
+        with pytest.raises(InputError):
             run(configured(**options), out=tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.sensor.profiles import SensorSettings, sensor_profiles, sensor_settings
 
 
@@ -37,7 +37,7 @@ def test_a_number_given_as_text_counts_as_a_number():
     ],
 )
 def test_a_wrong_sensor_setting_is_refused_on_one_line_that_names_it(profile, overrides, named):
-    with pytest.raises(UserError) as refusal:
+    with pytest.raises(InputError) as refusal:
         sensor_settings(profile, overrides)
     assert named in str(refusal.value)
     assert "\n" not in str(refusal.value)

@@ -10,7 +10,7 @@ from harness.driving.cases import Cases, following_cases
 from harness.driving.filtering import MeasurementNoise, follow, measure
 from harness.driving.following import following_windows
 from harness.driving.scores import mean_with_interval, score, weighted_crps
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.study.study import COMPLETE, PARTIAL, run_study
 from harness.study.targets import lane_keeping_targets
 from harness.study.written import as_json, as_markdown, write_study
@@ -131,7 +131,7 @@ def test_a_study_leaves_numbers_a_page_and_pictures(result, tmp_path):
 
 @pytest.mark.parametrize("text", ["", "5", "5:5", "7:3", "a:b", "-1:3"])
 def test_a_range_of_seeds_that_is_none_is_refused(text):
-    with pytest.raises(UserError, match="--seeds"):
+    with pytest.raises(InputError, match="`seeds`"):
         seed_range(text)
 
 

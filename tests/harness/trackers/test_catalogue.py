@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.trackers.catalogue import available_trackers, build_tracker
 from harness.trackers.conformance.checks import TrackerCheck, tracker_checks
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR
@@ -50,7 +50,7 @@ def test_only_the_oracle_is_told_the_association():
 
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(
-        UserError, match=r"--tracker kalmann: unknown; choose one of mmpf, oracle-kalman, stonesoup-gnn"
+        InputError, match=r"`tracker` kalmann: unknown; choose one of mmpf, oracle-kalman, stonesoup-gnn"
     ):
         build_tracker("kalmann", setting(), {})
 
@@ -58,20 +58,20 @@ def test_an_unknown_name_is_answered_with_the_known_ones():
 def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delitem(sys.modules, "harness.trackers.stonesoup.trackers", raising=False)
     monkeypatch.setitem(sys.modules, "stonesoup.dataassociator.neighbour", None)
-    with pytest.raises(UserError, match=r"pip install 'mmpf-harness\[baselines\]'"):
+    with pytest.raises(InputError, match=r"pip install 'mmpf-harness\[baselines\]'"):
         build_tracker("stonesoup-gnn", setting(), {})
 
 
 def test_a_wrong_option_is_named():
-    with pytest.raises(UserError, match=r"tracker option 'lon_nois' of oracle-kalman"):
+    with pytest.raises(InputError, match=r"tracker option 'lon_nois' of oracle-kalman"):
         build_tracker("oracle-kalman", setting(), {"lon_nois": 1.0})
-    with pytest.raises(UserError, match=r"tracker option 'lon_noise' of oracle-kalman.*greater than 0"):
+    with pytest.raises(InputError, match=r"tracker option 'lon_noise' of oracle-kalman.*greater than 0"):
         build_tracker("oracle-kalman", setting(), {"lon_noise": -1.0})
 
 
 @pytest.mark.parametrize("path", ["no_such_package.module:make", "harness.trackers.oracle:no_such_factory"])
 def test_a_dotted_path_that_leads_nowhere_is_refused(path: str):
-    with pytest.raises(UserError, match=path):
+    with pytest.raises(InputError, match=path):
         build_tracker(path, setting(), {})
 
 

@@ -13,7 +13,7 @@ from harness.cli import run_command_line
 from harness.driving.filtering import follow
 from harness.driving.pairs import pair_windows
 from harness.driving.scores import mean_with_interval, score
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.study.transfer import models as transfer_models
 from harness.study.transfer import transfer
 from harness.study.transfer.models import INPUTS, ON_NOTHING, ON_SUMO, TrainedModel, committed_models, input_rows
@@ -53,7 +53,7 @@ def test_the_split_is_fixed_by_its_seed(windows):
 
 
 def test_too_few_pairs_are_refused(windows):
-    with pytest.raises(UserError, match="at least 4"):
+    with pytest.raises(InputError, match="at least 4"):
         split_pairs(windows.take(np.flatnonzero(windows.vehicle < 3)), 0)
 
 
@@ -77,7 +77,7 @@ def test_every_file_of_recorded_traffic_is_told_with_its_vehicles(tmp_path):
 
 def test_recordings_without_a_follower_are_refused(tmp_path):
     path = write_ngsim_csv(tmp_path / "a.csv", ngsim_rows((Car(1, 40.0, 9.0, 10.0),)))
-    with pytest.raises(UserError, match="follows another"):
+    with pytest.raises(InputError, match="follows another"):
         snippet_windows([path], 51, lambda line: None)
 
 

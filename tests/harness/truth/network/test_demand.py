@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.demand import Equilibrium, demand_for_density
 
 densities = st.floats(5.0, 65.0)
@@ -32,7 +32,7 @@ def test_more_flow_than_capacity_runs_at_free_speed():
 
 @pytest.mark.parametrize("density", [0.0, -1.0, 4.99, 65.01, 500.0, math.nan, math.inf])
 def test_a_density_out_of_range_is_refused_by_name(density):
-    with pytest.raises(UserError, match="--density"):
+    with pytest.raises(InputError, match="`density`"):
         demand_for_density(density)
 
 

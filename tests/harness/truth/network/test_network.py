@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.network.network import available_networks, load_network
 from mmpf.road import NO_LANE
 
@@ -61,22 +61,22 @@ def test_every_listed_demand_can_be_asked_for(us101):
 
 
 def test_an_unknown_demand_is_answered_with_the_known_ones(us101):
-    with pytest.raises(UserError, match=r"rush.*us101-0805"):
+    with pytest.raises(InputError, match=r"rush.*us101-0805"):
         us101.demand("rush")
 
 
 def test_an_unknown_network_is_answered_with_the_known_ones():
-    with pytest.raises(UserError, match=r"--net atlantis.*us101"):
+    with pytest.raises(InputError, match=r"`net` atlantis.*us101"):
         load_network("atlantis")
 
 
 def test_a_missing_configuration_is_named(tmp_path):
-    with pytest.raises(UserError, match=r"none\.sumocfg"):
+    with pytest.raises(InputError, match=r"none\.sumocfg"):
         load_network(str(tmp_path / "none.sumocfg"))
 
 
 def test_an_empty_folder_is_refused(tmp_path):
-    with pytest.raises(UserError, match=r"network\.toml"):
+    with pytest.raises(InputError, match=r"network\.toml"):
         load_network(str(tmp_path))
 
 
@@ -89,7 +89,7 @@ def test_a_malformed_net_file_is_one_clear_line(tmp_path, net):
     (tmp_path / "bad.sumocfg").write_text(
         '<configuration><input><net-file value="bad.net.xml"/></input></configuration>'
     )
-    with pytest.raises(UserError, match=r"bad\.net\.xml") as error:
+    with pytest.raises(InputError, match=r"bad\.net\.xml") as error:
         load_network(str(tmp_path))
     assert "\n" not in str(error.value)
 
@@ -99,7 +99,7 @@ def test_a_malformed_net_file_is_one_clear_line(tmp_path, net):
 )
 def test_a_malformed_configuration_is_one_clear_line(tmp_path, content):
     (tmp_path / "bad.sumocfg").write_text(content)
-    with pytest.raises(UserError) as error:
+    with pytest.raises(InputError) as error:
         load_network(str(tmp_path / "bad.sumocfg"))
     assert "\n" not in str(error.value)
 
@@ -107,7 +107,7 @@ def test_a_malformed_configuration_is_one_clear_line(tmp_path, content):
 def test_broken_metadata_is_one_clear_line(tmp_path):
     for content in ("[", "description = 1", "unknown = true"):
         (tmp_path / "network.toml").write_text(content)
-        with pytest.raises(UserError, match=r"network\.toml") as error:
+        with pytest.raises(InputError, match=r"network\.toml") as error:
             load_network(str(tmp_path))
         assert "\n" not in str(error.value)
 

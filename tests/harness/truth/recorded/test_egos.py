@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.egos import plan_egos
 from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.recorded.traffic import recorded_window
@@ -54,12 +54,12 @@ def test_a_named_vehicle_carries_the_sensor_for_as_long_as_it_is_on_record(tmp_p
 
 
 def test_a_vehicle_that_is_not_on_record_is_refused_with_those_that_are(tmp_path):
-    with pytest.raises(UserError, match=r"--ego 9: .* 1, 2, 3, 4"):
+    with pytest.raises(InputError, match=r"`ego` 9: .* 1, 2, 3, 4"):
         truth_of(tmp_path, "9")
 
 
 def test_each_without_a_vehicle_that_stays_long_enough_is_refused(tmp_path):
-    with pytest.raises(UserError, match="--ego each"):
+    with pytest.raises(InputError, match="`ego` each"):
         truth_of(tmp_path, "each", cars=(Car(1, 30.0, 9.0, 10.0, to_s=2.0),))
 
 

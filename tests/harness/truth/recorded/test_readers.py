@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.truth.recorded.formats import network_of, recognise
 from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
 from tests.harness.truth.recorded.layouts import (
@@ -221,7 +221,7 @@ def test_a_recording_is_cut_to_the_seconds_asked_for_and_says_who_is_missing_the
 
 @pytest.mark.parametrize(("name", "net"), [("commonroad", "us101"), ("highd", "us101"), ("ngsim", "recording")])
 def test_a_road_that_does_not_go_with_the_format_is_refused(name, net, tmp_path):
-    with pytest.raises(UserError, match="--net"):
+    with pytest.raises(InputError, match="`net`"):
         opened(WRITERS[name](tmp_path), net=net)
 
 
@@ -240,5 +240,5 @@ def test_a_few_vehicles_in_another_unit_are_refused_however_large_the_recording(
     rows = ngsim_rows(fleet)
     for row in rows[-11:]:
         row[11] *= 0.3048
-    with pytest.raises(UserError, match=r"vehicle 149 .* units"):
+    with pytest.raises(InputError, match=r"vehicle 149 .* units"):
         opened(write_ngsim_csv(tmp_path / "scene.csv", rows))

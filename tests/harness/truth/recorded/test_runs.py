@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from harness.config.layers import resolve_run_config
-from harness.errors import UserError
+from harness.errors import InputError
 from harness.report.sentences import summary_sentences
 from harness.report.summary import print_summary
 from harness.runfolder import folder as runfolder
@@ -87,7 +87,7 @@ def test_the_summary_names_the_recordings_file(recording, tmp_path, capsys):
 
 def test_a_replay_of_a_run_refuses_another_ego(recording, tmp_path):
     first = run(configured(recording), out=tmp_path / "first").folder
-    with pytest.raises(UserError, match="--ego"):
+    with pytest.raises(InputError, match="`ego`"):
         configured(first, ego="each")
 
 
@@ -113,5 +113,5 @@ def test_a_run_that_would_begin_after_the_recording_is_refused(recording, tmp_pa
     config = resolve_run_config(
         options={"replay": str(recording), "tracker": ECHO}, settings=["traffic.recording.start_s=99"]
     )
-    with pytest.raises(UserError, match="start_s"):
+    with pytest.raises(InputError, match="start_s"):
         run(config, out=tmp_path / "run")

@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from harness.errors import RunError, UserError
+from harness.errors import InputError, RunError
 from harness.truth.frame import Frame
 from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic
@@ -176,7 +176,7 @@ def test_closing_twice_is_harmless_and_two_at_once_are_refused():
 
 
 def test_density_and_demand_exclude_each_other():
-    with pytest.raises(UserError, match="not both"):
+    with pytest.raises(InputError, match="not both"):
         open_traffic(load_network("us101"), density=5.0, demand="jam", duration_s=1.0, seed=0)
 
 
@@ -207,25 +207,25 @@ def test_a_configuration_of_the_users_own_yields_its_own_traffic(own_network):
 
 def test_a_route_over_unknown_edges_is_one_clear_line(own_network):
     network = load_network(own_network(route="nowhere"))
-    with pytest.raises((UserError, RunError)) as error:
+    with pytest.raises((InputError, RunError)) as error:
         open_traffic(network, duration_s=1.0, seed=0)
     assert "\n" not in str(error.value)
 
 
 def test_a_named_demand_on_a_network_with_its_own_is_refused(own_network):
-    with pytest.raises(UserError, match="--demand"):
+    with pytest.raises(InputError, match="`demand`"):
         open_traffic(load_network(own_network()), demand="jam", duration_s=1.0, seed=0)
 
 
 def test_a_missing_route_file_is_named(own_network, tmp_path):
     path = own_network()
     (tmp_path / "own.rou.xml").unlink()
-    with pytest.raises(UserError, match=r"own\.rou\.xml"):
+    with pytest.raises(InputError, match=r"own\.rou\.xml"):
         load_network(path)
 
 
 def test_a_road_without_traffic_fails_in_words(own_network, monkeypatch):
     monkeypatch.setattr("harness.truth.sumo.simulation.FIRST_VEHICLE_WITHIN_S", 5.0)
     network = replace(load_network(own_network(vehicles=0)), name="empty")
-    with pytest.raises((UserError, RunError), match=r"empty|number"):
+    with pytest.raises((InputError, RunError), match=r"empty|number"):
         open_traffic(network, duration_s=1.0, seed=0, warm_up_s=0.0)

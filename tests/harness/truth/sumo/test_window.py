@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import RunError, UserError
+from harness.errors import InputError, RunError
 from harness.truth.sumo import window
 from harness.truth.sumo.session import sumo_errors_in_words
 from harness.truth.sumo.window import Complaints, SumoWindow, check_window, has_screen
@@ -92,7 +92,7 @@ def test_a_replay_has_nothing_to_open(screen, capsys, tmp_path, monkeypatch):
 @pytest.mark.skipif(importlib.util.find_spec("sumo") is None, reason="no sumo-gui on this machine")
 def test_sumo_gui_of_another_version_is_refused_for_it_drives_other_traffic(screen, monkeypatch):
     monkeypatch.setattr(window, "version", {"eclipse-sumo": "1.2", "libsumo": "1.3"}.__getitem__)
-    with pytest.raises(UserError, match=r"pip install eclipse-sumo==1\.3"):
+    with pytest.raises(InputError, match=r"pip install eclipse-sumo==1\.3"):
         check_window()
 
 
