@@ -1,31 +1,18 @@
 """The filter's settings; every number that is not the sensor's or the motion model's.
 
-The groups of ``FilterOptions`` itself hold for both update rules, those of ``joint`` and ``max_likelihood`` for one. A
-setting's unit is the ending of its name or stands beside it; what has neither is a pure number.
+The groups of ``FilterOptions`` itself hold for both update rules, those of ``joint`` and ``max_likelihood`` for one.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from mmpf.settings import NotNegative, Positive, Probability, Settings, in_unit
 
 UpdateName = Literal["joint", "max_likelihood"]
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0)]
-
-
-def in_unit(unit: str) -> Any:  # noqa: ANN401
-    """Return what states the unit of a setting whose name does not tell it, for ``Annotated``."""
-    return Field(json_schema_extra={"unit": unit})
-
-
-class Settings(BaseModel):
-    """Base of all settings: frozen, a key that does not exist is an error, and each field says what it means."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Footprint(Settings):

@@ -12,8 +12,8 @@ from pydantic import Field
 
 from harness.trackers.protocol import TrackerSetting, trackers
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.options import Positive, Settings, in_unit
 from mmpf.scan import Detections, EgoPose, Scan, check_scan
+from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 StringArray = npt.NDArray[np.str_]

@@ -60,6 +60,7 @@ class MaxLikelihoodUpdate:
         """Weigh each particle by its largest likelihood, equation (10), and components by equation (11)."""
         rule, detections = self.options.max_likelihood, situation.scan.detections
         gate = _gate_table(moments, detections, rule.association.gate_std)
+        # The assertion holds for components as wholes: the first particle tells of all.
         is_hidden = occlusion.detection_probability[prior.starts[:-1]] == 0.0
         performs_update = ~is_hidden & gate.any(axis=1)
         log_likelihood, chosen = largest_log_likelihood(prior, detections, performs_update)

@@ -10,8 +10,9 @@ import pytest
 from pydantic import ValidationError
 
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions, Settings
+from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
 from mmpf.scan import SensorModel
+from mmpf.settings import Settings
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import HIDDEN, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of

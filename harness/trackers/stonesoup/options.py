@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from harness.trackers.stonesoup.stitching import StitchingOptions
-from mmpf.options import Positive, Probability, Settings, in_unit
+from mmpf.settings import Positive, Probability, Settings, in_unit
 
 
 class StoneSoupOptions(Settings):

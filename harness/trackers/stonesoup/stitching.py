@@ -10,7 +10,7 @@ from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.options import Positive, Settings, in_unit
+from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import TENTATIVE, Tracks
 
 _UNMATCHED_COST = 1e6
