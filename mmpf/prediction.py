@@ -7,10 +7,9 @@ from typing import Protocol
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import Mixture
-from mmpf.compute.arrays import Float32Array, FloatArray
+from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.compute.normals import standard_normals
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
@@ -84,7 +83,7 @@ def prior_update(
 
 def _add_model_error(
     state: FloatArray,
-    is_hidden: npt.NDArray[np.bool_],
+    is_hidden: BoolArray,
     dt_s: float,
     error: ModelErrorOptions,
     speed: float,
@@ -101,7 +100,7 @@ def _add_model_error(
 def _add_scaled(
     state: FloatArray,
     rows: tuple[int, ...],
-    is_hidden: npt.NDArray[np.bool_],
+    is_hidden: BoolArray,
     seen: FloatArray,
     hidden: FloatArray,
     normal: Float32Array,

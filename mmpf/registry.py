@@ -56,3 +56,7 @@ class Registry(Generic[T]):
 
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(self._entries))
+
+    def in_order(self) -> dict[str, T]:
+        """Return the entries by name in the order of their registration."""
+        return dict(self._entries)

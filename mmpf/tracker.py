@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.around.surroundings import surroundings_of
 from mmpf.cloud.birth import Births, Traffic, give_birth
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import BoolArray
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
@@ -137,7 +137,7 @@ class MixtureTracker:
         return prior_update(self._mixture, surroundings, situation, self._proposal, self._options, self._rng)
 
     @property
-    def _is_seen(self) -> npt.NDArray[np.bool_]:
+    def _is_seen(self) -> BoolArray:
         return self._mixture.components.unseen_s <= self._options.reporting.hidden_after_s
 
 

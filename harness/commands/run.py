@@ -7,6 +7,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -160,16 +161,27 @@ def command(
     }
     resolved = resolve_run_config(config, options, settings or ())
 
+    from harness.report.figures import draw_figures  # noqa: PLC0415
+    from harness.report.page import write_run_page  # noqa: PLC0415
     from harness.report.summary import print_summary  # noqa: PLC0415
-    from harness.running.run import run  # noqa: PLC0415
+    from harness.running.open import check_gui, open_looks  # noqa: PLC0415
+    from harness.running.run import Drawing, run  # noqa: PLC0415
 
     if video is not None:
         from harness.export.video import check_film, write_video  # noqa: PLC0415
 
         check_film(video, force)
+    if gui:
+        check_gui(resolved)
     with _only_results_on_stdout():
         finished = run(
-            resolved, out=out, force=force, command=shlex.join(["harness", *sys.argv[1:]]), quiet=quiet, gui=gui
+            resolved,
+            out=out,
+            force=force,
+            command=shlex.join(["harness", *sys.argv[1:]]),
+            quiet=quiet,
+            draw=Drawing(draw_figures, write_run_page),
+            open_looks=partial(open_looks, gui=gui),
         )
     if video is not None:
         write_video(finished.folder, video, force)

@@ -8,7 +8,9 @@ import typer
 
 
 def command(
-    word: Annotated[str, typer.Argument(metavar="[WORD]", help="Show only settings with this word in their path or kind.")] = "",
+    word: Annotated[
+        str, typer.Argument(metavar="[WORD]", help="Show only settings with this word in their path or kind.")
+    ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the settings as JSON on stdout.")] = False,
 ) -> None:
     """List every setting with its default, unit and meaning, and what there is by name.

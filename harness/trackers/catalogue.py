@@ -14,7 +14,7 @@ from typing import cast
 from pydantic import ValidationError
 
 from harness.errors import InputError
-from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker, trackers
+from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
 from mmpf.settings import Settings, fields_of
 
 
@@ -87,9 +87,7 @@ def tracker_options(name: str) -> type[Settings]:
     return cast(type[Settings], getattr(importlib.import_module(module), options))
 
 
-def build_tracker(
-    name: str, setting: TrackerSetting, options: Mapping[str, object]
-) -> Tracker | TruthAssociatedTracker:
+def build_tracker(name: str, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
     """Build a fresh tracker for one episode.
 
     Args:

@@ -7,13 +7,12 @@ way; the gap is then each particle's own. Off every lane, as on a ramp, there ar
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.around.lanes_around import LEFT, OWN, RIGHT, lanes_around
 from mmpf.around.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import Surroundings
 from mmpf.options import FlowOptions
 from mmpf.road import Road
@@ -24,7 +23,7 @@ from mmpf.state import ACCEL, LAT, LON, SPEED
 def surroundings_of(
     mixture: Mixture,
     moments: Moments,
-    is_seen: npt.NDArray[np.bool_],
+    is_seen: BoolArray,
     ego: EgoPose,
     ego_accel_mps2: float,
     road: Road,
@@ -67,7 +66,7 @@ def surroundings_of(
     )
 
 
-def flow_speeds(mean: FloatArray, lane: IntArray, counts: npt.NDArray[np.bool_], options: FlowOptions) -> FloatArray:
+def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: FlowOptions) -> FloatArray:
     """Return the speed of the counted traffic near each component, nan where there is none, shape (m,).
 
     Args:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
 from mmpf.scan import Detections
@@ -48,7 +47,7 @@ class Births:
 
 def give_birth(
     mixture: Mixture,
-    keep: npt.NDArray[np.bool_],
+    keep: BoolArray,
     births: Births,
     motion: MotionModel,
     options: FilterOptions,

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options import JointIdentity
 from mmpf.state import LAT, LON, SPEED
 
@@ -20,7 +19,7 @@ from mmpf.state import LAT, LON, SPEED
 def hand_over_identity(
     mixture: Mixture,
     moments: Moments,
-    confirmed_now: npt.NDArray[np.bool_],
+    confirmed_now: BoolArray,
     options: JointIdentity,
     scan_s: float,
 ) -> tuple[Mixture, int]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
 from mmpf.cloud.birth import Births, give_birth
@@ -18,7 +17,7 @@ from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.joint.association import associate
 from mmpf.joint.detectability import detection_probabilities, distances_m, missed_probabilities
 from mmpf.joint.evidence import (
@@ -180,9 +179,7 @@ class JointUpdate:
         cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
         return replace(mixture, cloud=cloud)
 
-    def _resample(
-        self, posterior: Mixture, was_hit: npt.NDArray[np.bool_], rng: np.random.Generator
-    ) -> tuple[Mixture, float]:
+    def _resample(self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator) -> tuple[Mixture, float]:
         particles, options = self.options.particles, self.options.joint.resampling
         if len(posterior) == 0:
             return posterior, 1.0
@@ -193,7 +190,7 @@ class JointUpdate:
         posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng)
         return posterior, float(effective_size.mean() / particles)
 
-    def _worth_keeping(self, components: Components, moments: Moments, situation: Situation) -> npt.NDArray[np.bool_]:
+    def _worth_keeping(self, components: Components, moments: Moments, situation: Situation) -> BoolArray:
         removal = self.options.joint.removal
         left = outside_observation_area(
             moments.mean[LON], moments.mean[LAT], situation.scan.ego, situation.sensor, removal.range_margin_m
@@ -206,7 +203,7 @@ class JointUpdate:
             & ~left
         )
 
-    def _on_ego(self, situation: Situation, chosen: IntArray) -> npt.NDArray[np.bool_]:
+    def _on_ego(self, situation: Situation, chosen: IntArray) -> BoolArray:
         ego, detections = situation.scan.ego, situation.scan.detections
         return np.asarray(
             (np.abs(detections.lon_m[chosen] - ego.lon_m) < 0.5 * ego.length_m)
@@ -214,7 +211,7 @@ class JointUpdate:
         )
 
 
-def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> npt.NDArray[np.bool_]:
+def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
     """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
     mean = moments.mean
     blocks = components.confirmed & (moments.std[LON] < options.known_place_std_lon_m)
@@ -225,9 +222,7 @@ def _stands_on_another(components: Components, moments: Moments, options: JointE
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 
 
-def _count_hits(
-    components: Components, was_hit: npt.NDArray[np.bool_], existence: FloatArray, dt_s: float
-) -> Components:
+def _count_hits(components: Components, was_hit: BoolArray, existence: FloatArray, dt_s: float) -> Components:
     return replace(
         components,
         existence=existence,

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.special import logsumexp
 
 from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
@@ -17,7 +16,7 @@ from mmpf.cloud.birth import Births, give_birth
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options import FilterOptions, PaperMerging
 from mmpf.paper.clustering import recluster
 from mmpf.scan import Detections
@@ -124,7 +123,7 @@ class MaxLikelihoodUpdate:
         """Recompute pi'_m = sum of pi_c(i) w(i) over the new members, and w within them."""
         return renormalised(mixture)
 
-    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> npt.NDArray[np.bool_]:
+    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> BoolArray:
         removal = self.options.max_likelihood.removal
         if len(mixture) == 0:
             return np.zeros(0, dtype=np.bool_)
@@ -151,7 +150,7 @@ def renormalised(mixture: Mixture) -> Mixture:
 
 
 def largest_log_likelihood(
-    mixture: Mixture, detections: Detections, performs_update: npt.NDArray[np.bool_]
+    mixture: Mixture, detections: Detections, performs_update: BoolArray
 ) -> tuple[FloatArray, IntArray]:
     """Return each particle's largest log likelihood over all detections, and which detection that is.
 
@@ -175,7 +174,7 @@ def largest_log_likelihood(
 
 
 def _component_weights(
-    prior: Mixture, log_sum: FloatArray, performs_update: npt.NDArray[np.bool_], floor_weight: float
+    prior: Mixture, log_sum: FloatArray, performs_update: BoolArray, floor_weight: float
 ) -> FloatArray:
     """Return log pi of equation (11).
 
@@ -193,7 +192,7 @@ def _component_weights(
     return log_component
 
 
-def _gate_table(moments: Moments, detections: Detections, gate_std: float) -> npt.NDArray[np.bool_]:
+def _gate_table(moments: Moments, detections: Detections, gate_std: float) -> BoolArray:
     """Return which detections lie within each component's gate, shape (m, d)."""
     if np.isinf(gate_std):
         return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
@@ -240,7 +239,7 @@ def _merge_overlaps(mixture: Mixture, options: PaperMerging) -> tuple[Mixture, i
 @numba.njit(cache=True)
 def _search_largest(
     state: FloatArray,
-    performs_update: npt.NDArray[np.bool_],
+    performs_update: BoolArray,
     measured: FloatArray,
     std: FloatArray,
     log_likelihood: FloatArray,
