@@ -139,7 +139,7 @@ def command(
       python -m harness run --replay results/cam --model cvm --json
       python -m harness run --replay us101.csv --ego each --duration 120
       python -m harness run --config results/cam/config.toml --set sensor.range_m=80
-      python -m harness run --demand us101-0805 --set tracker.options.joint.gate_std=4
+      python -m harness run --demand us101-0805 --set tracker.options.joint.association.gate_std=4
     """
     from harness.config.layers import resolve_run_config  # noqa: PLC0415
 
