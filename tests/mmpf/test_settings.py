@@ -49,5 +49,5 @@ def test_settings_are_found_by_their_path_with_meaning_and_unit() -> None:
 def test_settings_can_not_be_changed_nor_take_a_key_that_does_not_exist() -> None:
     with pytest.raises(ValidationError):
         Cart().wheels = 3
-    with pytest.raises(ValidationError, match="front.width_m"):
+    with pytest.raises(ValidationError, match=r"front\.width_m"):
         Cart.model_validate({"front": {"width_m": 1.0}})

@@ -107,7 +107,7 @@ def test_the_command_prints_rows_as_json(capsys: pytest.CaptureFixture[str]) -> 
     assert rows[0] == {
         "key": "tracker.options.joint.association.gate_std",
         "default": 4.5,
-        "unit": "σ",
+        "unit": "\u03c3",
         "meaning": "A detection counts for a component within this many standard deviations.",
         "kind": "tracker mmpf",
     }
