@@ -129,7 +129,7 @@ def check_gui(config: RunConfig) -> None:
 
 def _build_tracker(config: RunConfig, setting: TrackerSetting) -> AnyTracker:
     try:
-        return build_tracker(config.tracker.name, setting, config.tracker.all_options())
+        return build_tracker(config.tracker.maker, setting, config.tracker.all_options())
     except UnknownNameError as error:
         raise InputError(f"`model`: {error}") from None
     except (ValueError, TypeError) as error:

@@ -59,24 +59,28 @@ def available_trackers() -> dict[str, str]:
 
 
 def build_tracker(
-    name: str, setting: TrackerSetting, options: Mapping[str, object]
+    maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object]
 ) -> Tracker | TruthAssociatedTracker:
     """Build a fresh tracker for one episode.
 
     Args:
-        name: A name from ``available_trackers``, one that was registered with ``protocol.trackers``, or
-            ``package.module:factory`` for a tracker of one's own.
+        maker: A name from ``available_trackers``, one that was registered with ``protocol.trackers``, or
+            ``package.module:factory`` for a tracker of one's own; or the factory itself.
         setting: What the tracker may know.
         options: The tracker's own options; they override its tuned ones.
 
     Raises:
         InputError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
     """
-    factory = _import_factory(name) if ":" in name else _registered_factory(name)
+    if isinstance(maker, str):
+        factory = _import_factory(maker) if ":" in maker else _registered_factory(maker)
+        options = {**tuned_options(maker), **options}
+    else:
+        factory = maker
     try:
-        return factory(setting, {**tuned_options(name), **options})
+        return factory(setting, options)
     except ValidationError as error:
-        raise InputError(_first_option_error(name, error)) from None
+        raise InputError(_first_option_error(str(maker), error)) from None
 
 
 def _registered_factory(name: str) -> TrackerFactory:

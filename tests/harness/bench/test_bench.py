@@ -101,7 +101,7 @@ def test_names_stand_for_trackers_with_their_options():
 
 @pytest.mark.parametrize("name", ["oracle-kalman", "mmpf:warp", "nobody"])
 def test_what_can_not_be_timed_is_refused(name):
-    with pytest.raises(InputError, match="`trackers?`"):
+    with pytest.raises(InputError, match=r"`trackers?`"):
         run_bench(BenchPlan(vehicles=(3,), trackers=(name,), particles=20, steps=12), lambda: None)
 
 
