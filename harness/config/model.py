@@ -24,40 +24,37 @@ MMPF_DEFAULTS: dict[str, str | int] = {
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class RecordingConfig(_Strict):
-    """Which recorded traffic takes the simulated one's place.
-
-    Attributes:
-        format: Name of the file's format.
-        ego: Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn.
-        start_s: Where in the recording the run begins, seconds after its first row.
-    """
+    """Which recorded traffic takes the simulated one's place."""
 
     format: Annotated[str, Field(min_length=1)]
+    """Name of the file's format."""
     ego: Annotated[str, Field(min_length=1)] = "auto"
+    """Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn."""
     start_s: Annotated[float, Field(ge=0.0)] = 0.0
+    """Where in the recording the run begins, seconds after its first row."""
 
 
 class TrafficConfig(_Strict):
-    """Which traffic is driven, and for how long.
-
-    Attributes:
-        net: Name of a network that travels with the package, or a folder or ``.sumocfg`` file.
-        demand: Name of one of the network's demands; excludes ``density``. The network's default if neither is given.
-        density: Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given and the network names
-            no default demand, unless it is a SUMO configuration with a demand of its own.
-        duration_s: Scored time in seconds; warm-up comes on top. Of a recording, the seconds used.
-        recording: Set where the traffic was recorded on a real road; there is neither demand nor density then.
-    """
+    """Which traffic is driven, and for how long."""
 
     net: Annotated[str, Field(min_length=1)] = "us101"
+    """Name of a network that travels with the package, or a folder or ``.sumocfg`` file."""
     demand: Annotated[str, Field(min_length=1)] | None = None
-    density: Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])] | None = None
+    """Name of one of the network's demands; excludes ``density``. The network's default if neither is given."""
+    density: Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])] | None = Field(
+        default=None, json_schema_extra={"unit": "veh/km/lane"}
+    )
+    """Vehicles per kilometre and main lane; excludes ``demand``. 30 if neither is given and the network names no
+    default demand, unless it is a SUMO configuration with a demand of its own.
+    """
     duration_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 60.0
+    """Scored time in seconds; warm-up comes on top. Of a recording, the seconds used."""
     recording: RecordingConfig | None = None
+    """Set where the traffic was recorded on a real road; there is neither demand nor density then."""
 
     @model_validator(mode="after")
     def _one_way_to_set_traffic(self) -> Self:
@@ -79,14 +76,12 @@ class SensorConfig(_Strict):
     """Which sensor looks at the traffic.
 
     Any other key overrides the profile's setting of that name, for example ``range_m``.
-
-    Attributes:
-        profile: Name of the sensor profile.
     """
 
-    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, use_attribute_docstrings=True)
 
     profile: Annotated[str, Field(min_length=1)] = "lidar"
+    """Name of the sensor profile."""
 
     @property
     def overrides(self) -> dict[str, object]:
@@ -95,23 +90,20 @@ class SensorConfig(_Strict):
 
 
 class TrackerConfig(_Strict):
-    """Which tracker follows the vehicles.
-
-    Attributes:
-        name: Name of the tracker.
-        model: Name of the motion model, for trackers that take one.
-        update: Name of the measurement update, for trackers that have several.
-        particles: Particles per vehicle, for particle filters.
-        model_file: File of a fitted behaviour model to use in place of the one that travels with the package.
-        options: The tracker's own settings by name.
-    """
+    """Which tracker follows the vehicles."""
 
     name: Annotated[str, Field(min_length=1)] = DEFAULT_TRACKER
+    """Name of the tracker."""
     model: Annotated[str, Field(min_length=1)] | None = None
+    """Name of the motion model, for trackers that take one."""
     update: Annotated[str, Field(min_length=1)] | None = None
+    """Name of the measurement update, for trackers that have several."""
     particles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    """Particles per vehicle, for particle filters."""
     model_file: Annotated[str, Field(min_length=1)] | None = None
+    """File of a fitted behaviour model to use in place of the one that travels with the package."""
     options: dict[str, Any] = Field(default_factory=dict)
+    """The tracker's own settings by name."""
     _factory: Callable[..., Any] | None = PrivateAttr(default=None)
 
     @property
@@ -134,22 +126,20 @@ class TrackerConfig(_Strict):
 
 
 class RunConfig(_Strict):
-    """Everything that decides a run's results; same configuration and versions, same results.
-
-    Attributes:
-        seed: Root of all randomness.
-        replay: Run folder whose recorded truth and detections are used in place of SUMO and the sensor, or a file of
-            traffic recorded on a real road.
-        traffic: The traffic.
-        sensor: The sensor.
-        tracker: The tracker.
-    """
+    """Everything that decides a run's results; same configuration and versions, same results."""
 
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    """Root of all randomness."""
     replay: Annotated[str, Field(min_length=1)] | None = None
+    """Run folder whose recorded truth and detections are used in place of SUMO and the sensor, or a file of traffic
+    recorded on a real road.
+    """
     traffic: TrafficConfig = Field(default_factory=TrafficConfig)
+    """The traffic."""
     sensor: SensorConfig = Field(default_factory=SensorConfig)
+    """The sensor."""
     tracker: TrackerConfig = Field(default_factory=TrackerConfig)
+    """The tracker."""
 
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""

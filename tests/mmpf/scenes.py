@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import Surroundings
 from mmpf.road import highway
 from mmpf.scan import Detections, EgoPose, Scan
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 ROAD = highway()
 LANE_WIDTH_M = 3.66
@@ -34,6 +36,30 @@ def detections_at(positions: list[tuple[float, float]], std_lon_m: float = 0.3, 
 
 def scan_of(time_s: float, positions: list[tuple[float, float]], ego: EgoPose | None = None) -> Scan:
     return Scan(time_s, detections_at(positions), ego or ego_at())
+
+
+def belief_of(
+    states: Sequence[FloatArray], weights: Sequence[FloatArray] | None = None, **columns: Sequence[float]
+) -> Mixture:
+    """A belief of one component for each array of states (6, k); ``columns`` are those of ``Components``, by name."""
+    sizes = [state.shape[1] for state in states]
+    own_weights = weights if weights is not None else [np.full(size, 1.0 / size) for size in sizes]
+    weight = np.concatenate([np.zeros(0), *own_weights])
+    component = np.repeat(np.arange(len(sizes)), sizes)
+    state = np.concatenate([np.zeros((STATE_SIZE, 0)), *states], axis=1)
+    log_component_weight = np.full(len(component), -np.log(max(len(sizes), 1)))
+    cloud = ParticleCloud(
+        state, np.log(weight), np.log(weight), component, log_component_weight, np.zeros((0, len(component)))
+    )
+    components = Components.newborn(np.arange(1, len(sizes) + 1), np.full(len(sizes), 0.9))
+    return Mixture(cloud, replace(components, **{name: np.array(values) for name, values in columns.items()}), 100)
+
+
+def spot(lon_m: float, lat_m: float, speed_mps: float = 20.0, particles: int = 10) -> FloatArray:
+    """States of particles that are all in one place, shape (6, particles)."""
+    state = np.zeros((STATE_SIZE, particles))
+    state[LON], state[LAT], state[SPEED] = lon_m, lat_m, speed_mps
+    return state
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,14 @@ BIRTH = 0.3
 
 def enumerated_probability(evidence: FloatArray, missed: FloatArray) -> FloatArray:
     """Exact association marginals: every way to give each component one detection or none, none shared."""
+    return enumerated(evidence, missed)[0]
+
+
+def enumerated(evidence: FloatArray, missed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The exact marginals, and the probability that no component gave the detection, shape (d,)."""
     components, detections = evidence.shape
     probability = np.zeros_like(evidence)
+    unexplained = np.zeros(detections)
     total = 0.0
     for choice in product(range(-1, detections), repeat=components):
         used = [j for j in choice if j >= 0]
@@ -26,10 +32,11 @@ def enumerated_probability(evidence: FloatArray, missed: FloatArray) -> FloatArr
         for t, j in enumerate(choice):
             weight *= missed[t] if j < 0 else evidence[t, j]
         total += weight
+        unexplained[[j for j in range(detections) if j not in used]] += weight
         for t, j in enumerate(choice):
             if j >= 0:
                 probability[t, j] += weight
-    return probability / total
+    return probability / total, unexplained / total
 
 
 def test_two_components_and_two_detections_are_shared_out_as_by_enumeration() -> None:
@@ -78,3 +85,58 @@ def test_a_detection_between_two_components_is_shared_unless_sharing_is_allowed(
     shared = associate(evidence, missed, BIRTH, exclusive=False).probability
     assert exclusive.sum() <= 1.0 + 1e-9
     assert shared.sum() > 1.9
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (1, 6), (2, 1), (5, 1)])
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_one_component_or_one_detection_is_settled_exactly(shape: tuple[int, int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    evidence, missed = np.exp(rng.normal(0.0, 3.0, shape)), rng.uniform(0.05, 1.0, shape[0])
+    probability, unexplained = enumerated(evidence, missed)
+    marginals = associate(evidence, missed, BIRTH)
+    assert marginals.probability == pytest.approx(probability, rel=1e-9)
+    assert marginals.unexplained == pytest.approx(unexplained, rel=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_a_row_of_vehicles_that_share_each_detection_with_the_next_is_settled_exactly(seed: int) -> None:
+    """Each component reaches two detections, its own and the next one's: a chain, which has no loops."""
+    rng = np.random.default_rng(seed)
+    reached = np.eye(4) + np.eye(4, k=1)
+    evidence, missed = reached * np.exp(rng.normal(0.0, 2.0, (4, 4))), rng.uniform(0.05, 1.0, 4)
+    probability, unexplained = enumerated(evidence, missed)
+    marginals = associate(evidence, missed, BIRTH)
+    assert marginals.probability == pytest.approx(probability, rel=1e-6)
+    assert marginals.unexplained == pytest.approx(unexplained, rel=1e-6)
+
+
+def test_what_no_component_explains_stays_close_to_enumeration_on_graphs_with_loops() -> None:
+    worst = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        evidence, missed = np.exp(rng.normal(-1.0, 2.0, (3, 3))), rng.uniform(0.2, 1.0, 3)
+        difference = associate(evidence, missed, BIRTH).unexplained - enumerated(evidence, missed)[1]
+        worst.append(np.abs(difference).max())
+    assert np.median(worst) < 0.01
+    assert np.max(worst) < 0.25
+
+
+@given(seed=st.integers(0, 10_000), birth=st.floats(0.01, 2.0))
+@settings(max_examples=30, deadline=None)
+def test_without_exclusion_each_component_takes_the_detections_as_if_it_were_alone(seed: int, birth: float) -> None:
+    rng = np.random.default_rng(seed)
+    evidence, missed = np.exp(rng.normal(0.0, 2.0, (3, 4))), rng.uniform(0.05, 1.0, 3)
+    together = associate(evidence, missed, birth, exclusive=False)
+    for t in range(3):
+        alone = associate(evidence[[t]], missed[[t]], birth)
+        assert together.probability[t] == pytest.approx(alone.probability[0], rel=1e-9)
+    by_all = (evidence / missed[:, None]).sum(axis=0)
+    assert together.unexplained == pytest.approx((1.0 + birth) / (1.0 + birth + by_all))
+
+
+def test_the_more_newborn_vehicles_are_expected_the_less_of_a_detection_is_explained() -> None:
+    evidence, missed = np.array([[2.0]]), np.array([0.5])
+    unexplained = [associate(evidence, missed, birth).unexplained[0] for birth in (0.0, 0.3, 3.0)]
+    assert unexplained == pytest.approx([(1.0 + b) / (1.0 + b + 2.0 / 0.5) for b in (0.0, 0.3, 3.0)])

@@ -50,6 +50,44 @@ def merged_after(mixture: Mixture, scans: int) -> Mixture:
     return mixture
 
 
+@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)])
+def test_the_name_that_was_reported_stays_even_if_it_is_the_younger_ones(unseen_s: tuple[float, float]) -> None:
+    merged = merged_after(elder_and_younger(1.0, (False, True), unseen_s), 3)
+    assert merged.components.track_id.tolist() == [YOUNGER]
+    assert merged.components.confirmed.tolist() == [True]
+
+
+def test_of_two_that_were_never_reported_the_elders_name_stays() -> None:
+    merged = merged_after(elder_and_younger(1.0, (False, False), (0.0, 0.0)), 3)
+    assert merged.components.track_id.tolist() == [ELDER]
+    assert merged.components.confirmed.tolist() == [False]
+
+
+@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 1.5)], ids=["both seen", "both hidden"])
+def test_two_that_were_both_reported_are_merged_if_both_are_seen_or_both_hidden(
+    unseen_s: tuple[float, float],
+) -> None:
+    assert merged_after(elder_and_younger(1.0, (True, True), unseen_s), 3).components.track_id.tolist() == [ELDER]
+
+
+def test_scans_in_one_place_count_in_a_row_only() -> None:
+    near, far = elder_and_younger(1.0, (True, False), (0.0, 0.0)), elder_and_younger(6.0, (True, False), (0.0, 0.0))
+    after = merged_after(near, 2)
+    apart = merged_after(replace(far, components=after.components), 1)
+    assert len(merged_after(replace(near, components=apart.components), 2)) == 2
+    assert len(merged_after(replace(near, components=apart.components), 3)) == 1
+
+
+def test_one_that_is_about_to_be_removed_merges_with_nobody() -> None:
+    mixture = elder_and_younger(1.0, (True, False), (0.0, 0.0))
+    for _ in range(5):
+        alive = np.array([True, False])
+        mixture, keep = merge_lasting_overlaps(
+            mixture, component_moments(mixture), alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25
+        )
+        assert keep.tolist() == [True, False]
+
+
 @pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)], ids=["both seen", "elder", "younger"])
 def test_a_tentative_component_on_a_confirmed_one_is_merged_and_the_elders_name_stays(
     unseen_s: tuple[float, float],

@@ -1,0 +1,139 @@
+"""A component confirmed where a hidden one may be takes its name, and each name is borne once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.joint.identity import hand_over_identity
+from mmpf.options import JointOptions
+from mmpf.state import LON
+from tests.mmpf.scenes import belief_of, spot
+
+SCAN_S = 0.1
+OPTIONS = JointOptions()
+HIDDEN, NEW = 7, 30
+
+
+def hidden_and_new(
+    apart_m: float = 1.0,
+    unseen_s: float = 2.0,
+    age_scans: int = 3,
+    apart_mps: float = 0.0,
+    existence: float = 0.9,
+) -> Mixture:
+    return belief_of(
+        [spot(50.0, 5.0), spot(50.0 + apart_m, 5.0, 20.0 + apart_mps)],
+        track_id=[HIDDEN, NEW],
+        confirmed=[True, True],
+        unseen_s=[unseen_s, 0.0],
+        age_scans=[60, age_scans],
+        existence=[existence, 0.95],
+    )
+
+
+def handed_over(mixture: Mixture, confirmed_now: list[bool]) -> tuple[Mixture, int]:
+    return hand_over_identity(
+        mixture, component_moments(mixture), np.array(confirmed_now, dtype=np.bool_), OPTIONS, SCAN_S
+    )
+
+
+def names_after(mixture: Mixture) -> list[int]:
+    after, _ = handed_over(mixture, [False, True])
+    return after.components.track_id.tolist()
+
+
+def test_one_confirmed_beside_a_hidden_one_takes_its_name_and_the_hidden_one_is_gone() -> None:
+    mixture = hidden_and_new()
+    after, count = handed_over(mixture, [False, True])
+    assert (after.components.track_id.tolist(), count) == ([HIDDEN], 1)
+    assert after.cloud.state[LON] == pytest.approx(51.0), "the particles are those of the one that is seen"
+    assert after.next_track_id == mixture.next_track_id
+
+
+def test_who_is_too_far_away_or_too_fast_is_somebody_else() -> None:
+    assert names_after(hidden_and_new(apart_m=12.0)) == [HIDDEN, NEW]
+    assert names_after(hidden_and_new(apart_mps=12.0)) == [HIDDEN, NEW]
+
+
+@pytest.mark.parametrize("existence", [0.2, 0.9])
+@pytest.mark.parametrize("axis", ["place", "speed"])
+def test_the_hidden_one_must_explain_it_better_than_a_vehicle_never_seen(axis: str, existence: float) -> None:
+    kernel = (OPTIONS.stitch_lon_m, OPTIONS.stitch_lat_m, OPTIONS.stitch_speed_mps)
+    peak = existence / ((2.0 * np.pi) ** 1.5 * np.prod(kernel))
+    reach = np.sqrt(2.0 * np.log(peak / OPTIONS.stitch_density)) * (kernel[0] if axis == "place" else kernel[2])
+    for share, names in ((0.99, [HIDDEN]), (1.01, [HIDDEN, NEW])):
+        apart = {"apart_m": share * reach} if axis == "place" else {"apart_m": 0.0, "apart_mps": share * reach}
+        assert names_after(hidden_and_new(existence=existence, **apart)) == names
+
+
+@pytest.mark.parametrize(("unseen_s", "names"), [(0.0, [HIDDEN, NEW]), (0.1, [HIDDEN, NEW]), (0.2, [HIDDEN])])
+def test_one_that_was_missed_in_a_single_scan_is_not_hidden_yet(unseen_s: float, names: list[int]) -> None:
+    assert names_after(hidden_and_new(unseen_s=unseen_s)) == names
+
+
+@pytest.mark.parametrize(("age_scans", "names"), [(24, [HIDDEN]), (26, [HIDDEN, NEW])])
+def test_two_that_were_both_seen_for_long_are_two_vehicles(age_scans: int, names: list[int]) -> None:
+    assert names_after(hidden_and_new(unseen_s=2.0, age_scans=age_scans)) == names
+
+
+def test_a_hidden_one_that_was_never_confirmed_has_no_name_to_give() -> None:
+    mixture = hidden_and_new()
+    components = replace(mixture.components, confirmed=np.array([False, True]))
+    assert names_after(replace(mixture, components=components)) == [HIDDEN, NEW]
+
+
+def test_of_two_that_appear_beside_one_hidden_vehicle_the_nearer_takes_its_name() -> None:
+    mixture = belief_of(
+        [spot(53.0, 5.0), spot(50.0, 5.0), spot(51.0, 5.0)],
+        track_id=[30, HIDDEN, 31],
+        confirmed=[True] * 3,
+        unseen_s=[0.0, 2.0, 0.0],
+    )
+    after, count = handed_over(mixture, [True, False, True])
+    assert (after.components.track_id.tolist(), count) == ([30, HIDDEN], 1)
+
+
+def test_pairs_are_settled_together_and_not_one_after_the_other() -> None:
+    """The first new one is nearest to the second hidden one, which is all that the second new one can be."""
+    mixture = belief_of(
+        [spot(46.0, 5.0), spot(50.0, 5.0), spot(49.0, 5.0), spot(55.0, 5.0)],
+        track_id=[1, 2, 30, 31],
+        confirmed=[True] * 4,
+        unseen_s=[2.0, 2.0, 0.0, 0.0],
+    )
+    after, count = handed_over(mixture, [False, False, True, True])
+    assert (after.components.track_id.tolist(), count) == ([1, 2], 2)
+
+
+def test_the_size_that_was_known_of_the_hidden_one_is_kept() -> None:
+    mixture = hidden_and_new()
+    components = replace(mixture.components, length_m=np.array([16.0, 4.7]), std_length_m=np.array([0.5, 2.0]))
+    after, _ = handed_over(replace(mixture, components=components), [False, True])
+    precision = np.array([0.5, 2.0]) ** -2
+    assert after.components.length_m == pytest.approx([np.average([16.0, 4.7], weights=precision)])
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None)
+def test_no_name_is_ever_borne_twice_and_none_is_made_up(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(0, 9))
+    is_new = rng.uniform(size=count) < 0.5
+    mixture = belief_of(
+        [spot(rng.uniform(0.0, 15.0), rng.uniform(0.0, 4.0), rng.uniform(18.0, 22.0)) for _ in range(count)],
+        track_id=rng.permutation(50)[:count],
+        confirmed=is_new | (rng.uniform(size=count) < 0.7),
+        unseen_s=np.where(is_new, 0.0, rng.uniform(0.0, 3.0, count)),
+        age_scans=rng.integers(0, 40, count),
+    )
+    after, handed = handed_over(mixture, is_new.tolist())
+    names = after.components.track_id.tolist()
+    assert len(set(names)) == len(names) == count - handed
+    assert set(names) <= set(mixture.components.track_id.tolist())

@@ -1,0 +1,74 @@
+"""Likelihoods of detections against scipy's normal densities, and which pairs the gate lets through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.evidence import GatedLikelihoods, gated_likelihoods
+from mmpf.scan import Detections
+from mmpf.state import LAT, LON, SPEED
+from tests.mmpf.scenes import belief_of, detections_at, spot
+
+
+def spread_around(lon_m: float, lat_m: float, particles: int, seed: int) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    state = spot(lon_m, lat_m, 15.0, particles)
+    state[[LON, LAT, SPEED]] += np.array([[1.5], [0.4], [3.0]]) * rng.standard_normal((3, particles))
+    return state
+
+
+def likelihoods_of(mixture: Mixture, detections: Detections, gate_std: float) -> GatedLikelihoods:
+    return gated_likelihoods(mixture, component_moments(mixture), detections, gate_std)
+
+
+def test_a_likelihood_is_a_normal_density_in_place_and_where_it_is_measured_in_speed() -> None:
+    states = [spread_around(30.0, 5.0, 50, 1), spread_around(33.0, 9.0, 20, 2)]
+    detections = replace(
+        detections_at([(31.0, 5.5), (29.0, 8.0)], std_lon_m=0.7, std_lat_m=0.5),
+        speed_mps=np.array([np.nan, 17.0]),
+        std_speed_mps=np.array([np.nan, 1.2]),
+    )
+    found = likelihoods_of(belief_of(states), detections, np.inf)
+    assert list(zip(found.component, found.detection, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    for p, (m, j) in enumerate(zip(found.component, found.detection, strict=True)):
+        state = states[m]
+        expected = norm.pdf(detections.lon_m[j], state[LON], 0.7) * norm.pdf(detections.lat_m[j], state[LAT], 0.5)
+        if j == 1:
+            expected = expected * norm.pdf(17.0, state[SPEED], 1.2)
+        assert found.values[found.starts[p] : found.starts[p + 1]] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("axis", [LON, LAT])
+@pytest.mark.parametrize(("share", "inside"), [(0.98, True), (-0.98, True), (1.02, False), (-1.02, False)])
+def test_the_gate_is_as_wide_as_component_and_measurement_together_in_each_direction(
+    axis: int, share: float, inside: bool
+) -> None:
+    state = spread_around(30.0, 5.0, 200, 3)
+    deviation = np.hypot(state[axis].std(), (0.3, 0.2)[axis])
+    place = [state[LON].mean(), state[LAT].mean()]
+    place[axis] += share * 4.5 * deviation
+    found = likelihoods_of(belief_of([state]), detections_at([(place[0], place[1])]), 4.5)
+    assert len(found.component) == inside
+
+
+def test_pairs_outside_of_the_gate_have_no_values_and_the_others_keep_their_order() -> None:
+    mixture = belief_of([spot(0.0, 5.0, particles=3), spot(50.0, 5.0, particles=2)])
+    found = likelihoods_of(mixture, detections_at([(50.0, 5.0), (0.1, 5.0), (25.0, 5.0)]), 4.5)
+    assert found.component.tolist() == [0, 1]
+    assert found.detection.tolist() == [1, 0]
+    assert found.starts.tolist() == [0, 3, 5]
+
+
+@pytest.mark.parametrize(("places", "detected"), [([], [(0.0, 0.0)]), ([(0.0, 0.0)], []), ([], [])])
+def test_without_components_or_without_detections_there_are_no_pairs(
+    places: list[tuple[float, float]], detected: list[tuple[float, float]]
+) -> None:
+    found = likelihoods_of(belief_of([spot(*place) for place in places]), detections_at(detected), 4.5)
+    assert (len(found.component), len(found.values), found.starts.tolist()) == (0, 0, [0])

@@ -1,0 +1,332 @@
+"""The joint rule stage by stage: existence, weights, births, removals, confirmation, against formulas by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+import mmpf.motion  # noqa: F401
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.rule import JointUpdate
+from mmpf.options import FilterOptions, JointOptions
+from mmpf.scan import BodySizes, SensorModel
+from mmpf.state import LAT, LON
+from mmpf.update import Occlusion, Situation, Updated
+from tests.mmpf.scenes import belief_of, detections_at, ego_at, lane_centre, spot
+from tests.mmpf.test_tracker import drive, tracker_with
+from tests.mmpf.test_update_rules import situation_with
+
+PARTICLES = 30
+PLACE = (30.0, lane_centre(2))
+CLUTTER_DENSITY = 1.0 / 4000.0
+BIRTH = 0.3
+Place = tuple[float, float]
+
+
+def rule_with(**options: object) -> JointUpdate:
+    joint = JointOptions.model_validate({"resample_below": 0.0, "young_hits": 0, "birth_density": BIRTH} | options)
+    return JointUpdate(FilterOptions(particles=PARTICLES, joint=joint))
+
+
+def cloud_at(place: Place, seed: int = 0) -> FloatArray:
+    state = spot(*place, particles=PARTICLES)
+    state[[LON, LAT]] += np.array([[0.5], [0.2]]) * np.random.default_rng(seed).standard_normal((2, PARTICLES))
+    return state
+
+
+def likelihood(state: FloatArray, place: Place) -> FloatArray:
+    """f(z | x) of ``detections_at``, whose deviations are 0.3 and 0.2 m."""
+    return np.asarray(norm.pdf(place[0], state[LON], 0.3) * norm.pdf(place[1], state[LAT], 0.2))
+
+
+def updated(
+    rule: JointUpdate,
+    prior: Mixture,
+    detected: FloatArray,
+    missed: FloatArray,
+    detections: list[Place],
+    dt_s: float = 0.1,
+) -> Updated:
+    occlusion = Occlusion(detected, missed, np.zeros(len(prior), dtype=np.bool_))
+    situation = replace(situation_with(detections), dt_s=dt_s)
+    return rule.measurement_update(prior, component_moments(prior), occlusion, situation, np.random.default_rng(0))
+
+
+def uneven(low: float, high: float, components: int = 1) -> FloatArray:
+    """Probabilities that differ from particle to particle."""
+    return np.tile(np.linspace(low, high, PARTICLES), components)
+
+
+@given(existence=st.floats(0.01, 0.99), detected=st.floats(0.05, 0.98))
+@settings(max_examples=25, deadline=None)
+def test_a_missed_component_exists_as_probably_as_the_two_hypotheses_say(existence: float, detected: float) -> None:
+    prior = belief_of([cloud_at(PLACE)], existence=[existence])
+    every = np.full(PARTICLES, detected)
+    after = updated(rule_with(survival_probability=1.0, exclusion_strength=0.0), prior, every, every, [])
+    expected = existence * (1.0 - detected) / (1.0 - existence * detected)
+    assert after.mixture.components.existence == pytest.approx([expected])
+    assert after.was_hit.tolist() == [False]
+
+
+@pytest.mark.parametrize("away_m", [0.4, 1.6, 2.2, 2.5])
+@pytest.mark.parametrize("existence", [0.05, 0.3, 0.9])
+def test_one_detection_raises_existence_as_much_as_its_three_explanations_say(away_m: float, existence: float) -> None:
+    """The detection is the component's, clutter, or a newborn vehicle; its probability differs between particles."""
+    state, place = cloud_at(PLACE), (PLACE[0] + away_m, PLACE[1])
+    detected, missed = uneven(0.2, 0.9), uneven(0.1, 0.6)
+    after = updated(
+        rule_with(survival_probability=1.0, exclusion_strength=0.0, gate_std=50.0),
+        belief_of([state], existence=[existence]),
+        detected,
+        missed,
+        [place],
+    )
+    its_own = existence * float((detected * likelihood(state, place)).mean()) / CLUTTER_DENSITY
+    exists_unseen = existence * float((1.0 - missed).mean()) * (1.0 + BIRTH)
+    exists_not = (1.0 - existence) * (1.0 + BIRTH)
+    total = its_own + exists_unseen + exists_not
+    assert after.mixture.components.existence == pytest.approx([min((its_own + exists_unseen) / total, 0.99)])
+    assert after.birth_claim == pytest.approx([(exists_unseen + exists_not) / total])
+    assert after.was_hit.tolist() == [its_own / total > 0.5]
+
+
+def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> None:
+    places = [PLACE, (PLACE[0] + 1.5, PLACE[1])]
+    detections = [(PLACE[0] + 1.6, PLACE[1]), (PLACE[0] - 2.4, PLACE[1])]
+    states = [cloud_at(place, seed) for seed, place in enumerate(places)]
+    detected, missed, existence = np.full(2 * PARTICLES, 0.8), np.full(2 * PARTICLES, 0.5), np.array([0.5, 0.4])
+    after = updated(
+        rule_with(survival_probability=1.0, exclusion_strength=0.0, gate_std=50.0),
+        belief_of(states, existence=existence.tolist()),
+        detected,
+        missed,
+        detections,
+    )
+    mass, exists = 0.0, np.zeros(2)
+    for choice in product(("nothing", "unseen", 0, 1), repeat=2):
+        used = [word for word in choice if isinstance(word, int)]
+        if len(set(used)) < len(used):
+            continue
+        weight = (1.0 + BIRTH) ** (2 - len(used))
+        for m, word in enumerate(choice):
+            if word == "nothing":
+                weight *= 1.0 - existence[m]
+            elif word == "unseen":
+                weight *= existence[m] * 0.5
+            else:
+                density = likelihood(states[m], detections[word]).mean()
+                weight *= existence[m] * 0.8 * density / CLUTTER_DENSITY
+        mass += weight
+        exists += weight * np.array([word != "nothing" for word in choice])
+    assert after.mixture.components.existence == pytest.approx(np.minimum(exists / mass, 0.99), abs=0.02)
+
+
+def test_no_detection_however_clear_makes_a_component_certain() -> None:
+    prior = belief_of([cloud_at(PLACE)], existence=[0.99])
+    after = updated(rule_with(), prior, np.full(PARTICLES, 0.95), np.full(PARTICLES, 0.6), [PLACE])
+    assert after.mixture.components.existence == pytest.approx([0.99], abs=1e-12)
+
+
+@pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])
+def test_the_chance_to_have_left_grows_with_the_time_between_scans(dt_s: float) -> None:
+    prior, nothing = belief_of([cloud_at(PLACE)], existence=[0.8]), np.zeros(PARTICLES)
+    after = updated(rule_with(survival_probability=0.9), prior, nothing, nothing, [], dt_s)
+    assert after.mixture.components.existence == pytest.approx([0.8 * 0.9 ** (dt_s / 0.1)])
+
+
+@pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.4])
+def test_what_a_hidden_particle_loses_beside_a_seen_vehicle_grows_with_the_time_between_scans(dt_s: float) -> None:
+    hidden = np.concatenate([spot(*PLACE, particles=10), spot(90.0, lane_centre(4), particles=20)], axis=1)
+    prior = belief_of([hidden, spot(*PLACE, particles=10)], confirmed=[True, True], unseen_s=[2.0, 0.0])
+    nothing = np.zeros(40)
+    after = updated(rule_with(exclusion_strength=0.9), prior, nothing, nothing, [], dt_s).mixture.cloud
+    lost = np.exp(-0.9 * dt_s / 0.1)
+    assert after.log_raw_weight - prior.cloud.log_raw_weight == pytest.approx(
+        np.log([lost] * 10 + [1.0] * 20 + [1.0] * 10), abs=1e-9
+    )
+    assert np.exp(after.log_weight[:30]) == pytest.approx(
+        np.array([lost] * 10 + [1.0] * 20) / (10.0 * lost + 20.0), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("exclusive", [True, False])
+def test_particles_are_weighed_by_the_miss_and_by_what_the_detection_says_for_them(exclusive: bool) -> None:
+    state, place = cloud_at(PLACE), (PLACE[0] + 0.8, PLACE[1])
+    weight = np.random.default_rng(5).dirichlet(np.ones(PARTICLES))
+    detected, missed = uneven(0.2, 0.9), uneven(0.1, 0.6)
+    rule = rule_with(exclusion_strength=0.0, gate_std=50.0, exclusive=exclusive)
+    after = updated(rule, belief_of([state], [weight]), detected, missed, [place]).mixture.cloud
+    offered = likelihood(state, place) / CLUTTER_DENSITY / (1.0 + BIRTH)
+    expected = weight * (1.0 - missed + detected * offered)
+    assert np.exp(after.log_weight) == pytest.approx(expected / expected.sum())
+
+
+def test_hits_are_counted_and_the_time_unseen_starts_anew_with_each() -> None:
+    prior = belief_of([cloud_at(PLACE), cloud_at((-30.0, 5.0))], hits=[4, 5], unseen_s=[0.7, 0.7])
+    every = np.full(2 * PARTICLES, 0.5)
+    components = updated(rule_with(), prior, every, every, [PLACE]).mixture.components
+    assert components.hits.tolist() == [5, 5]
+    assert components.unseen_s == pytest.approx([0.0, 0.8])
+
+
+def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_its_own() -> None:
+    sizes = BodySizes(np.array([9.0, 5.0]), np.array([2.5, 1.8]), np.array([1.0, 1.0]), np.array([0.2, 0.2]))
+    detections = replace(detections_at([(PLACE[0] + 40.0, PLACE[1]), PLACE]), sizes=sizes)
+    prior = belief_of([cloud_at(PLACE)])
+    situation = situation_with([])
+    situation = replace(situation, scan=replace(situation.scan, detections=detections))
+    every, hidden = np.full(PARTICLES, 0.5), np.zeros(1, dtype=np.bool_)
+    after = rule_with().measurement_update(
+        prior, component_moments(prior), Occlusion(every, every, hidden), situation, np.random.default_rng(0)
+    )
+    known = prior.components
+    expected = np.average([known.length_m[0], 5.0], weights=[known.std_length_m[0] ** -2, 1.0])
+    assert after.mixture.components.length_m == pytest.approx([expected])
+
+
+def test_without_shadows_every_particle_has_the_fixed_probability() -> None:
+    prior = belief_of([cloud_at(PLACE), cloud_at((60.0, PLACE[1]))])
+    rule = rule_with(shadow=False, fixed_probability=0.7, missed_detection_cap=0.6)
+    occlusion = rule.assert_occlusion(prior, component_moments(prior), situation_with([]))
+    assert occlusion.detection_probability == pytest.approx(np.full(2 * PARTICLES, 0.7))
+    assert occlusion.missed_probability == pytest.approx(np.full(2 * PARTICLES, 0.6))
+    assert occlusion.is_hidden.tolist() == [False, False]
+
+
+@pytest.mark.parametrize(("existence", "hidden"), [(0.9, True), (0.1, False)])
+def test_only_what_probably_exists_hides_what_stands_behind_it(existence: float, hidden: bool) -> None:
+    behind = belief_of([spot(15.0, lane_centre(2)), spot(40.0, lane_centre(2))], existence=[existence, 0.9])
+    occlusion = rule_with().assert_occlusion(behind, component_moments(behind), situation_with([]))
+    assert occlusion.is_hidden.tolist() == [False, hidden]
+    assert occlusion.detection_probability[:10] == pytest.approx(np.full(10, 0.95))
+    assert occlusion.missed_probability[:10] == pytest.approx(np.full(10, 0.6))
+    assert occlusion.detection_probability[10:] == pytest.approx(np.full(10, 0.02 if hidden else 0.95))
+    assert occlusion.missed_probability[10:] == pytest.approx(np.full(10, 0.0 if hidden else 0.6))
+
+
+def changed(mixture: Mixture, situation: Situation, claims: list[float], **options: object) -> Mixture:
+    nobody_hit = np.zeros(len(mixture), dtype=np.bool_)
+    change = rule_with(**options).remove_add_merge(
+        Updated(mixture, nobody_hit, np.array(claims), 0.0, 1.0), situation, np.random.default_rng(0)
+    )
+    assert len(change.mixture) == len(mixture) - change.removed - change.merged + change.added
+    return change.mixture
+
+
+def test_a_detection_that_nothing_explains_starts_a_component_as_probable_as_births_are_beside_clutter() -> None:
+    claims = [0.95, 0.29, 0.31]
+    detections = [(30.0, lane_centre(1)), (50.0, lane_centre(1)), (70.0, lane_centre(1))]
+    mixture = changed(belief_of([]), situation_with(detections), claims, birth_unexplained=0.3)
+    assert mixture.components.existence == pytest.approx([BIRTH / (1.0 + BIRTH) * claim for claim in (0.95, 0.31)])
+    assert component_moments(mixture).mean[LON] == pytest.approx([30.0, 70.0], abs=0.5)
+
+
+def test_detections_on_the_ego_itself_start_no_component() -> None:
+    ego = ego_at()
+    on_it = [(0.0, 0.0), (2.3, 0.9), (-2.3, -0.9), (2.4, 0.0), (0.0, 1.0)]
+    situation = situation_with([(ego.lon_m + lon, ego.lat_m + lat) for lon, lat in on_it])
+    mixture = changed(belief_of([]), situation, [1.0] * len(on_it))
+    assert len(mixture) == 2, "the ego is 4.7 m long and 1.9 m wide: the last two lie beside it"
+
+
+def test_reflections_from_the_ego_itself_make_no_track_of_it() -> None:
+    car, reflection = (30.0, lane_centre(2)), (0.3, lane_centre(2))
+    tracks = drive(tracker_with(), 20, lambda step: [car, reflection] if step else [car])
+    assert tracks.lon_m == pytest.approx([2.0 * 19 + 30.0], abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("column", "kept", "removed"),
+    [
+        ({"confirmed": [False]}, {"existence": [0.021]}, {"existence": [0.019]}),
+        ({"confirmed": [False]}, {"unseen_s": [0.95]}, {"unseen_s": [1.05]}),
+        ({"confirmed": [True]}, {"unseen_s": [9.9]}, {"unseen_s": [10.1]}),
+    ],
+    ids=["existence", "unconfirmed and unseen", "confirmed and unseen"],
+)
+def test_what_hardly_exists_or_was_not_seen_for_long_is_removed(
+    column: dict[str, list[float]], kept: dict[str, list[float]], removed: dict[str, list[float]]
+) -> None:
+    for case, count in ((kept, 1), (removed, 0)):
+        mixture = belief_of([cloud_at(PLACE)], **(column | case))
+        assert len(changed(mixture, situation_with([]), [])) == count
+
+
+@pytest.mark.parametrize(("lon_m", "count"), [(103.0, 1), (105.0, 0)])
+def test_what_left_the_observation_area_is_removed(lon_m: float, count: int) -> None:
+    assert SensorModel().range_m == 100.0
+    assert len(changed(belief_of([spot(lon_m, ego_at().lat_m)]), situation_with([]), [])) == count
+
+
+@pytest.mark.parametrize(("std_m", "count"), [(19.0, 1), (21.0, 0)])
+def test_what_may_be_anywhere_is_removed(std_m: float, count: int) -> None:
+    state = spot(30.0, 5.0, particles=2)
+    state[LON] += [-std_m, std_m]
+    assert len(changed(belief_of([state]), situation_with([]), [])) == count
+
+
+@pytest.mark.parametrize(
+    ("existence", "hits", "confirmed"), [(0.61, 3, True), (0.59, 9, False), (0.99, 2, False), (0.99, 3, True)]
+)
+def test_a_component_is_confirmed_once_it_is_probable_and_was_hit_often_enough(
+    existence: float, hits: int, confirmed: bool
+) -> None:
+    mixture = belief_of([cloud_at(PLACE)], existence=[existence], hits=[hits])
+    after, _ = rule_with().finetune(mixture, situation_with([]), np.random.default_rng(0))
+    assert after.components.confirmed.tolist() == [confirmed]
+
+
+@pytest.mark.parametrize(("stitch", "names"), [(True, [1]), (False, [1, 2])])
+def test_one_confirmed_where_a_hidden_one_may_be_is_that_one_unless_told_otherwise(
+    stitch: bool, names: list[int]
+) -> None:
+    hidden = spot(30.0, 5.0, particles=2)
+    hidden[LON] += [-3.0, 3.0]
+    mixture = belief_of(
+        [hidden, spot(32.0, 5.0)], confirmed=[True, False], unseen_s=[2.0, 0.0], hits=[30, 3], existence=[0.9, 0.9]
+    )
+    after, _ = rule_with(stitch=stitch).finetune(mixture, situation_with([]), np.random.default_rng(0))
+    assert after.components.track_id.tolist() == names
+    assert after.components.confirmed.all()
+
+
+def test_each_components_weight_is_its_share_of_all_vehicles_that_are_expected() -> None:
+    existence = [0.9, 0.3, 0.6]
+    mixture = belief_of([cloud_at(PLACE, seed) for seed in range(3)], existence=existence)
+    weighted = rule_with().weight_update(mixture)
+    share = np.exp(weighted.cloud.log_component_weight)
+    assert share == pytest.approx(np.repeat(np.array(existence) / 1.8, PARTICLES))
+    assert (weighted.cloud.log_weight == mixture.cloud.log_weight).all()
+
+
+def test_a_component_whose_particles_disagree_is_resampled_and_the_others_are_left() -> None:
+    lopsided = np.full(PARTICLES, 1e-6)
+    lopsided[0] = 1.0 - (PARTICLES - 1) * 1e-6
+    states = [cloud_at(PLACE), cloud_at((-30.0, 5.0), 1)]
+    prior = belief_of(states, [lopsided, np.full(PARTICLES, 1.0 / PARTICLES)])
+    nothing = np.zeros(2 * PARTICLES)
+    after = updated(rule_with(resample_below=0.3), prior, nothing, nothing, [])
+    assert np.exp(after.mixture.cloud.log_weight) == pytest.approx(np.full(2 * PARTICLES, 1.0 / PARTICLES))
+    assert after.mixture.cloud.state[LON, :PARTICLES] == pytest.approx(np.full(PARTICLES, states[0][LON, 0]), abs=0.1)
+    assert (after.mixture.cloud.state[:, PARTICLES:] == states[1]).all()
+    sizes = [1.0 / (lopsided**2).sum(), PARTICLES]
+    assert after.effective_share == pytest.approx(np.mean(sizes) / PARTICLES)
+
+
+def test_the_entropy_of_the_association_is_that_of_the_hypotheses_of_each_component() -> None:
+    state, place = cloud_at(PLACE), (PLACE[0] + 2.2, PLACE[1])
+    every = np.full(PARTICLES, 0.5)
+    rule = rule_with(survival_probability=1.0, exclusion_strength=0.0, gate_std=50.0)
+    after = updated(rule, belief_of([state], existence=[0.5]), every, every, [place])
+    its_own = 0.5 * 0.5 * likelihood(state, place).mean() / CLUTTER_DENSITY
+    other = (0.5 + 0.5 * 0.5) * (1.0 + BIRTH)
+    share = np.array([its_own, other]) / (its_own + other)
+    assert after.association_entropy == pytest.approx(-(share * np.log(share)).sum())
