@@ -28,7 +28,7 @@ _HOME = {
     "Scan": "mmpf.scan",
     "SensorModel": "mmpf.scan",
     "Surroundings": "mmpf.motion.protocol",
-    "Tracks": "mmpf.state",
+    "Tracks": "mmpf.tracks",
     "highway": "mmpf.road",
     "motion_model": "mmpf.motion",
     "motion_models": "mmpf.motion.protocol",

@@ -61,4 +61,4 @@ class TrackerFactory(Protocol):
         ...
 
 
-trackers: Registry[TrackerFactory] = Registry("tracker")
+trackers: Registry[TrackerFactory] = Registry("tracker", "harness.trackers")

@@ -9,9 +9,9 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 
+import harness
 from harness.errors import InputError
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
@@ -166,8 +166,14 @@ def default_demand(name_or_path: str) -> str | None:
 
 
 def _network_folders() -> list[Path]:
-    root = Path(str(files("networks")))
-    return sorted(entry.parent for entry in root.glob(f"*/{METADATA_FILE}"))
+    return sorted(entry.parent for entry in shipped_networks().glob(f"*/{METADATA_FILE}"))
+
+
+def shipped_networks() -> Path:
+    """Return the folder of the networks that come with the project: within the package, or beside it in a checkout."""
+    package = Path(harness.__file__).parent
+    installed = package / "networks"
+    return installed if installed.is_dir() else package.parent / "networks"
 
 
 def _from_folder(folder: Path) -> Network:
