@@ -5,35 +5,28 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
-MOT = "hota deta assa idf1 mota id_switches fragmentations missed false_tracks"
+from harness.grid.rows import flattened
+from harness.scoring.metrics import completed, quantities
+
+TIMES = ("steps", "realtime_factor", "total_s", "tracker_ms.p50", "tracker_ms.p95", "tracker_ms.p99")
+TRAFFIC = ("density_veh_per_km_lane", "flow_veh_per_h", "mean_speed_mps", "vehicles_in_range")
 KEYS = {
-    **{f"mae.{group}": "lon_m lat_m speed_mps lat_speed_mps n" for group in ("all", "visible", "partial", "hidden")},
-    "mae": "by_seconds_hidden",
-    "mot": MOT,
-    "mot_all": MOT,
-    "gospa": "mean localisation missed false",
-    "occlusion": "events survived hijacked lost same_id median_reacquire_s",
-    "calibration": "nees",
-    "calibration.coverage95": "lon lat speed",
-    "timing": "steps realtime_factor total_s",
-    "timing.tracker_ms": "p50 p95 p99",
-    "timing.sensor_ms": "p50",
-    "timing.truth_ms": "p50",
-    "traffic": "density_veh_per_km_lane flow_veh_per_h mean_speed_mps vehicles_in_range",
+    *flattened(completed({})),
+    *(quantity.key for quantity in quantities()),
+    *(f"timing.{name}" for name in (*TIMES, "sensor_ms.p50", "truth_ms.p50")),
+    *(f"traffic.{name}" for name in TRAFFIC),
+    "mae.by_seconds_hidden.0.lon_m",
 }
 
 
 def main(path: Path) -> str:
     """Return what is wrong, or nothing."""
-    metrics = json.loads(path.read_text(encoding="utf-8"))
-    for place, names in KEYS.items():
-        table = metrics
-        for part in place.split("."):
-            table = table.get(part, {})
-        missing = set(names.split()) - set(table)
-        if missing:
-            return f"{path}: {place} lacks {', '.join(sorted(missing))}"
+    metrics: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    missing = KEYS - set(flattened(metrics))
+    if missing:
+        return f"{path}: {', '.join(sorted(missing))} missing"
     if metrics["timing"]["realtime_factor"] < 1.0:
         return f"{path}: slower than real time, factor {metrics['timing']['realtime_factor']:.2f}"
     return ""

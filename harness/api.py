@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -209,14 +209,25 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         values = checked(RunOptions, options, "run")
         config = _run_config(values)
         # Only now: what is wrong with the input is told before anything heavy is imported.
+        from harness.report.figures import draw_figures  # noqa: PLC0415
+        from harness.report.page import write_run_page  # noqa: PLC0415
         from harness.running import run as running  # noqa: PLC0415
+        from harness.running.open import check_gui, open_looks  # noqa: PLC0415
 
         if values["video"] is not None:
             from harness.export.video import check_film, write_video  # noqa: PLC0415
 
             check_film(values["video"], values["force"])
+        if values["gui"]:
+            check_gui(config)
         finished = running.run(
-            config, out=values["out"], force=values["force"], command=command, quiet=quiet, gui=values["gui"]
+            config,
+            out=values["out"],
+            force=values["force"],
+            command=command,
+            quiet=quiet,
+            draw=running.Drawing(draw_figures, write_run_page),
+            open_looks=partial(open_looks, gui=values["gui"]),
         )
         if values["video"] is not None:
             write_video(finished.folder, values["video"], values["force"])

@@ -8,46 +8,47 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mmpf.motion import motion_model
-    from mmpf.motion.protocol import MotionModel, Surroundings, motion_models
+    from mmpf.motion.protocol import Memoryless, MotionModel, Neighbour, Surroundings, motion_models
     from mmpf.options import FilterOptions
     from mmpf.road import Lane, Road, highway
-    from mmpf.scan import Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel
-    from mmpf.tracker import MixtureTracker
-    from mmpf.tracks import Tracks
+    from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel, check_scan
+    from mmpf.tracker import MixtureTracker, StepReport
+    from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
-_HOME = {
-    "Detections": "mmpf.scan",
-    "EgoPose": "mmpf.scan",
-    "FilterOptions": "mmpf.options",
-    "FreeSpace": "mmpf.scan",
-    "InvalidScanError": "mmpf.scan",
-    "Lane": "mmpf.road",
-    "MixtureTracker": "mmpf.tracker",
-    "MotionModel": "mmpf.motion.protocol",
-    "Road": "mmpf.road",
-    "Scan": "mmpf.scan",
-    "SensorModel": "mmpf.scan",
-    "Surroundings": "mmpf.motion.protocol",
-    "Tracks": "mmpf.tracks",
-    "highway": "mmpf.road",
-    "motion_model": "mmpf.motion",
-    "motion_models": "mmpf.motion.protocol",
+# The names that each module gives to the library.
+_NAMES = {
+    "mmpf.motion": "motion_model",
+    "mmpf.motion.protocol": "Memoryless MotionModel Neighbour Surroundings motion_models",
+    "mmpf.options": "FilterOptions",
+    "mmpf.road": "Lane Road highway",
+    "mmpf.scan": "BodySizes Detections EgoPose FreeSpace InvalidScanError Scan SensorModel check_scan",
+    "mmpf.tracker": "MixtureTracker StepReport",
+    "mmpf.tracks": "CONFIRMED HIDDEN TENTATIVE Tracks",
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
+    "CONFIRMED",
+    "HIDDEN",
+    "TENTATIVE",
+    "BodySizes",
     "Detections",
     "EgoPose",
     "FilterOptions",
     "FreeSpace",
     "InvalidScanError",
     "Lane",
+    "Memoryless",
     "MixtureTracker",
     "MotionModel",
+    "Neighbour",
     "Road",
     "Scan",
     "SensorModel",
+    "StepReport",
     "Surroundings",
     "Tracks",
+    "check_scan",
     "highway",
     "motion_model",
     "motion_models",

@@ -74,6 +74,10 @@ class Registry(Generic[T]):
     def __iter__(self) -> Iterator[str]:
         return iter(sorted({*self._entries, *(point.name for point in self._declared())}))
 
+    def in_order(self) -> dict[str, T]:
+        """Return the entries by name in the order of their registration."""
+        return dict(self._entries)
+
     def _declared(self) -> Iterable[EntryPoint]:
         if self.group is None:
             return ()

@@ -24,10 +24,10 @@ class Lane:
 
     Attributes:
         number: 1 for the leftmost main lane, growing to the right.
-        right_m: Lateral position of the right lane line.
-        left_m: Lateral position of the left lane line.
-        start_m: Longitudinal position where the lane begins.
-        end_m: Longitudinal position where the lane ends.
+        right_m: Lateral position of the right lane line, metres.
+        left_m: Lateral position of the left lane line, metres; greater than ``right_m``.
+        start_m: Longitudinal position where the lane begins, metres; minus infinity for one without a beginning.
+        end_m: Longitudinal position where the lane ends, metres; infinity for one without an end.
     """
 
     number: int
@@ -38,7 +38,7 @@ class Lane:
 
     @property
     def centre_m(self) -> float:
-        """Lateral position of the lane's middle."""
+        """Lateral position of the lane's middle, metres."""
         return 0.5 * (self.right_m + self.left_m)
 
 
@@ -47,11 +47,11 @@ class Road:
     """Lanes in the road frame and the reference line that carries the frame.
 
     Attributes:
-        lanes: Lanes from right to left or in any order; they may overlap nowhere.
-        reference_xy: Reference line in the Cartesian plane, shape (k, 2), metres, k >= 2. Beyond its ends it goes on
-            straight.
-        reference_start_m: Longitudinal position of the line's first point.
-        section_m: Start and end of the section that is scored.
+        lanes: The lanes in any order; they may overlap nowhere.
+        reference_xy: Points (x, y) of the reference line in the Cartesian plane, metres, at least two. Beyond its ends
+            it goes on straight.
+        reference_start_m: Longitudinal position of the line's first point, metres.
+        section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
     """
 
     lanes: tuple[Lane, ...]
@@ -88,11 +88,11 @@ class Road:
         return np.clip(np.searchsorted(self._vertex_lon, lon_m, side="right") - 1, 0, len(self._vertices) - 2)
 
     def heading_at(self, lon_m: FloatArray) -> FloatArray:
-        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
+        """Return the Cartesian direction of the reference line, radians counter-clockwise, the shape of ``lon_m``."""
         return np.asarray(self._segment_headings[self._segment_at(lon_m)])
 
     def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape.
+        """Map road-frame positions, metres, to Cartesian x and y, metres, in the arguments' shape.
 
         Parallels of the reference line bend with it and are mitred at its vertices, so that the map has neither gaps
         nor overlaps up to the line's radius of curvature.
@@ -109,7 +109,7 @@ class Road:
         return x, y
 
     def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map Cartesian positions, shape (n,), to longitudinal and lateral position, each (n,): undo ``to_cartesian``.
+        """Undo ``to_cartesian``: map x and y, metres, (n,), to longitudinal and lateral position, metres, each (n,).
 
         Where several segments face a position the nearest counts.
         """
@@ -130,11 +130,11 @@ class Road:
 
     @cached_property
     def lane_table(self) -> FloatArray:
-        """Lanes as numbers for kernels: rows of (number, right, left, start, end), shape (lanes, 5)."""
+        """The lanes as rows of (number, right, left, start, end), metres, shape (lanes, 5), for compiled loops."""
         return np.array([[ln.number, ln.right_m, ln.left_m, ln.start_m, ln.end_m] for ln in self.lanes])
 
     def lane_index_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
-        """Return the index into ``lanes`` of each position's lane, -1 off the road, shape (n,)."""
+        """Return the index into ``lanes`` of each position's lane, -1 off the road; positions in metres, all (n,)."""
         _, right, left, start, end = self.lane_table.T
         inside = (
             (lat_m[:, None] >= right) & (lat_m[:, None] < left) & (lon_m[:, None] >= start) & (lon_m[:, None] < end)
@@ -142,14 +142,20 @@ class Road:
         return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)
 
     def lane_number_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
-        """Return each position's lane number, ``NO_LANE`` off the road, shape (n,)."""
+        """Return each position's lane number, ``NO_LANE`` (0) off the road; positions in metres, all (n,)."""
         index = self.lane_index_at(lon_m, lat_m)
         numbers = np.append(self.lane_table[:, 0], NO_LANE).astype(np.int64)
         return numbers[index]
 
 
 def highway(lanes: int = 5, lane_width_m: float = 3.66, section_m: tuple[float, float] = (0.0, 640.0)) -> Road:
-    """Return a straight one-way road whose right edge lies at lateral position zero."""
+    """Return a straight one-way road whose right edge lies at lateral position zero.
+
+    Args:
+        lanes: Number of lanes, without beginning or end.
+        lane_width_m: Width of each, metres.
+        section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
+    """
     strips = tuple(
         Lane(number=lanes - k, right_m=k * lane_width_m, left_m=(k + 1) * lane_width_m) for k in range(lanes)
     )

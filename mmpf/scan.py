@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, taken
 
 
 class InvalidScanError(ValueError):
@@ -18,13 +18,13 @@ class InvalidScanError(ValueError):
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Sizes of the boxes fitted to detected vehicles, struct of arrays, each of shape (d,).
+    """Sizes of the boxes fitted to d detected vehicles, struct of arrays; each of shape (d,), metres, positive.
 
     Attributes:
         length_m: Measured length.
         width_m: Measured width.
         std_length_m: Standard deviation of the length, as the sensor reports it.
-        std_width_m: Standard deviation of the width.
+        std_width_m: Standard deviation of the width, likewise.
     """
 
     length_m: FloatArray
@@ -33,8 +33,8 @@ class BodySizes:
     std_width_m: FloatArray
 
     def take(self, index: IntArray) -> BodySizes:
-        """Return the sizes of some detections, in the order of ``index``."""
-        return BodySizes(*(getattr(self, column.name)[index] for column in fields(self)))
+        """Return the sizes of some detections, in the order of ``index``, shape (k,)."""
+        return taken(self, index)
 
     def validate(self, count: int) -> None:
         """Check the arrays for their shape and for values that no measurement has.
@@ -54,16 +54,16 @@ class BodySizes:
 
 @dataclass(frozen=True)
 class Detections:
-    """The detections of one scan in the road frame, struct of arrays, each of shape (d,).
+    """The d detections of one scan in the road frame, struct of arrays, each of shape (d,); their order means nothing.
 
     Attributes:
-        lon_m: Measured longitudinal position of the vehicle's centre.
-        lat_m: Measured lateral position of the vehicle's centre.
-        speed_mps: Measured longitudinal speed; nan where the sensor does not measure it.
-        std_lon_m: Standard deviation of the longitudinal noise, as the sensor reports it.
-        std_lat_m: Standard deviation of the lateral noise.
-        std_speed_mps: Standard deviation of the speed noise; nan where speed is not measured.
-        sizes: Measured sizes; None of a sensor that measures none.
+        lon_m: Measured longitudinal position of the vehicle's centre, metres.
+        lat_m: Measured lateral position of the vehicle's centre, metres.
+        speed_mps: Measured longitudinal speed, m/s; nan where the sensor does not measure it.
+        std_lon_m: Standard deviation of the longitudinal noise, metres, as the sensor reports it; positive.
+        std_lat_m: Standard deviation of the lateral noise, metres; positive.
+        std_speed_mps: Standard deviation of the speed noise, m/s; nan where speed is not measured.
+        sizes: Measured sizes, of shape (d,); None of a sensor that measures none.
     """
 
     lon_m: FloatArray
@@ -107,12 +107,12 @@ class EgoPose:
     """Where the sensor's vehicle is, in the road frame; the sensor sits on its centre.
 
     Attributes:
-        lon_m: Longitudinal position of the centre.
-        lat_m: Lateral position of the centre.
-        heading_rad: Heading against the road's direction, positive to the left.
-        speed_mps: Longitudinal speed.
-        length_m: Vehicle length.
-        width_m: Vehicle width.
+        lon_m: Longitudinal position of the centre, metres.
+        lat_m: Lateral position of the centre, metres.
+        heading_rad: Heading against the road's direction, radians, positive to the left.
+        speed_mps: Longitudinal speed, m/s.
+        length_m: Length of the vehicle, metres.
+        width_m: Width of the vehicle, metres.
     """
 
     lon_m: float
@@ -128,7 +128,7 @@ class FreeSpace:
     """How far the sensor can see in each direction, worked out from its own detections alone.
 
     Attributes:
-        range_m: Free distance per bearing sector, shape (sectors,). Sector ``k`` spans the bearings
+        range_m: Free distance per bearing sector, metres, shape (sectors,). Sector ``k`` spans the bearings
             ``[-pi + k * width, -pi + (k + 1) * width)`` with ``width = 2 pi / sectors``, Cartesian, counter-clockwise.
             Beyond that distance the sector lies in a detected vehicle's shadow; a free sector has the sensor's range.
     """
@@ -141,9 +141,9 @@ class Scan:
     """All that a tracker receives at one time step.
 
     Attributes:
-        time_s: Time of the scan; grows from scan to scan.
-        detections: The detections.
-        ego: Pose of the sensor's vehicle.
+        time_s: Time of the scan, seconds; grows from scan to scan.
+        detections: The detections, d of them, which may be none.
+        ego: Pose of the sensor's vehicle at that time.
         free_space: What the sensor knows of its own shadows; None if it does not say.
     """
 
@@ -158,13 +158,13 @@ class SensorModel:
     """What a tracker may know of the sensor beforehand: its data sheet.
 
     Attributes:
-        range_m: Nothing beyond this distance is detected.
-        detection_probability: Probability of detecting a vehicle in plain view.
+        range_m: Nothing beyond this distance is detected, metres.
+        detection_probability: Probability of detecting a vehicle in plain view, 0 to 1.
         clutter_per_scan: Expected number of false detections a scan.
-        full_view_fraction: Visible fraction from which the detection probability is the full one; below it the
-            probability falls in proportion.
-        hidden_fraction: Visible fraction below which a vehicle gives no detection.
-        clutter_area_m2: Area over which clutter spreads evenly.
+        full_view_fraction: Visible fraction, 0 to 1, from which the detection probability is the full one; below it
+            the probability falls in proportion.
+        hidden_fraction: Visible fraction, 0 to 1, below which a vehicle gives no detection.
+        clutter_area_m2: Area over which clutter spreads evenly, square metres.
     """
 
     range_m: float = 100.0

@@ -15,19 +15,19 @@ TRACK_STATES = ("tentative", "confirmed", "hidden")
 
 @dataclass(frozen=True)
 class Tracks:
-    """The tracks reported after one scan, struct of arrays, each of shape (m,).
+    """The m tracks reported after one scan, struct of arrays, each of shape (m,), in the road frame.
 
     Attributes:
         track_id: Identity, stable from scan to scan and never used again.
-        lon_m: Longitudinal position.
-        lat_m: Lateral position.
-        speed_mps: Longitudinal speed.
-        lat_speed_mps: Lateral speed.
-        accel_mps2: Longitudinal acceleration.
-        std_lon_m: Standard deviation of the longitudinal position.
-        std_lat_m: Standard deviation of the lateral position.
-        std_speed_mps: Standard deviation of the longitudinal speed.
-        existence: Probability that the track is a vehicle.
+        lon_m: Longitudinal position of the vehicle's centre, metres.
+        lat_m: Lateral position of the vehicle's centre, metres.
+        speed_mps: Longitudinal speed, m/s.
+        lat_speed_mps: Lateral speed, m/s.
+        accel_mps2: Longitudinal acceleration, m/s².
+        std_lon_m: Standard deviation of the longitudinal position, metres.
+        std_lat_m: Standard deviation of the lateral position, metres.
+        std_speed_mps: Standard deviation of the longitudinal speed, m/s.
+        existence: Probability that the track is a vehicle, 0 to 1.
         state: ``TENTATIVE``, ``CONFIRMED`` or ``HIDDEN`` (confirmed, and the tracker knows that it can't be seen).
     """
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.resources import as_file, files
 from time import perf_counter
 
 import numpy as np
 
-from mmpf.motion.gmm.conditional import ConditionalGmm, expand
-from mmpf.motion.gmm.model_file import MIXTURE_PARTS, load_arrays, mixture_from_arrays
-from mmpf.motion.learned.lane_changer import CASE as LANE_CHANGE
-from mmpf.motion.learned.short_driver import CASE as LANE_KEEPING
+from mmpf.motion.gmm.conditional import expand
+from mmpf.motion.gmm.model_file import committed_mixture
+from mmpf.motion.learned.lane_changer import CHANGE
+from mmpf.motion.learned.short_driver import SHORT
 
 PARTICLES = 40_000
 REPETITIONS = 15
-COMMITTED = (("lane_keeping_short.npz", LANE_KEEPING), ("lane_change.npz", LANE_CHANGE))
 
 
 def time_mixtures(rng: np.random.Generator) -> list[dict[str, object]]:
@@ -25,8 +23,8 @@ def time_mixtures(rng: np.random.Generator) -> list[dict[str, object]]:
         rng: Draws inputs and samples.
     """
     rows: list[dict[str, object]] = []
-    for name, case in COMMITTED:
-        mixture = _committed(name, case)
+    for kind in (SHORT, CHANGE):
+        mixture = committed_mixture(kind).mixture
         x = rng.standard_normal((PARTICLES, mixture.inputs))
         expanded = expand(x).astype(np.float32)
         matrix = np.ascontiguousarray(mixture.logit_matrix.T, dtype=np.float32)
@@ -43,16 +41,6 @@ def time_mixtures(rng: np.random.Generator) -> list[dict[str, object]]:
             "matrix_product_ms": product_ms,
         })  # fmt: skip
     return rows
-
-
-def _committed(name: str, case: str) -> ConditionalGmm:
-    """Return the largest mixture of a committed model file."""
-    with as_file(files("mmpf.models").joinpath(name)) as path:
-        arrays = load_arrays(path, case)
-        prefixes = [key.removesuffix(".weights") for key in arrays if key.endswith(f".{MIXTURE_PARTS[0]}")]
-        largest = max(prefixes, key=lambda prefix: len(arrays[f"{prefix}.weights"]))
-        size = (len(arrays[f"{largest}.input_mean"]), len(arrays[f"{largest}.output_mean"]))
-        return mixture_from_arrays(path, arrays, largest, size).mixture
 
 
 def _medians_ms(*works: Callable[[], object]) -> list[float]:

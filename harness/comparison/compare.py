@@ -10,10 +10,10 @@ import numpy as np
 
 from harness.comparison.sources import SETTING, Source
 from harness.comparison.vehicles import arms_by_vehicle
-from harness.comparison.verdicts import BETTER, METRICS, WORSE, Arms, Verdict, fewest_pairs, judge
+from harness.comparison.verdicts import BETTER, WORSE, Arms, Verdict, compared_quantities, fewest_pairs, judge
 from harness.errors import InputError
+from harness.grid.rows import column_of
 from harness.writing.numbers import without_nan
-from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,24 +106,23 @@ def _arms(label: str, a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> 
     common = [key for key in keys_a if key in keys_b]
     if common:
         of_a, of_b = [keys_a[key] for key in common], [keys_b[key] for key in common]
-        return [Arms(label, metric, _column(a, metric.name)[of_a], _column(b, metric.name)[of_b]) for metric in METRICS]
+        return [
+            Arms(label, quantity, column_of(a, quantity.key)[of_a], column_of(b, quantity.key)[of_b])
+            for quantity in compared_quantities()
+        ]
     kept_a, kept_b = np.isin(stratum_a, stratum_b), np.isin(stratum_b, stratum_a)
     return [
         Arms(
             label,
-            metric,
-            _column(a, metric.name)[kept_a],
-            _column(b, metric.name)[kept_b],
+            quantity,
+            column_of(a, quantity.key)[kept_a],
+            column_of(b, quantity.key)[kept_b],
             False,
             stratum_a[kept_a],
             stratum_b[kept_b],
         )
-        for metric in METRICS
+        for quantity in compared_quantities()
     ]
-
-
-def _column(rows: pd.DataFrame, name: str) -> FloatArray:
-    return rows[name].to_numpy(dtype=np.float64) if name in rows else np.full(len(rows), np.nan)
 
 
 def _power_notes(arms: list[Arms]) -> list[str]:

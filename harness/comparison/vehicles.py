@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.comparison.sources import Source
-from harness.comparison.verdicts import METRICS, Arms, ComparedMetric
+from harness.comparison.verdicts import Arms, compared_quantities
 from harness.errors import InputError
+from harness.grid.rows import column_of
 from harness.runfolder import folder as runfolder
 from harness.scoring.paired import KEYS, QUANTITIES, paired_errors
+from harness.scoring.quantity import Quantity
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -33,7 +35,7 @@ def arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
     first, second = (runfolder.read_table(side.folder, runfolder.ERRORS, "compare", columns) for side in (a, b))
     pairs = paired_errors(first, second)
     label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
-    return [_of_vehicles(label, metric, pairs) or _of_runs(label, metric, a, b) for metric in METRICS]
+    return [_of_vehicles(label, each, pairs) or _of_runs(label, each, a, b) for each in compared_quantities()]
 
 
 def _check_same_traffic(a: Source, b: Source) -> None:
@@ -46,20 +48,20 @@ def _check_same_traffic(a: Source, b: Source) -> None:
         )
 
 
-def _of_vehicles(label: str, metric: ComparedMetric, pairs: pd.DataFrame) -> Arms | None:
-    table, state, *quantity = metric.name.split(".")
-    if table != "mae" or quantity[0] not in ERROR_COLUMNS:
+def _of_vehicles(label: str, quantity: Quantity, pairs: pd.DataFrame) -> Arms | None:
+    table, state, *name = quantity.key.split(".")
+    if table != "mae" or name[0] not in ERROR_COLUMNS:
         return None
     rows = pairs[pairs["state"] == state]
     vehicle = [rows["episode"], rows["vehicle_id"]]
-    a, b = (_vehicle_means(rows[f"{ERROR_COLUMNS[quantity[0]]}_{side}"], vehicle) for side in ("a", "b"))
-    return Arms(label, metric, a, b)
+    a, b = (_vehicle_means(rows[f"{ERROR_COLUMNS[name[0]]}_{side}"], vehicle) for side in ("a", "b"))
+    return Arms(label, quantity, a, b)
 
 
 def _vehicle_means(errors: pd.Series[float], vehicle: list[pd.Series[str]]) -> FloatArray:
     return np.asarray(errors.abs().groupby(vehicle).mean(), dtype=np.float64)
 
 
-def _of_runs(label: str, metric: ComparedMetric, a: Source, b: Source) -> Arms:
-    of_a, of_b = (side.rows[metric.name].to_numpy(dtype=np.float64) for side in (a, b))
-    return Arms(label, metric, of_a, of_b, testable=False)
+def _of_runs(label: str, quantity: Quantity, a: Source, b: Source) -> Arms:
+    of_a, of_b = (column_of(side.rows, quantity.key) for side in (a, b))
+    return Arms(label, quantity, of_a, of_b, testable=False)

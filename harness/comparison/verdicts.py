@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.scoring.metrics import quantities
+from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import Interval, PairedDifference, paired_difference
 from mmpf.compute.arrays import FloatArray, IntArray
 
@@ -15,34 +17,9 @@ DRAWS = 10_000
 BETTER, WORSE, SAME, UNTESTED = "better", "worse", "no difference", "not tested"
 
 
-@dataclass(frozen=True)
-class ComparedMetric:
-    """A metric that verdicts are given on.
-
-    Attributes:
-        name: Its key in ``metrics.json``, keys joined by dots.
-        label: Its name with its unit, for people.
-        higher_is_better: Its direction.
-    """
-
-    name: str
-    label: str
-    higher_is_better: bool = False
-
-
-METRICS = (
-    ComparedMetric("mae.visible.lon_m", "MAE visible, m"),
-    ComparedMetric("mae.visible.speed_mps", "speed MAE visible, m/s"),
-    ComparedMetric("mae.partial.lon_m", "MAE partly hidden, m"),
-    ComparedMetric("mae.hidden.lon_m", "MAE hidden, m"),
-    ComparedMetric("mae.hidden.speed_mps", "speed MAE hidden, m/s"),
-    ComparedMetric("hidden_outcomes.tracked_percent", "hidden tracked, %", True),
-    ComparedMetric("occlusion.same_id_percent", "same identity, %", True),
-    ComparedMetric("mot.hota", "HOTA in sight, %", True),
-    ComparedMetric("mot.idf1", "IDF1 in sight, %", True),
-    ComparedMetric("mot_all.hota", "HOTA last 10 s, %", True),
-    ComparedMetric("gospa.mean", "GOSPA, m"),
-)
+def compared_quantities() -> list[Quantity]:
+    """Return what verdicts are given on: errors first, then what becomes of hidden vehicles, then the rest."""
+    return [quantity for quantity in quantities("mae", "hidden_outcomes", "occlusion") if quantity.compared]
 
 
 @dataclass(frozen=True)
@@ -51,7 +28,7 @@ class Arms:
 
     Attributes:
         label: What is compared: tracker and model.
-        metric: The metric.
+        quantity: What the values are of.
         a: Values of the first arm, shape (n,).
         b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
         paired: Whether a and b were made on the same traffic and detections.
@@ -61,7 +38,7 @@ class Arms:
     """
 
     label: str
-    metric: ComparedMetric
+    quantity: Quantity
     a: FloatArray
     b: FloatArray
     paired: bool = True
@@ -178,11 +155,11 @@ def _cleaned(arms: Arms) -> Arms:
     """Leave out values that are nan, with their partners where paired."""
     a, b = np.isfinite(arms.a), np.isfinite(arms.b)
     if arms.paired:
-        return Arms(arms.label, arms.metric, arms.a[a & b], arms.b[a & b], testable=arms.testable)
+        return Arms(arms.label, arms.quantity, arms.a[a & b], arms.b[a & b], testable=arms.testable)
     assert arms.stratum_a is not None
     assert arms.stratum_b is not None
     return Arms(
-        arms.label, arms.metric, arms.a[a], arms.b[b], False, arms.stratum_a[a], arms.stratum_b[b], arms.testable
+        arms.label, arms.quantity, arms.a[a], arms.b[b], False, arms.stratum_a[a], arms.stratum_b[b], arms.testable
     )
 
 
@@ -202,11 +179,11 @@ def _verdict(arms: Arms, difference: PairedDifference, p: float, tolerance: floa
     a, b = (float(values.mean()) if len(values) else np.nan for values in (arms.a, arms.b))
     word = UNTESTED
     if np.isfinite(p):
-        improved = (difference.difference > 0.0) == arms.metric.higher_is_better
+        improved = (difference.difference > 0.0) == arms.quantity.higher_is_better
         word = SAME if p > LEVEL else BETTER if improved else WORSE
     return Verdict(
         label=arms.label,
-        metric=arms.metric.name,
+        metric=arms.quantity.key,
         a=a,
         b=b,
         difference=difference.difference,

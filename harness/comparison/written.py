@@ -9,10 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import BETTER, METRICS, WORSE, Verdict
+from harness.comparison.verdicts import BETTER, WORSE, Verdict, compared_quantities
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red"}
-LABELS = {metric.name: metric.label for metric in METRICS}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")
 
 
@@ -64,7 +63,7 @@ def _screen_table(comparison: Comparison, label: str) -> Table:
     for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label):
         name, a, b, _, interval, *_ = _cells(verdict)
         word = Text(verdict.verdict, style=COLOURS.get(verdict.verdict, ""))
-        table.add_row(name.rpartition(",")[0], a, b, _percent(verdict).strip(" ()"), interval, word)
+        table.add_row(name.rpartition(",")[0] or name, a, b, _percent(verdict).strip(" ()"), interval, word)
     return table
 
 
@@ -74,10 +73,11 @@ def _rows(comparison: Comparison, label: str) -> list[tuple[list[str], bool]]:
 
 
 def _cells(verdict: Verdict) -> list[str]:
-    decimals = 3 if verdict.metric.startswith("mae") else 2
+    quantity = next(each for each in compared_quantities() if each.key == verdict.metric)
+    decimals = quantity.decimals + 1
     low, high = (_number(end, decimals, True) for end in verdict.ci95)
     return [
-        LABELS[verdict.metric],
+        quantity.label,
         _number(verdict.a, decimals),
         _number(verdict.b, decimals),
         _number(verdict.difference, decimals, True) + _percent(verdict),

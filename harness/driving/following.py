@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
 from harness.driving.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead
 from harness.driving.recording import Recording
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.road import NO_LANE, Road
-
-BoolArray = npt.NDArray[np.bool_]
 
 LANE_CHANGE_MARGIN_S = 5.0
 FURTHEST_LEADER_M = 100.0

@@ -13,8 +13,6 @@ import numpy.typing as npt
 from harness.truth.frame import Frame, TruthSource
 from mmpf.compute.arrays import FloatArray, IntArray
 
-Float32Array = npt.NDArray[np.float32]
-
 
 @dataclass(frozen=True)
 class Scenario:

@@ -24,7 +24,7 @@ from harness.report.scene import (
     in_road_frame,
 )
 from harness.runfolder.finished import RecordedRun, read_recorded_run
-from harness.runfolder.tables import detections_of
+from harness.runfolder.tables import detections_of, frame_of
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
@@ -120,7 +120,7 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
     """Return the picture of one step."""
     picture = Image.new("RGB", (SMOOTH * WIDTH, SMOOTH * HEIGHT), "white")
     ego = int(np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))[0])
-    pose = EgoPose(**{name: float(_floats(truth, name)[ego]) for name in EgoPose.__dataclass_fields__})
+    pose = frame_of(truth).ego_pose
     reach = run.sensor.range_m + MARGIN_M
     low = min(lane.right_m for lane in run.road.lanes) - MARGIN_M
     high = max(lane.left_m for lane in run.road.lanes) + MARGIN_M

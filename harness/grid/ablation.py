@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 
 from harness.grid.grid import GridRequest
+from harness.scoring.metrics import quantities
+from harness.scoring.quantity import Quantity
 from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
 
@@ -32,21 +34,6 @@ class Ablation:
     what: str
 
 
-@dataclass(frozen=True)
-class Measure:
-    """One column of the table.
-
-    Attributes:
-        key: Column of ``runs.parquet``.
-        name: Heading.
-        decimals: Digits after the point.
-    """
-
-    key: str
-    name: str
-    decimals: int
-
-
 ABLATIONS = (
     Ablation(DEFAULT, "the default: soft joint association"),
     Ablation("mmpf+joint.shadow=false", "detection probability the same everywhere, blind to shadows"),
@@ -65,16 +52,11 @@ ABLATIONS = (
         "the paper's rule, component weights kept from starving",
     ),
 )
-MEASURES = (
-    Measure("mot.hota", "HOTA in sight, %", 1),
-    Measure("mot.idf1", "IDF1 in sight, %", 1),
-    Measure("mot.id_switches", "identity switches a run", 1),
-    Measure("mot_all.idf1", "IDF1, seen within 10 s, %", 1),
-    Measure("mot_all.false_tracks_per_scan", "false tracks a scan, all", 2),
-    Measure("occlusion.short.same_id_percent", "same identity, hidden to 3 s, %", 0),
-    Measure("occlusion.long.same_id_percent", "same identity, hidden 3-10 s, %", 0),
-    Measure("mae.hidden.lon_m", "longitudinal error, hidden, m", 2),
-)
+
+
+def ablated_quantities() -> list[Quantity]:
+    """Return the columns of the table: multi-object scores first, then identities, then the rest."""
+    return [quantity for quantity in quantities("mot", "mot_all", "occlusion") if quantity.ablated]
 
 
 def ablation_request(net: str, seeds: str, duration_s: float) -> GridRequest:
@@ -93,13 +75,14 @@ def ablation_rows(runs: pd.DataFrame) -> list[dict[str, Any]]:
         One row per arm: variant, what, runs, and for each measure ``mean``, ``difference`` and its 95 % bootstrap
         interval over seeds ``ci95``, None where nothing was measured.
     """
-    finished = runs[runs["succeeded"]]
+    measures = ablated_quantities()
+    finished = runs[runs["succeeded"]].reindex(columns=["variant", "seed", *(measure.key for measure in measures)])
     default = finished[finished["variant"] == DEFAULT].set_index("seed")
     rows = []
     for ablation in ABLATIONS:
         own = finished[finished["variant"] == ablation.variant].set_index("seed")
         row: dict[str, Any] = {"variant": ablation.variant, "what": ablation.what, "runs": len(own)}
-        for measure in MEASURES:
+        for measure in measures:
             values = own[measure.key].astype(float)
             difference = np.asarray((values - default[measure.key].astype(float)).dropna(), dtype=np.float64)
             row[measure.key] = {
@@ -113,8 +96,9 @@ def ablation_rows(runs: pd.DataFrame) -> list[dict[str, Any]]:
 
 def as_markdown(rows: Sequence[dict[str, Any]], setting: str) -> str:
     """Return the table: means, and in brackets how far each arm is from the default."""
-    heading = ["tracker", "what is different", *(measure.name for measure in MEASURES)]
-    table = [[f"`{row['variant']}`", row["what"], *(_cell(row, measure) for measure in MEASURES)] for row in rows]
+    measures = ablated_quantities()
+    heading = ["tracker", "what is different", *(measure.label for measure in measures)]
+    table = [[f"`{row['variant']}`", row["what"], *(_cell(row, measure) for measure in measures)] for row in rows]
     lines = [
         "# Ablation: what each departure from the paper is worth",
         "",
@@ -140,7 +124,7 @@ def write_ablation(rows: Sequence[dict[str, Any]], setting: str, folder: Path) -
     return content
 
 
-def _cell(row: dict[str, Any], measure: Measure) -> str:
+def _cell(row: dict[str, Any], measure: Quantity) -> str:
     entry = row[measure.key]
     if entry["mean"] is None:
         return "-"

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from harness.config.model import RunConfig, TrackerConfig
-from harness.running.follow import StageTimes
-from harness.running.looks import ObservedTraffic, track
+from harness.running.follow import track
+from harness.running.looks import Looks
 from harness.scoring import score_run
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import HIDDEN, VISIBILITY_STATES
+from harness.trackers.catalogue import build_tracker
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,11 +27,10 @@ if TYPE_CHECKING:
 COASTING = "oracle-kalman"
 
 
-def coasting_errors(traffic: ObservedTraffic, config: RunConfig) -> pd.DataFrame:
-    """Return the error table of coasting over observed traffic; the configuration's own tracker is not used."""
-    coasting = config.model_copy(update={"tracker": TrackerConfig(name=COASTING)})
-    tables = track(traffic, coasting, StageTimes())
-    return score_run(tables.truth, tables.detections, tables.tracks, config.seed).errors
+def coasting_errors(looks: Looks, seed: int) -> pd.DataFrame:
+    """Return the error table of coasting over looks that are kept."""
+    tables = track(looks, lambda setting: build_tracker(COASTING, setting, {}), seed)
+    return score_run(tables.truth, tables.detections, tables.tracks, seed).errors
 
 
 def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, Any]:

@@ -10,7 +10,10 @@ import numpy as np
 
 from harness.grid.cells import RECORDING
 from harness.grid.coasting import COASTING
+from harness.grid.rows import column_of
 from harness.grid.summary import labelled
+from harness.scoring.metrics import quantities
+from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import cluster_bootstrap
 from mmpf.compute.arrays import FloatArray
 
@@ -19,53 +22,15 @@ if TYPE_CHECKING:
 
 
 DRAWS = 2000
-STEPS_A_MINUTE = 600.0
 HIDDEN_AGAINST_COASTING = 0.7
 # Times hidden, from and to, that this is aimed at; the last is all of them together.
 JUDGED = ((2.0, 3.0), (0.0, None))
 JPDA, OURS = "stonesoup-jpda", "mmpf"
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A column of the table: a mean over samples of all files.
-
-    Attributes:
-        name: Its key.
-        label: Its heading, with its unit.
-        column: Column of each file's mean, or of its sum.
-        weight: Column of the samples behind it.
-        decimals: How many are shown.
-        is_sum: Whether ``column`` holds sums.
-        scale: Factor of the sums.
-    """
-
-    name: str
-    label: str
-    column: str
-    weight: str
-    decimals: int = 1
-    is_sum: bool = False
-    scale: float = 1.0
-
-
-QUANTITIES = (
-    Quantity("hota", "HOTA in sight, %", "mot.hota", "mot.truth_n"),
-    Quantity("idf1", "IDF1 in sight, %", "mot.idf1", "mot.truth_n"),
-    Quantity(
-        "id_switches_per_vehicle_minute",
-        "identity switches a vehicle-minute",
-        "mot.id_switches",
-        "mot.truth_n",
-        decimals=3,
-        is_sum=True,
-        scale=STEPS_A_MINUTE,
-    ),
-    Quantity("mae.visible.lon_m", "MAE visible, m", "mae.visible.lon_m", "mae.visible.n", 3),
-    Quantity("mae.hidden.lon_m", "MAE hidden (while followed), m", "mae.hidden.lon_m", "mae.hidden.n", 2),
-    Quantity("hidden_followed", "hidden and followed, %", "hidden_outcomes.tracked_percent", "hidden_outcomes.n"),
-    Quantity("same_id", "same identity after occlusion, %", "occlusion.same_id", "occlusion.events", 1, True, 100.0),
-)
+def pooled_quantities() -> list[Quantity]:
+    """Return the columns of the table: multi-object scores first, then errors, then the rest."""
+    return [quantity for quantity in quantities("mot", "mae", "hidden_outcomes") if quantity.pooled]
 
 
 @dataclass(frozen=True)
@@ -173,7 +138,7 @@ def pool_files(table: pd.DataFrame) -> Pooled:
     groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
-    means = [_mean(label, quantity, runs) for label, runs in groups for quantity in QUANTITIES]
+    means = [_mean(label, quantity, runs) for label, runs in groups for quantity in pooled_quantities()]
     return Pooled(_files(done), switches, means, hidden, _verdicts(switches, hidden))
 
 
@@ -187,12 +152,12 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 
 
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
-    values = runs[quantity.column].to_numpy(dtype=np.float64)
-    weight = runs[quantity.weight].to_numpy(dtype=np.float64)
-    sums = quantity.scale * (values if quantity.is_sum else values * weight)
+    values = column_of(runs, quantity.key)
+    weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
+    sums = values * weight if quantity.scale is None else quantity.scale * values
     sums, counts = _by_file(runs, sums, weight)
     mean, interval = _ratio(sums, counts)
-    return Mean(label, quantity.name, mean, interval, int(counts.sum()))
+    return Mean(label, quantity.pooled, mean, interval, int(counts.sum()))
 
 
 def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:

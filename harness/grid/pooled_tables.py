@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from harness.grid.coasting import COASTING
-from harness.grid.pooled import QUANTITIES, HiddenError, Mean, Pooled
+from harness.grid.pooled import HiddenError, Mean, Pooled, pooled_quantities
 from harness.grid.tables import COLOURS
 from harness.writing.markdown import markdown_table
 from harness.writing.plots import label_ends
@@ -51,11 +51,12 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
 
 def _score_table(pooled: Pooled) -> list[str]:
     found = {(mean.tracker, mean.quantity): mean for mean in pooled.means}
+    columns = pooled_quantities()
     rows = [
-        [label, str(switches), *(_cell(found[label, quantity.name], quantity.decimals) for quantity in QUANTITIES)]
+        [label, str(switches), *(_cell(found[label, column.pooled], column.decimals) for column in columns)]
         for label, switches in pooled.id_switches.items()
     ]
-    return markdown_table(["tracker", "identity switches", *(quantity.label for quantity in QUANTITIES)], rows)
+    return markdown_table(["tracker", "identity switches", *(column.label for column in columns)], rows)
 
 
 def _hidden_table(pooled: Pooled) -> list[str]:

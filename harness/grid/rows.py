@@ -8,7 +8,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from harness.grid.cells import DENSITY, RECORDING, Grid, PlannedRun
+from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,6 +54,11 @@ def flattened(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             flat[name] = value
     return flat
+
+
+def column_of(table: pd.DataFrame, name: str) -> FloatArray:
+    """Return a column's values, nan where the table has none: it may be older than the metric; shape (rows,)."""
+    return table[name].to_numpy(dtype=np.float64) if name in table else np.full(len(table), np.nan)
 
 
 def is_timing(column: str) -> bool:

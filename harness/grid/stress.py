@@ -141,11 +141,10 @@ def check_grid(grid: Grid, tell: Callable[[str], object] = str) -> None:
 
 def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
     """Read every file once, so that a broken one is told before hours of runs over the others."""
-    from harness.running.follow import Streams  # noqa: PLC0415
-    from harness.running.open import open_inputs  # noqa: PLC0415
+    from harness.running.open import open_looks  # noqa: PLC0415
 
     for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
-        tell(open_inputs(config, Streams.from_seed(config.seed)).report)
+        tell(open_looks(config).report)
 
 
 def _check_sensors_and_trackers(grid: Grid) -> None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.grid.rows import column_of
+from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import cluster_bootstrap
 from mmpf.compute.arrays import FloatArray
 
@@ -22,39 +24,14 @@ FEWEST_EVENTS = 20
 """With fewer occlusions at a density, over all seeds, their share says nothing."""
 
 
-@dataclass(frozen=True)
-class CurveMetric:
-    """A quantity whose curve is drawn.
-
-    Attributes:
-        name: Its key.
-        label: Its name with its unit, for people.
-        heading: The same, short enough for a column of a screen.
-        column: Column of the values.
-        weight: Column of the samples behind each value; empty where every run counts the same.
-        is_count: Whether the values are counts out of ``weight``, shown as a share in percent.
-    """
-
-    name: str
-    label: str
-    heading: str
-    column: str
-    weight: str = ""
-    is_count: bool = False
+STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms a step")
 
 
-CURVES = (
-    CurveMetric("mae.visible.lon_m", "MAE visible, m", "MAE seen m", "mae.visible.lon_m", "mae.visible.n"),
-    CurveMetric(
-        "mae.hidden.lon_m", "MAE hidden (while followed), m", "MAE hidden m", "mae.hidden.lon_m", "mae.hidden.n"
-    ),
-    CurveMetric(
-        "occlusion.survived", "occlusions survived, %", "survived %", "occlusion.survived", "occlusion.events", True
-    ),
-    CurveMetric(BREAK_METRIC, "same identity after occlusion, %", "same id %", BREAK_METRIC, "occlusion.events", True),
-    CurveMetric("mot.hota", "HOTA in sight, %", "HOTA %", "mot.hota"),
-    CurveMetric("timing.tracker_ms.p50", "time of a step, ms", "ms a step", "timing.tracker_ms.p50"),
-)
+def curve_quantities() -> list[Quantity]:
+    """Return what has curves: errors first, then what becomes of hidden vehicles, then the rest, the time last."""
+    from harness.scoring.metrics import quantities  # noqa: PLC0415  pandas is slow to import
+
+    return [*(each for each in quantities("mae", "occlusion") if each.curve), STEP_TIME]
 
 
 @dataclass(frozen=True)
@@ -146,8 +123,8 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
     for axis in axes_of(done, varied) if len(done) else []:
         for (label, value), runs in done.groupby(["label", axis], sort=False):
             points += [
-                _point(str(label), axis, value if isinstance(value, str) else float(str(value)), metric, runs)
-                for metric in CURVES
+                _point(str(label), axis, value if isinstance(value, str) else float(str(value)), quantity, runs)
+                for quantity in curve_quantities()
             ]
     return points
 
@@ -160,15 +137,15 @@ def breaks(table: pd.DataFrame) -> list[Break]:
     return [_break(str(label), runs) for label, runs in done.groupby("label", sort=False)]
 
 
-def _point(label: str, axis: str, value: float | str, metric: CurveMetric, runs: pd.DataFrame) -> Point:
-    sums, counts = _by_seed(runs, metric)
+def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: pd.DataFrame) -> Point:
+    sums, counts = _by_seed(runs, quantity)
     total = float(counts.sum())
     interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
     return Point(
         label=label,
         axis=axis,
         value=value,
-        metric=metric.name,
+        metric=quantity.key,
         mean=float(sums.sum()) / total if total > 0.0 else None,
         ci95=(interval.low, interval.high) if np.isfinite(interval.low) else None,
         seeds=int(np.count_nonzero(counts)),
@@ -176,11 +153,11 @@ def _point(label: str, axis: str, value: float | str, metric: CurveMetric, runs:
     )
 
 
-def _by_seed(runs: pd.DataFrame, metric: CurveMetric) -> tuple[FloatArray, FloatArray]:
+def _by_seed(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
     """Return the sum of a quantity and its number of samples for each seed, both of shape (seeds,)."""
-    values = runs[metric.column].to_numpy(dtype=np.float64)
-    weight = runs[metric.weight].to_numpy(dtype=np.float64) if metric.weight else np.ones(len(runs))
-    sums = 100.0 * values if metric.is_count else values * weight
+    values = column_of(runs, quantity.key)
+    weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
+    sums = values * weight if quantity.scale is None else quantity.scale * values
     known = np.isfinite(sums) & np.isfinite(weight)
     _, seed = np.unique(runs["seed"].to_numpy(), return_inverse=True)
     return (
@@ -190,11 +167,11 @@ def _by_seed(runs: pd.DataFrame, metric: CurveMetric) -> tuple[FloatArray, Float
 
 
 def _break(label: str, runs: pd.DataFrame) -> Break:
-    metric = next(metric for metric in CURVES if metric.name == BREAK_METRIC)
+    judged = next(quantity for quantity in curve_quantities() if quantity.key == BREAK_METRIC)
     seeds = np.unique(runs["seed"].to_numpy())
     kept, sums, counts = [], [], []
     for density, at_density in runs.groupby("density", sort=True):
-        share, events = _on_all_seeds(at_density, metric, seeds)
+        share, events = _on_all_seeds(at_density, judged, seeds)
         if events.sum() >= FEWEST_EVENTS:
             kept.append(float(str(density)))
             sums.append(share)
@@ -216,10 +193,10 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
     return Break(label, _finite(crossing), interval, kept[-1], at_lowest)
 
 
-def _on_all_seeds(runs: pd.DataFrame, metric: CurveMetric, seeds: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _on_all_seeds(runs: pd.DataFrame, quantity: Quantity, seeds: FloatArray) -> tuple[FloatArray, FloatArray]:
     sums, counts = np.zeros(len(seeds)), np.zeros(len(seeds))
     place = np.searchsorted(seeds, np.unique(runs["seed"].to_numpy()))
-    sums[place], counts[place] = _by_seed(runs, metric)
+    sums[place], counts[place] = _by_seed(runs, quantity)
     return sums, counts
 
 

@@ -12,20 +12,19 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, CURVES, Break, Point, points_of
+from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, points_of
 from harness.writing.markdown import markdown_table
-
-HEADINGS = tuple(metric.label for metric in CURVES)
 
 
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
     lines = [f"# {title}", "", "Means over seeds with 95 % bootstrap intervals over seeds.", ""]
+    labels = [quantity.label for quantity in curve_quantities()]
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [
             f"## Over {axis}",
             "",
-            *markdown_table(["tracker", axis, *HEADINGS, "seeds"], _rows(points, axis, True)),
+            *markdown_table(["tracker", axis, *labels, "seeds"], _rows(points, axis, True)),
             "",
         ]
     if broken:
@@ -50,7 +49,7 @@ def print_result(
     for axis in dict.fromkeys(point.axis for point in points):
         table = Table(title=f"Means over seeds, by {axis}", box=None, title_justify="left", padding=(0, 2, 0, 0))
         table.add_column("tracker", no_wrap=True)
-        for heading in (axis.rpartition(".")[2], *(metric.heading for metric in CURVES)):
+        for heading in (axis.rpartition(".")[2], *(each.heading or each.label for each in curve_quantities())):
             table.add_column(heading, justify="right")
         for row in _rows(points, axis, False):
             table.add_row(*row[:-1])
@@ -86,16 +85,15 @@ def _rows(points: Sequence[Point], axis: str, with_intervals: bool) -> list[list
         here = {
             point.metric: point for point in points if (point.axis, point.label, point.value) == (axis, label, value)
         }
-        cells = [_cell(here[metric.name], with_intervals) for metric in CURVES]
+        cells = [_cell(here[each.key], each.decimals, with_intervals) for each in curve_quantities()]
         place = value if isinstance(value, str) else f"{value:g}"
         rows.append([label, place, *cells, str(max(point.seeds for point in here.values()))])
     return rows
 
 
-def _cell(point: Point, with_interval: bool) -> str:
+def _cell(point: Point, decimals: int, with_interval: bool) -> str:
     if point.mean is None:
         return "-"
-    decimals = 2 if point.metric.startswith("mae") else 1
     text = f"{point.mean:.{decimals}f}"
     if with_interval and point.ci95 is not None:
         text += f" [{point.ci95[0]:.{decimals}f}, {point.ci95[1]:.{decimals}f}]"
@@ -105,6 +103,7 @@ def _cell(point: Point, with_interval: bool) -> str:
 # Okabe and Ito's colours, which colour-blind readers can tell apart; after them the lines change their dashes.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MOST_TICKS = 8
+COLUMNS = 3
 DASHES = ("-", "--", ":", "-.")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 AXIS_LABELS = {"density": "density, vehicles per km and lane", "demand": "demand"}
@@ -118,26 +117,31 @@ def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
         axis: The axis to draw over.
         title: Heading.
     """
-    figure = Figure(figsize=(12.0, 7.2), dpi=120, layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True)
+    shown = curve_quantities()
+    rows = -(-len(shown) // COLUMNS)
+    figure = Figure(figsize=(4.0 * COLUMNS, 3.6 * rows), dpi=120, layout="constrained")
+    panels = figure.subplots(rows, COLUMNS, sharex=True)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_axis_off()
     here = [point for point in points if point.axis == axis]
     lines = {}
-    for axes, metric in zip(panels.flat, CURVES, strict=True):
-        for place, (label, curve) in enumerate(points_of(here, axis, metric.name)):
+    for axes, quantity in zip(panels.flat, shown, strict=False):
+        for place, (label, curve) in enumerate(points_of(here, axis, quantity.key)):
             lines[label] = _draw(axes, curve, place)
         axes.set_ylim(bottom=0.0)
-        if metric.label.endswith("%"):
+        if quantity.label.endswith("%"):
             axes.set_ylim(0.0, 102.0)
-        if metric.name == BREAK_METRIC and axis == "density":
+        if quantity.key == BREAK_METRIC and axis == "density":
             axes.axhline(BREAK_PERCENT, color="0.5", linewidth=0.8)
             axes.annotate("a tracker below this is broken", (0.02, BREAK_PERCENT - 2.0), va="top", color="0.4",
                           xycoords=("axes fraction", "data"), fontsize=8)  # fmt: skip
-        if not any(point.metric == metric.name and point.mean is not None for point in here):
+        if not any(point.metric == quantity.key and point.mean is not None for point in here):
             axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.4")
-        axes.set_title(metric.label, loc="left", fontsize=10)
+        axes.set_title(quantity.label, loc="left", fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
     values = sorted({point.value for point in here if not isinstance(point.value, str)})
-    for axes in panels[-1]:
+    for axes in panels.flat[len(shown) - COLUMNS : len(shown)]:
+        axes.tick_params(labelbottom=True)
         if 1 < len(values) <= MOST_TICKS:
             axes.set_xticks(values)
         axes.set_xlabel(AXIS_LABELS.get(axis, axis))

@@ -1,6 +1,6 @@
 """Tunes the baselines' settings, so that nobody can say a rival was crippled.
 
-    python -m harness.tuning --tracker stonesoup-jpda --seeds 100:101 --write
+    python -m harness.grid.tuning --tracker stonesoup-jpda --seeds 100:101 --write
 
 Detections are recorded once, at two densities, on seeds that are never reported on (100 to 199), and every setting
 follows the same ones. The search goes through the settings of ``SEARCH_SPACES`` one after the other: each value of one
@@ -22,9 +22,9 @@ from time import perf_counter
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.runfolder.tables import ColumnRecorder
-from harness.running.follow import Streams, co_simulate
-from harness.running.looks import ObservedTraffic, observe_traffic
+from harness.running.follow import StageTimes, track
+from harness.running.looks import Looks
+from harness.running.open import open_looks
 from harness.scoring import score_run
 from harness.trackers.catalogue import TUNED_FILE, build_tracker, tuned_options
 
@@ -88,12 +88,12 @@ class Recording:
     Attributes:
         density: Vehicles per km and lane.
         seed: Root seed.
-        traffic: The frames with what the sensor made of them.
+        looks: The frames with what the sensor made of them, kept.
     """
 
     density: float
     seed: int
-    traffic: ObservedTraffic
+    looks: Looks
 
 
 @dataclass(frozen=True)
@@ -141,22 +141,16 @@ def tune(tracker: str, recordings: Sequence[Recording]) -> list[Trial]:
 
 def try_options(tracker: str, options: Mapping[str, object], recordings: Sequence[Recording]) -> Trial:
     """Follow all recordings with one setting."""
-    scores, step_s = [], []
+    scores, times = [], StageTimes()
+    chosen = {**ALWAYS.get(tracker, {}), **options}
     for recording in recordings:
-        recorder = ColumnRecorder()
-        times = co_simulate(
-            recording.traffic,
-            recording.traffic,
-            lambda setting: build_tracker(tracker, setting, {**ALWAYS.get(tracker, {}), **options}),
-            recorder,
-            Streams.from_seed(recording.seed),
+        tables = track(
+            recording.looks, lambda setting: build_tracker(tracker, setting, chosen), recording.seed, times=times
         )
-        tables = recorder.tables()
         scored = score_run(tables.truth, tables.detections, tables.tracks, recording.seed).metrics["mot"]
         scores.append((scored["hota"], scored["idf1"]))
-        step_s += times.tracker_s
     hota, idf1 = np.mean(scores, axis=0).tolist()
-    trial = Trial(dict(options), hota, idf1, 1e3 * float(np.mean(step_s)))
+    trial = Trial(dict(options), hota, idf1, 1e3 * float(np.mean(times.tracker_s)))
     sys.stderr.write(f"{tracker} {trial.objective:.2f} {json.dumps(trial.options)} {trial.ms_per_step:.1f} ms\n")
     return trial
 
@@ -166,7 +160,7 @@ def record(density: float, seed: int, duration_s: float) -> Recording:
     config = RunConfig.model_validate(
         {"seed": seed, "traffic": {"net": "us101", "density": density, "duration_s": duration_s}}
     )
-    return Recording(density, seed, observe_traffic(config))
+    return Recording(density, seed, open_looks(config).kept())
 
 
 def write_outcome(tracker: str, trials: Sequence[Trial], recordings: Sequence[Recording], path: Path) -> None:
@@ -189,7 +183,7 @@ def write_outcome(tracker: str, trials: Sequence[Trial], recordings: Sequence[Re
 
 def _table(tracker: str, best: Trial, trials: Sequence[Trial], recordings: Sequence[Recording]) -> list[str]:
     made_on = [
-        {"density": recording.density, "seed": recording.seed, "steps": recording.traffic.expected_steps}
+        {"density": recording.density, "seed": recording.seed, "steps": recording.looks.expected_steps}
         for recording in recordings
     ]
     return [

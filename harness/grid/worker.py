@@ -20,8 +20,10 @@ from typing import TYPE_CHECKING
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.rows import Row, failed_row, finished_row
-from harness.running.follow import StageTimes
-from harness.running.looks import ObservedTraffic, observe_traffic, track
+from harness.running.follow import StageTimes, track
+from harness.running.looks import Looks
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.running.open import OpenLooks, open_looks, tracker_builder
 from harness.scoring import score_run
 
 if TYPE_CHECKING:
@@ -66,67 +68,50 @@ Message = Started | Finished | CellDone
 Report = Callable[[Message], None]
 
 
-def work_on_cell(cell: Cell, report: Report) -> None:
+def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks) -> None:
     """Simulate a cell's traffic once and run every tracker over it; failures are rows.
 
     Args:
         cell: What to run.
         report: Called with what happens, in order.
+        open_looks: Opens what the cell's configuration asks to look at.
     """
     report(Started(CELL))
     begin = perf_counter()
     try:
-        traffic = observe_traffic(cell.config)
-        coasting = coasting_errors(traffic, cell.config) if cell.config.replay is not None else None
+        looks = open_looks(cell.config).kept()
+        coasting = coasting_errors(looks, cell.config.seed) if cell.config.replay is not None else None
     except Exception as error:
         for run in cell.runs:
             report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
     else:
         for run in cell.runs:
             report(Started(RUN, run.key))
-            report(Finished(run.key, run_over(traffic, run, partial(report, Started(STEPPING, run.key)), coasting)))
+            report(Finished(run.key, _run_over(looks, run, partial(report, Started(STEPPING, run.key)), coasting)))
     report(CellDone())
 
 
-def run_over(
-    traffic: ObservedTraffic,
-    run: PlannedRun,
-    on_first_step: Callable[[], None] = lambda: None,
-    coasting: pd.DataFrame | None = None,
-) -> Row:
-    """Run one tracker over observed traffic, score it, and return its row.
-
-    Args:
-        traffic: Truth and observations.
-        run: The run.
-        on_first_step: Called once the first step is done.
-        coasting: Errors of constant-velocity coasting over the same traffic, to compare hidden vehicles with.
-    """
+def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], coasting: pd.DataFrame | None) -> Row:
+    """Return the row of one tracker, which is compared with the errors of coasting over the same looks if given."""
     begin = perf_counter()
+    times = StageTimes()
+
+    def watch(*_: object) -> None:
+        if len(times.tracker_s) == 1:
+            on_first_step()
+
     try:
-        return _scored_row(traffic, run, on_first_step, begin, coasting)
+        tables = track(looks, tracker_builder(run.config), run.config.seed, (watch,), times)
+        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
+        total_s = perf_counter() - begin
+        scores = scored.metrics | dict(looks.about)
+        if coasting is not None:
+            scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
+        timing = timing_table(times, looks.step_s, total_s)
+        metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, looks.road))
+        return finished_row(run, metrics, total_s)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)
-
-
-def _scored_row(
-    traffic: ObservedTraffic,
-    run: PlannedRun,
-    on_first_step: Callable[[], None],
-    begin: float,
-    coasting: pd.DataFrame | None,
-) -> Row:
-    from harness.running.metrics import assemble_metrics  # noqa: PLC0415
-
-    times = StageTimes()
-    tables = track(traffic, run.config, times, on_first_step)
-    scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
-    total_s = perf_counter() - begin
-    scores = scored.metrics | dict(traffic.about)
-    if coasting is not None:
-        scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
-    metrics = assemble_metrics(run.config, scores, times, traffic.step_s, total_s, tables.truth, traffic.road)
-    return finished_row(run, metrics, total_s)
 
 
 def _reason(error: Exception) -> str:

@@ -11,13 +11,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.report.diagnostics_figure import FILE as DIAGNOSTICS
+from harness.report.diagnostics_figure import diagnostics_figure
 from harness.report.scene import GREEN, ORANGE, VERMILION, scene_figure
-from harness.running.watchers import Moment
-from harness.scoring import ScoredRun
+from harness.running.run import Pictured
 from harness.writing.plots import mark_new_egos, stretch_s, strip
 from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
-from mmpf.scan import SensorModel
 
 COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION}
 NAMES = {"visible": "visible", "partial": "partly hidden", "hidden": "hidden"}
@@ -30,32 +29,25 @@ SCENE, OVER_TIME, BY_VISIBILITY = "scene.png", "error_over_time.png", "error_by_
 FEWEST_SAMPLES = 5
 
 
-def draw_figures(
-    folder: Path, moment: Moment | None, road: Road, sensor: SensorModel, scored: ScoredRun, title: str
-) -> None:
-    """Draw all figures of a run.
-
-    Args:
-        folder: Where the pictures go.
-        moment: The moment that is seen from above; None leaves that picture out.
-        road: The lanes.
-        sensor: The sensor's data sheet, for its range.
-        scored: The run's scores.
-        title: What was run, in a few words.
-    """
+def draw_figures(folder: Path, pictured: Pictured) -> None:
+    """Draw all figures of a run into a new folder."""
+    folder.mkdir()
+    title, moment, scored = pictured.title, pictured.moment, pictured.scored
     if moment is not None:
         scene = scene_figure(
-            moment.frame,
-            moment.observation,
+            moment.look.frame,
+            moment.look.observation,
             moment.tracks,
-            road,
-            sensor.range_m,
+            pictured.road,
+            pictured.sensor.range_m,
             moment.particles,
-            f"{title}: {moment.frame.time_s:.1f} s",
+            f"{title}: {moment.look.frame.time_s:.1f} s",
         )
         scene.savefig(folder / SCENE)
     error_over_time(scored.errors, title).savefig(folder / OVER_TIME)
     error_by_visibility(scored.metrics["mae"], title).savefig(folder / BY_VISIBILITY)
+    if pictured.diagnostics is not None:
+        diagnostics_figure(pictured.diagnostics, title).savefig(folder / DIAGNOSTICS)
 
 
 def error_over_time(errors: pd.DataFrame, title: str) -> Figure:

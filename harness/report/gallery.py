@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from harness.report.scene import ELLIPSE_SCALE, OUT_OF_SIGHT, PURPLE, SEEN_GROUND, SHADOW, VEHICLE_STYLES, in_road_frame
 from harness.runfolder.finished import RecordedRun
-from harness.runfolder.tables import detections_of
+from harness.runfolder.tables import detections_of, frame_of
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import sensor_position, shadow_polygons
@@ -173,8 +173,7 @@ def _draw_moment(axes: Axes, run: RecordedRun, event: OcclusionEvent, step: int)
     ego = int(np.flatnonzero(truth["is_ego"].to_numpy())[0])
     centre = float(lon[subject])
     detections = _rows_at(run.detections, step)
-    pose = EgoPose(**{field: float(_floats(truth, field)[ego]) for field in EgoPose.__dataclass_fields__})
-    _draw_ground(axes, run, pose, detections, centre)
+    _draw_ground(axes, run, frame_of(truth).ego_pose, detections, centre)
     _draw_vehicles(axes, truth, subject, ego, centre)
     across, along = -_floats(detections, "lat_m"), _floats(detections, "lon_m") - centre
     axes.plot(across, along, "x", color="black", ms=5, mew=1.2, zorder=6)

@@ -12,18 +12,29 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.report.sentences import traffic_source
+from harness.scoring.quantity import Quantity
 from harness.truth.network.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
 MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"), ("lat_speed_mps", "lat speed m/s"))
-MOT_COLUMNS = (
-    ("hota", "HOTA %"),
-    ("idf1", "IDF1 %"),
-    ("mota", "MOTA %"),
-    ("id_switches", "switches"),
-    ("missed", "missed"),
-    ("false_tracks", "false"),
-)
+MOT = "mot."
+
+
+def mot_columns() -> list[Quantity]:
+    """Return the columns of the table of multi-object scores, as those in sight declare them."""
+    return [quantity for quantity in _reported() if quantity.key.startswith(MOT)]
+
+
+def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
+    """Return name and value of every other score that its metric wants shown."""
+    others = [quantity for quantity in _reported() if not quantity.key.startswith(MOT)]
+    return [[quantity.label, _number(quantity.of(metrics), quantity.decimals)] for quantity in others]
+
+
+def _reported() -> list[Quantity]:
+    from harness.scoring.metrics import quantities  # noqa: PLC0415  pandas is slow to import
+
+    return [quantity for quantity in quantities() if quantity.reported]
 
 
 def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
@@ -76,13 +87,12 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
     table = Table(title="Tracks against truth", box=box.SIMPLE, title_justify="left")
     table.add_column("vehicles")
-    for _, heading in MOT_COLUMNS:
-        table.add_column(heading, justify="right")
+    columns = mot_columns()
+    for column in columns:
+        table.add_column(column.heading, justify="right")
     for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
         scores = metrics[key]
-        table.add_row(
-            name, *(_number(scores[score], 1 if heading.endswith("%") else 0) for score, heading in MOT_COLUMNS)
-        )
+        table.add_row(name, *(_number(scores[column.key.removeprefix(MOT)], column.decimals) for column in columns))
     return table
 
 
@@ -101,7 +111,8 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"Time: {timing['steps']} steps in {_number(timing['total_s'], 1)} s, real-time factor "
         f"{_number(timing['realtime_factor'], 1)}, tracker {_number(timing['tracker_ms']['p50'], 1)} ms a step"
     )
-    return Text("\n".join((events, road, speed)))
+    others = (": ".join(score) for score in other_scores(metrics))
+    return Text("\n".join((events, *others, road, speed)))
 
 
 def _number(value: float | None, decimals: int) -> str:

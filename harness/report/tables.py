@@ -7,7 +7,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from harness.report.summary import MAE_COLUMNS, MOT_COLUMNS, VISIBILITY_ROWS
+from harness.report.summary import MAE_COLUMNS, MOT, VISIBILITY_ROWS, mot_columns, other_scores
+from harness.scoring.quantity import Quantity
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
 POSITION_COLUMN = ("position_m", "position m")
@@ -51,18 +52,16 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
 
 
 def mot_table(metrics: Mapping[str, Any]) -> Markup:
-    """Return the multi-object scores of both sets of vehicles."""
-    rows = [
-        [
-            name,
-            *(
-                _number(metrics[key].get(score), 1) if heading.endswith("%") else _count(metrics[key].get(score))
-                for score, heading in MOT_COLUMNS
-            ),
-        ]
-        for key, name in MOT_ROWS
-    ]
-    return html_table(["vehicles", *(heading for _, heading in MOT_COLUMNS)], rows)
+    """Return the multi-object scores of both sets of vehicles, and other scores that metrics want shown."""
+    columns = mot_columns()
+
+    def cell(key: str, column: Quantity) -> str:
+        value = metrics[key].get(column.key.removeprefix(MOT))
+        return _number(value, column.decimals) if column.decimals else _count(value)
+
+    rows = [[name, *(cell(key, column) for column in columns)] for key, name in MOT_ROWS]
+    table, others = html_table(["vehicles", *(column.heading for column in columns)], rows), other_scores(metrics)
+    return table + html_table(["score", "value"], others) if others else table
 
 
 def _mean(row: Mapping[str, Any], key: str) -> Markup:

@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.sensor.observation import VISIBILITY_STATES, Observation
+from harness.sensor.observation import VISIBILITY_STATES, Look
 from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodySizes, Detections
@@ -75,11 +75,11 @@ class ColumnRecorder:
     _detections: list[Columns] = field(default_factory=list)
     _tracks: list[Columns] = field(default_factory=list)
 
-    def add(self, frame: Frame, observation: Observation, tracks: Tracks) -> None:
+    def add(self, look: Look, tracks: Tracks) -> None:
         """Record one step."""
-        self._truth.append(_truth_columns(frame, observation))
-        self._detections.append(_detection_columns(frame, observation))
-        self._tracks.append(_track_columns(frame, tracks))
+        self._truth.append(_truth_columns(look))
+        self._detections.append(_detection_columns(look))
+        self._tracks.append(_track_columns(look.frame, tracks))
         self.steps += 1
 
     def tables(self) -> RunTables:
@@ -102,8 +102,8 @@ def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:
     return pa.array(values, type=pa.string() if values.dtype == object else None)
 
 
-def _truth_columns(frame: Frame, observation: Observation) -> Columns:
-    count = len(frame)
+def _truth_columns(look: Look) -> Columns:
+    frame, observation, count = look.frame, look.observation, len(look.frame)
     is_ego = np.zeros(count, dtype=bool)
     is_ego[frame.ego] = True
     occluder = np.append(frame.vehicle_id, "")[observation.occluder]
@@ -120,6 +120,25 @@ def _truth_columns(frame: Frame, observation: Observation) -> Columns:
     }
 
 
+def frame_of(rows: pd.DataFrame) -> Frame:
+    """Return the frame that one step's rows of the truth table record; its ``ego`` is -1 where no row ``is_ego``."""
+    egos = np.flatnonzero(rows["is_ego"].to_numpy(dtype=bool))
+    first = rows.iloc[0]
+    return Frame(
+        step=int(first["step"]),
+        time_s=float(first["time_s"]),
+        episode=int(first["episode"]),
+        ego=int(egos[0]) if len(egos) else -1,
+        vehicle_id=rows["vehicle_id"].to_numpy().astype(np.str_),
+        lane=rows["lane"].to_numpy(dtype=np.int64),
+        window_m=(
+            float(first.get(WINDOW_COLUMNS[0], EVERYWHERE[0])),
+            float(first.get(WINDOW_COLUMNS[1], EVERYWHERE[1])),
+        ),
+        **{name: rows[name].to_numpy(dtype=np.float64) for name in TRUTH_NUMBERS if name != "lane"},
+    )
+
+
 def _window_columns(frame: Frame, count: int) -> Columns:
     """Return where the record of the road begins and ends, if it does."""
     if frame.window_m == EVERYWHERE:
@@ -127,10 +146,10 @@ def _window_columns(frame: Frame, count: int) -> Columns:
     return {name: np.full(count, edge_m) for name, edge_m in zip(WINDOW_COLUMNS, frame.window_m, strict=True)}
 
 
-def _detection_columns(frame: Frame, observation: Observation) -> Columns:
-    detections = observation.scan.detections
+def _detection_columns(look: Look) -> Columns:
+    observation, detections = look.observation, look.observation.scan.detections
     return {
-        **_when(frame, len(detections)),
+        **_when(look.frame, len(detections)),
         "detection": np.arange(len(detections)),
         **{name: getattr(detections, name) for name in DETECTION_NUMBERS},
         **_size_columns(detections),

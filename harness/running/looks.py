@@ -1,107 +1,122 @@
-"""Truth and observations of one cell, made once and played to every tracker."""
+"""What a run looks at: traffic, live or on record, seen by a sensor moment by moment, with the truth beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+import hashlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
-from harness.config.model import RunConfig
 from harness.errors import RunError
-from harness.running.follow import StageTimes, Streams, co_simulate
-from harness.running.open import open_inputs
-from harness.sensor.observation import Observation
-from harness.truth.frame import Frame
+from harness.sensor.observation import Look, Observation, Sensor
+from harness.truth.frame import Frame, TruthSource
 from mmpf.road import Road
 from mmpf.scan import SensorModel
 
-if TYPE_CHECKING:
-    from harness.runfolder.tables import RunTables
 
-
-@dataclass
-class ObservedTraffic:
-    """Plays recorded frames and observations in the roles of both truth and sensor.
+@dataclass(frozen=True)
+class Streams:
+    """The run's independent streams of randomness, so that changing one part leaves the others' draws as they were.
 
     Attributes:
-        road: The road.
-        step_s: Time between frames.
+        truth: For the traffic.
+        sensor: For the sensor's noise.
+        tracker: Parent of one child for each episode's tracker.
+    """
+
+    truth: np.random.SeedSequence
+    sensor: np.random.SeedSequence
+    tracker: np.random.SeedSequence
+
+    @classmethod
+    def from_seed(cls, seed: int) -> Streams:
+        """Return the three streams of a root seed."""
+        return cls(*np.random.SeedSequence(seed).spawn(3))
+
+
+@dataclass(frozen=True)
+class Looks:
+    """Looks at one piece of traffic in order, and what is known of them beforehand.
+
+    Attributes:
+        road: The road whose frame the looks use.
+        step_s: Time between looks.
+        expected_steps: How many looks there are at most, for progress.
         sensor: The sensor's data sheet.
-        looks: Each frame with what the sensor made of it, in order of their steps.
-        expected_steps: How many frames there are.
-        about: Tables about the traffic for the metrics, by name.
+        stream: The looks, each made when it is asked for; they can be gone through once unless they are ``kept``.
+        close: Releases what makes them; harmless to call twice.
+        files: The files that decided them, by a name for the manifest.
+        report: What the user should know about them; empty if nothing.
+        about: Tables about them for ``metrics.json``, by name.
     """
 
     road: Road
     step_s: float
-    sensor: SensorModel
-    looks: tuple[tuple[Frame, Observation], ...]
     expected_steps: int
+    sensor: SensorModel
+    stream: Iterable[Look]
+    close: Callable[[], None] = lambda: None
+    files: Mapping[str, Path] = field(default_factory=dict)
+    report: str = ""
     about: Mapping[str, object] = field(default_factory=dict)
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames."""
-        return (frame for frame, _ in self.looks)
+    def __iter__(self) -> Iterator[Look]:
+        return iter(self.stream)
 
-    def close(self) -> None:
-        """Do nothing: a recording holds nothing open."""
+    def kept(self) -> Looks:
+        """Return the same looks in memory, to be played to many trackers; none of these is charged with making them.
 
-    def model(self) -> SensorModel:
-        """Return the data sheet."""
-        return self.sensor
+        Raises:
+            RunError: The simulation fails, or there is no look.
+        """
+        try:
+            stream = tuple(replace(look, truth_s=0.0, sensor_s=0.0) for look in self)
+        finally:
+            self.close()
+        if not stream:
+            raise RunError("the traffic has no ego vehicle in the section")
+        return replace(self, stream=stream, expected_steps=len(stream), close=lambda: None)
 
-    def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:  # noqa: ARG002
-        """Return what the sensor saw then; draws no random number."""
-        return self.looks[frame.step - self.looks[0][0].step][1]
-
-
-def observe_traffic(config: RunConfig) -> ObservedTraffic:
-    """Simulate traffic and sensor, with the very draws that a single run of this configuration makes.
-
-    Raises:
-        InputError: Traffic or sensor can't be opened.
-        RunError: The simulation fails, or has no ego vehicle.
-    """
-    streams = Streams.from_seed(config.seed)
-    inputs = open_inputs(config, streams)
-    rng = np.random.default_rng(streams.sensor)
-    try:
-        truth = inputs.truth
-        looks = tuple((frame, inputs.sensor.observe(frame, truth.road, rng)) for frame in truth.frames())
-    finally:
-        inputs.truth.close()
-    if not looks:
-        raise RunError("the traffic has no ego vehicle in the section")
-    return ObservedTraffic(truth.road, truth.step_s, inputs.sensor.model(), looks, len(looks), inputs.about)
+    def hashes(self) -> dict[str, str]:
+        """Return the SHA-256 of each file that decided the looks."""
+        return {name: _sha256(path) for name, path in self.files.items()}
 
 
-def track(
-    traffic: ObservedTraffic,
-    config: RunConfig,
-    times: StageTimes,
-    on_first_step: Callable[[], None] = lambda: None,
-) -> RunTables:
-    """Play observed traffic to a tracker and return what a run records.
+def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
+    """Let a sensor look at traffic.
 
     Args:
-        traffic: Truth and observations.
-        config: Names the tracker, and the seed of its randomness.
-        times: Filled with the wall times of the stages.
-        on_first_step: Called once the first step is done.
+        truth: The traffic.
+        sensor: The sensor.
+        seed: Root seed of the run, from which the sensor's noise is drawn.
     """
-    from harness.runfolder.tables import ColumnRecorder  # noqa: PLC0415
-    from harness.trackers.catalogue import build_tracker  # noqa: PLC0415
-
-    recorder = ColumnRecorder()
-    co_simulate(
-        traffic,
-        traffic,
-        lambda setting: build_tracker(config.tracker.name, setting, config.tracker.all_options()),
-        recorder,
-        Streams.from_seed(config.seed),
-        lambda *_: on_first_step() if recorder.steps == 1 else None,
-        times,
+    rng = np.random.default_rng(Streams.from_seed(seed).sensor)
+    return Looks(
+        road=truth.road,
+        step_s=truth.step_s,
+        expected_steps=truth.expected_steps,
+        sensor=sensor.model(),
+        stream=timed_looks(truth.frames(), lambda frame: sensor.observe(frame, truth.road, rng)),
+        close=truth.close,
     )
-    return recorder.tables()
+
+
+def timed_looks(frames: Iterable[Frame], observe: Callable[[Frame], Observation]) -> Iterator[Look]:
+    """Yield a look at each frame when it is asked for, with the wall time of either part."""
+    source = iter(frames)
+    while True:
+        begin = perf_counter()
+        frame = next(source, None)
+        if frame is None:
+            return
+        moved = perf_counter()
+        observation = observe(frame)
+        yield Look(frame, observation, truth_s=moved - begin, sensor_s=perf_counter() - moved)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,59 +11,40 @@ import pandas as pd
 
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
+from harness.scoring.metrics import completed
 from harness.truth.frame import TrafficSummary
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE, Road
 
-MOT_KEYS = ("hota", "deta", "assa", "idf1", "mota", "id_switches", "fragmentations", "missed", "false_tracks")
-EMPTY_SCORES: dict[str, Any] = {
-    "mae": {
-        **{
-            group: dict.fromkeys(("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "n"))
-            for group in ("all", "visible", "partial", "hidden")
-        },
-        "by_seconds_hidden": [],
-    },
-    "mot": dict.fromkeys(MOT_KEYS),
-    "mot_all": dict.fromkeys(MOT_KEYS),
-    "gospa": dict.fromkeys(("mean", "localisation", "missed", "false")),
-    "occlusion": dict.fromkeys(("events", "survived", "hijacked", "lost", "same_id", "median_reacquire_s")),
-    "calibration": {"nees": None, "coverage95": dict.fromkeys(("lon", "lat", "speed"))},
-}
-
 
 def assemble_metrics(
-    config: RunConfig,
-    scores: Mapping[str, Any],
-    times: StageTimes,
-    step_s: float,
-    total_s: float,
-    truth: pd.DataFrame,
-    road: Road,
-    stages_ms: Mapping[str, Sequence[float]] | None = None,
+    config: RunConfig, scores: Mapping[str, Any], timing: Mapping[str, Any], traffic: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the content of ``metrics.json``; a score that was not made is null, never absent.
 
     Args:
         config: The run's configuration.
-        scores: The tables of scores by name (``mae``, ``mot``, ...).
-        times: Wall times of the stages.
-        step_s: Simulated time of a step.
-        total_s: Wall time of the whole run.
-        truth: The recorded truth.
-        road: Where the section lies that the traffic is measured on.
-        stages_ms: Wall times inside the tracker by stage, where it tells them.
+        scores: The tables of scores by name (``mae``, ``mot``, ...), and other tables about the run.
+        timing: The table of ``timing_table``.
+        traffic: The table of ``traffic_table``.
     """
-    metrics = {"run": _identification(config)} | EMPTY_SCORES | dict(scores)
-    metrics["timing"] = timing(times, step_s, total_s) | {"stages": stage_timing(stages_ms or {})}
-    metrics["traffic"] = traffic(truth, road)
-    plain: dict[str, Any] = without_nan(metrics)
+    tables = {"run": _identification(config), **completed(scores), "timing": timing, "traffic": traffic}
+    plain: dict[str, Any] = without_nan(tables)
     return plain
 
 
-def timing(times: StageTimes, step_s: float, total_s: float) -> dict[str, Any]:
-    """Return the ``timing`` table; the real-time factor is simulated time over the wall time of the loop."""
+def timing_table(
+    times: StageTimes, step_s: float, total_s: float, stages_ms: Mapping[str, Sequence[float]] | None = None
+) -> dict[str, Any]:
+    """Return the ``timing`` table; the real-time factor is simulated time over the wall time of the loop.
+
+    Args:
+        times: Wall times of the stages.
+        step_s: Simulated time of a step.
+        total_s: Wall time of the whole run.
+        stages_ms: Wall times inside the tracker by stage, where it tells them.
+    """
     tracker_ms, sensor_ms, truth_ms = (
         1e3 * np.array(stage) for stage in (times.tracker_s, times.sensor_s, times.truth_s)
     )
@@ -76,6 +57,7 @@ def timing(times: StageTimes, step_s: float, total_s: float) -> dict[str, Any]:
         "sensor_ms": {"p50": _percentile(sensor_ms, 50)},
         "truth_ms": {"p50": _percentile(truth_ms, 50)},
         "total_s": total_s,
+        "stages": stage_timing(stages_ms or {}),
     }
 
 
@@ -89,7 +71,7 @@ def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str
     }
 
 
-def traffic(truth: pd.DataFrame, road: Road) -> dict[str, Any]:
+def traffic_table(truth: pd.DataFrame, road: Road) -> dict[str, Any]:
     """Return the ``traffic`` table: what was achieved on the section, and how many vehicles were in range."""
     summary = summarise_traffic(truth, road)
     others = truth[~truth["is_ego"].to_numpy(dtype=bool)]

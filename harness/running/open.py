@@ -1,10 +1,9 @@
-"""Opens what a configuration asks for: live or recorded traffic before a sensor, or an earlier run's recording."""
+"""From a configuration to what a run is made of: looks at live or recorded traffic, and the tracker."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +12,14 @@ import numpy as np
 from harness.config.model import RunConfig
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
-from harness.running.follow import AnyTracker, Streams
+from harness.running.follow import TrackerBuilder
+from harness.running.looks import Looks, Streams, look_at
+from harness.running.replay import read_looks
+from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Sensor
+from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import build_tracker
-from harness.trackers.protocol import TrackerSetting
-from harness.truth.frame import TruthSource
+from harness.trackers.protocol import AnyTracker, TrackerSetting
 from mmpf.registry import UnknownNameError
 from mmpf.road import highway
 from mmpf.scan import SensorModel
@@ -25,56 +27,47 @@ from mmpf.scan import SensorModel
 if TYPE_CHECKING:
     from harness.truth.network.network import Network
 
+OpenLooks = Callable[[RunConfig], Looks]
 
-def open_inputs(config: RunConfig, streams: Streams, gui: bool = False) -> RunInputs:
+
+def open_looks(config: RunConfig, gui: bool = False) -> Looks:
     """Open what the configuration asks for.
 
     Args:
         config: The configuration.
-        streams: The run's randomness, of which the traffic uses its part.
-        gui: Whether simulated traffic is shown in a window.
+        gui: Whether simulated traffic is shown in a window of sumo-gui; the looks are the same.
 
     Raises:
         InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """
     if config.replay is None:
-        return _open_live(config, streams, gui)
+        return _simulated(config, gui)
     path = Path(config.replay)
-    if not runfolder.is_run_folder(path):
-        return _open_recorded_traffic(path, config)
-    from harness.running.replay import open_recording  # noqa: PLC0415
-
-    return open_recording(path, config)
+    return read_looks(path, config) if runfolder.is_run_folder(path) else _recorded(path, config)
 
 
-def _open_recorded_traffic(path: Path, config: RunConfig) -> RunInputs:
-    from harness.sensor.detector import build_sensor  # noqa: PLC0415
-    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
+def _recorded(path: Path, config: RunConfig) -> Looks:
     from harness.truth.recorded.formats import files_of  # noqa: PLC0415
     from harness.truth.recorded.source import open_recorded_traffic  # noqa: PLC0415
 
     traffic, recording = config.traffic, config.traffic.recording
     if recording is None:
         raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
-    sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+    sensor = _sensor(config)
     truth = open_recorded_traffic(
         path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s
     )
-    return RunInputs(
-        truth=truth,
-        sensor=sensor,
+    return replace(
+        look_at(truth, sensor, config.seed),
         files={f"replay/{file.name}": file for file in files_of(path)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )
 
 
-def _open_live(config: RunConfig, streams: Streams, gui: bool) -> RunInputs:
-    from harness.sensor.detector import build_sensor  # noqa: PLC0415
-    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
-
+def _simulated(config: RunConfig, gui: bool) -> Looks:
     # The sensor is checked first: it costs nothing, while opening traffic starts a simulation.
-    sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+    sensor = _sensor(config)
     from harness.truth.network.network import load_network  # noqa: PLC0415
     from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415
 
@@ -87,10 +80,14 @@ def _open_live(config: RunConfig, streams: Streams, gui: bool) -> RunInputs:
         density=traffic.density,
         demand=traffic.demand,
         duration_s=traffic.duration_s,
-        seed=streams.truth,
+        seed=Streams.from_seed(config.seed).truth,
         gui=gui,
     )
-    return RunInputs(truth=truth, sensor=sensor, files=_network_files(network))
+    return replace(look_at(truth, sensor, config.seed), files=_network_files(network))
+
+
+def _sensor(config: RunConfig) -> Sensor:
+    return build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
 
 
 def _network_files(network: Network) -> dict[str, Path]:
@@ -100,16 +97,6 @@ def _network_files(network: Network) -> dict[str, Path]:
     if network.calibration_file is not None and network.calibration_file.is_file():
         files["calibration_file"] = network.calibration_file
     return files
-
-
-def check_tracker(config: RunConfig) -> None:
-    """Build the tracker once for nothing, so that a wrong option is told before any traffic is simulated.
-
-    Raises:
-        InputError: There is no such tracker or it refuses its options.
-    """
-    setting = TrackerSetting(road=highway(), sensor=SensorModel(), rng=np.random.default_rng(0))
-    _build_tracker(config, setting)
 
 
 def check_gui(config: RunConfig) -> None:
@@ -127,38 +114,24 @@ def check_gui(config: RunConfig) -> None:
     check_window()
 
 
-def _build_tracker(config: RunConfig, setting: TrackerSetting) -> AnyTracker:
-    try:
-        return build_tracker(config.tracker.maker, setting, config.tracker.all_options())
-    except UnknownNameError as error:
-        raise InputError(f"`model`: {error}") from None
-    except (ValueError, TypeError) as error:
-        raise InputError(f"`tracker` {config.tracker.name!r}: {error}") from None
+def check_tracker(config: RunConfig) -> None:
+    """Build the tracker once for nothing, so that a wrong option is told before any traffic is simulated.
 
-
-@dataclass(frozen=True)
-class RunInputs:
-    """Truth and sensor of a run.
-
-    Attributes:
-        truth: Yields the frames.
-        sensor: Looks at them.
-        files: The files that decided them, by a name for the manifest.
-        report: What the user should know about them; empty if nothing.
-        about: Tables about them for ``metrics.json``, by name.
+    Raises:
+        InputError: There is no such tracker or it refuses its options.
     """
-
-    truth: TruthSource
-    sensor: Sensor
-    files: Mapping[str, Path] = field(default_factory=dict)
-    report: str = ""
-    about: Mapping[str, object] = field(default_factory=dict)
-
-    def hashes(self) -> dict[str, str]:
-        """Return the SHA-256 of each input file."""
-        return {name: _sha256(path) for name, path in self.files.items()}
+    tracker_builder(config)(TrackerSetting(road=highway(), sensor=SensorModel(), rng=np.random.default_rng(0)))
 
 
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def tracker_builder(config: RunConfig) -> TrackerBuilder:
+    """Return what builds the configuration's tracker, or raises a ``InputError`` that says what it refuses."""
+
+    def build(setting: TrackerSetting) -> AnyTracker:
+        try:
+            return build_tracker(config.tracker.maker, setting, config.tracker.all_options())
+        except UnknownNameError as error:
+            raise InputError(f"`model`: {error}") from None
+        except (ValueError, TypeError) as error:
+            raise InputError(f"`tracker` {config.tracker.name!r}: {error}") from None
+
+    return build

@@ -6,12 +6,12 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
@@ -20,16 +20,19 @@ from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import write_manifest
 from harness.runfolder.road import write_road
 from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
-from harness.running.follow import AnyTracker, StageTimes, Streams, co_simulate
-from harness.running.metrics import assemble_metrics
-from harness.running.open import RunInputs, _build_tracker, check_gui, check_tracker, open_inputs
-from harness.running.watchers import DiagnosticsKeeper, MomentKeeper, ParticleKeeper
+from harness.running.follow import StageTimes, follow
+from harness.running.looks import Looks, Streams
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.running.open import OpenLooks, check_tracker, open_looks, tracker_builder
+from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
 from harness.scoring import ScoredRun, score_run
-from harness.sensor.observation import Observation
-from harness.truth.frame import Frame
 from harness.writing.numbers import as_json
 from harness.writing.progress import progress_bar
-from mmpf.tracks import Tracks
+from mmpf.road import Road
+from mmpf.scan import SensorModel
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,40 @@ class FinishedRun:
     metrics: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class Pictured:
+    """What a run's figures show.
+
+    Attributes:
+        title: What was run, in a few words.
+        road: The lanes.
+        sensor: The sensor's data sheet.
+        scored: The run's scores.
+        moment: The moment that is seen from above.
+        diagnostics: What the tracker told of each step; None of one that tells nothing.
+    """
+
+    title: str
+    road: Road
+    sensor: SensorModel
+    scored: ScoredRun
+    moment: Moment | None
+    diagnostics: pd.DataFrame | None
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Draws a run into its folder while that is not finished; handed in, since a run itself never draws.
+
+    Attributes:
+        figures: Draws figures into a folder of their own.
+        page: Writes the page of a run's folder in which everything else lies.
+    """
+
+    figures: Callable[[Path, Pictured], object]
+    page: Callable[[Path], object]
+
+
 def run(
     config: RunConfig,
     *,
@@ -52,7 +89,8 @@ def run(
     force: bool = False,
     command: str = "",
     quiet: bool = True,
-    gui: bool = False,
+    draw: Drawing | None = None,
+    open_looks: OpenLooks = open_looks,
 ) -> FinishedRun:
     """Simulate or replay, track, score, draw, and leave a run folder.
 
@@ -62,7 +100,8 @@ def run(
         force: Whether an earlier run in ``out`` may be replaced.
         command: What the user typed, for the manifest.
         quiet: Whether to leave out the progress bar.
-        gui: Whether the traffic is shown in a window of sumo-gui while it is simulated; the results are the same.
+        draw: Draws the run; nothing is drawn if None.
+        open_looks: Opens what the configuration asks to look at.
 
     Raises:
         InputError: The input is wrong or no window can be opened; nothing is left behind.
@@ -70,12 +109,10 @@ def run(
         RunInterruptedError: The user stopped the run; likewise.
     """
     check_tracker(config)
-    if gui:
-        check_gui(config)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
-    attempt = _Attempt(config, pending.path, command, Streams.from_seed(config.seed), gui)
+    attempt = _Attempt(config, pending.path, command)
     try:
-        metrics = attempt.complete(quiet)
+        metrics = attempt.complete(open_looks, draw, quiet)
         return FinishedRun(folder=pending.finish(), metrics=metrics)
     except InputError:
         pending.discard()
@@ -129,27 +166,25 @@ class _Attempt:
     config: RunConfig
     folder: Path
     command: str
-    streams: Streams
-    gui: bool
     recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
     moment: MomentKeeper = field(default_factory=MomentKeeper)
     diagnostics: DiagnosticsKeeper = field(default_factory=DiagnosticsKeeper)
     particles: ParticleKeeper = field(default_factory=ParticleKeeper)
     times: StageTimes = field(default_factory=StageTimes)
     wall_s: dict[str, float] = field(default_factory=dict)
-    inputs: RunInputs | None = None
+    looks: Looks | None = None
 
-    def complete(self, quiet: bool) -> dict[str, Any]:
+    def complete(self, open_looks: OpenLooks, draw: Drawing | None, quiet: bool) -> dict[str, Any]:
         """Do the whole run and return the metrics."""
         begin = perf_counter()
         write_config(self.config, self.folder / runfolder.CONFIG)
         with self._timed("open"):
-            self.inputs = open_inputs(self.config, self.streams, self.gui)
-        if self.inputs.report and not quiet:
-            sys.stderr.write(self.inputs.report + "\n")
-        write_road(self.inputs.truth.road, self.folder / runfolder.ROAD)
+            looks = self.looks = open_looks(self.config)
+        if looks.report and not quiet:
+            sys.stderr.write(looks.report + "\n")
+        write_road(looks.road, self.folder / runfolder.ROAD)
         with self._timed("loop"):
-            self._loop(self.inputs, quiet)
+            self._loop(looks, quiet)
         tables = self.recorder.tables()
         with self._timed("score"):
             scored = score_run(tables.truth, tables.detections, tables.tracks, self.config.seed)
@@ -157,21 +192,19 @@ class _Attempt:
             self.write_tables(tables)
             write_table(scored.errors, self.folder / runfolder.ERRORS)
             write_table(scored.events, self.folder / runfolder.EVENTS)
-        with self._timed("draw"):
-            self._draw(scored)
+        if draw is not None:
+            with self._timed("draw"):
+                draw.figures(self.folder / runfolder.FIGURES, self._pictured(looks, scored))
         metrics = assemble_metrics(
             self.config,
-            scored.metrics | dict(self.inputs.about),
-            self.times,
-            self.inputs.truth.step_s,
-            perf_counter() - begin,
-            tables.truth,
-            self.inputs.truth.road,
-            self.diagnostics.stages_ms,
+            scored.metrics | dict(looks.about),
+            timing_table(self.times, looks.step_s, perf_counter() - begin, self.diagnostics.stages_ms),
+            traffic_table(tables.truth, looks.road),
         )
         (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
         self.write_manifest(runfolder.COMPLETE, None)
-        self._write_page()
+        if draw is not None:
+            draw.page(self.folder)
         return metrics
 
     def write_tables(self, tables: RunTables) -> None:
@@ -191,7 +224,7 @@ class _Attempt:
             status=status,
             command=self.command,
             seed=self.config.seed,
-            inputs=self.inputs.hashes() if self.inputs is not None else {},
+            inputs=self.looks.hashes() if self.looks is not None else {},
             wall_times_s=self.wall_s,
             steps=self.recorder.steps,
             problem=problem,
@@ -199,50 +232,22 @@ class _Attempt:
 
     def close(self) -> None:
         """Release the simulation."""
-        if self.inputs is not None:
-            self.inputs.truth.close()
+        if self.looks is not None:
+            self.looks.close()
 
-    def _loop(self, inputs: RunInputs, quiet: bool) -> None:
-        with progress_bar("tracking", inputs.truth.expected_steps, quiet) as advance:
-
-            def watch(frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
-                self.moment.watch(frame, observation, tracks, tracker)
-                self.diagnostics.watch(frame, observation, tracks, tracker)
-                self.particles.watch(frame, observation, tracks, tracker)
-                advance()
-
-            co_simulate(
-                inputs.truth,
-                inputs.sensor,
-                lambda setting: _build_tracker(self.config, setting),
-                self.recorder,
-                self.streams,
-                watch,
-                self.times,
-            )
+    def _loop(self, looks: Looks, quiet: bool) -> None:
+        stream = Streams.from_seed(self.config.seed).tracker
+        with progress_bar("tracking", looks.expected_steps, quiet) as advance:
+            watchers = (self.moment.watch, self.diagnostics.watch, self.particles.watch, lambda *_: advance())
+            follow(looks, tracker_builder(self.config), self.recorder, stream, watchers, self.times)
         if not self.recorder.steps:
             raise InputError(
                 "the traffic has no ego vehicle in the section; choose another demand, density or duration"
             )
 
-    def _write_page(self) -> None:
-        from harness.report.page import write_run_page  # noqa: PLC0415
-
-        write_run_page(self.folder)
-
-    def _draw(self, scored: ScoredRun) -> None:
-        from harness.report.diagnostics_figure import FILE, diagnostics_figure  # noqa: PLC0415
-        from harness.report.figures import draw_figures  # noqa: PLC0415
-
-        assert self.inputs is not None
-        folder = self.folder / runfolder.FIGURES
-        folder.mkdir()
-        draw_figures(
-            folder, self.moment.moment, self.inputs.truth.road, self.inputs.sensor.model(), scored, self.config.title()
-        )
-        diagnostics = self.diagnostics.table()
-        if diagnostics is not None:
-            diagnostics_figure(diagnostics, self.config.title()).savefig(folder / FILE)
+    def _pictured(self, looks: Looks, scored: ScoredRun) -> Pictured:
+        moment, diagnostics = self.moment.moment, self.diagnostics.table()
+        return Pictured(self.config.title(), looks.road, looks.sensor, scored, moment, diagnostics)
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:

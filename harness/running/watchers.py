@@ -8,9 +8,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import pandas as pd
 
-from harness.running.follow import AnyTracker
-from harness.sensor.observation import Observation
-from harness.truth.frame import Frame
+from harness.sensor.observation import Look
+from harness.trackers.protocol import AnyTracker
 from mmpf.cloud.mixture import Mixture, ParticleCloud
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.state import LAT, LON
@@ -33,14 +32,12 @@ class Moment:
     """One instant of a run.
 
     Attributes:
-        frame: The truth.
-        observation: What the sensor made of it.
+        look: The truth and what the sensor made of it.
         tracks: The tracks after it.
         particles: Longitudinal and lateral position of every particle, shape (2, n); None where a tracker has none.
     """
 
-    frame: Frame
-    observation: Observation
+    look: Look
     tracks: Tracks
     particles: FloatArray | None
 
@@ -56,15 +53,15 @@ class MomentKeeper:
     moment: Moment | None = None
     _best: int = -1
 
-    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
         """Look at one step."""
-        start_m, end_m = frame.window_m
+        start_m, end_m = look.frame.window_m
         hidden = int(np.count_nonzero((tracks.state == HIDDEN) & (tracks.lon_m >= start_m) & (tracks.lon_m <= end_m)))
         if hidden <= self._best:
             return
         self._best = hidden
         particles = tracker.mixture.cloud.state[[LON, LAT]] if isinstance(tracker, ParticleFilter) else None
-        self.moment = Moment(frame, observation, tracks, particles)
+        self.moment = Moment(look, tracks, particles)
 
 
 # The wall times of the stages are no part of the table: equal runs give equal tables.
@@ -101,11 +98,11 @@ class DiagnosticsKeeper:
     stages_ms: dict[str, list[float]] = field(default_factory=dict)
     _rows: list[dict[str, float]] = field(default_factory=list)
 
-    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step; a tracker that tells nothing leaves no row."""
         if not isinstance(tracker, DiagnosedTracker):
             return
-        report = tracker.last_report
+        report, frame = tracker.last_report, look.frame
         when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
         self._rows.append(when | {name: getattr(report, name) for name in COLUMNS})
         for stage, took_ms in report.stage_ms.items():
@@ -126,14 +123,14 @@ class ParticleKeeper:
 
     _steps: list[pd.DataFrame] = field(default_factory=list)
 
-    def watch(self, frame: Frame, observation: Observation, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step."""
         if not isinstance(tracker, ParticleFilter):
             return
         cloud = tracker.mixture.cloud
         lon_lat = cloud.state[[LON, LAT]][:, systematic_sample(cloud, SHOWN_PER_COMPONENT)]
         lon_m, lat_m = np.round(lon_lat, PLACE_DECIMALS).astype(np.float32)
-        self._steps.append(pd.DataFrame({"step": np.full(len(lon_m), frame.step), "lon_m": lon_m, "lat_m": lat_m}))
+        self._steps.append(pd.DataFrame({"step": np.full(len(lon_m), look.frame.step), "lon_m": lon_m, "lat_m": lat_m}))
 
     def table(self) -> pd.DataFrame | None:
         """Return columns step, lon_m, lat_m; None without any particle."""

@@ -1,9 +1,17 @@
-"""Scores of tracks against truth, above all for the vehicles that the sensor could not see."""
+"""Scores of tracks against truth, above all for the vehicles that the sensor could not see.
+
+Conventions of all scores: the ego is no vehicle; tentative tracks are not reported and not scored; accuracies and
+shares are in percent; errors are estimate minus truth; vehicles and tracks of different episodes have nothing to do
+with each other; a vehicle beyond the sensor's range is neither missed nor is the track on it false, and the same holds
+at and beyond the edge of the road that the truth's source knows.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from harness.scoring.settings import ScoringSettings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +24,7 @@ class ScoredRun:
     Attributes:
         errors: One row per vehicle and step, see ``harness.scoring.errors.error_table``.
         metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
-        events: One row per occlusion event, see ``harness.scoring.occlusion.event_table``.
+        events: One row per occlusion event, see ``harness.scoring.events.event_table``.
     """
 
     errors: pd.DataFrame
@@ -39,7 +47,10 @@ def score_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFram
     Raises:
         ValueError: The tables contradict each other or hold unknown states.
     """
-    from harness.scoring.score import evaluate, metrics_dict  # noqa: PLC0415
+    from harness.scoring.events import event_table  # noqa: PLC0415  pandas is slow to import
+    from harness.scoring.evidence import gather  # noqa: PLC0415
+    from harness.scoring.metrics import score_metrics  # noqa: PLC0415
 
-    evaluation = evaluate(truth, detections, tracks, seed=seed)
-    return ScoredRun(evaluation.errors, metrics_dict(evaluation.scores), evaluation.events)
+    evidence = gather(truth, detections, tracks, ScoringSettings(), seed)
+    events = event_table(truth, evidence.rows, evidence.events)
+    return ScoredRun(evidence.error_table, score_metrics(evidence), events)

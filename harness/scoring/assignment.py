@@ -7,8 +7,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harness.scoring.rows import BoolArray
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
 def best_assignment(left: IntArray, right: IntArray, score: FloatArray) -> BoolArray:

@@ -2,46 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
+from harness.scoring.evidence import Evidence
+from harness.sensor.observation import HIDDEN
+from mmpf.compute.arrays import BoolArray, FloatArray
 
 NORMAL_95 = 1.959963984540054
 """Half width of the standard normal's central 95 % interval."""
+ERRORS = ["lon_error_m", "lat_error_m", "speed_error_mps"]
+DEVIATIONS = ["std_lon_m", "std_lat_m", "std_speed_mps"]
 
 
-@dataclass(frozen=True)
-class Coverage95:
-    """Percent of errors inside the 95 % interval, by quantity; nan where there is none."""
+def calibration_by_visibility(evidence: Evidence) -> dict[str, object]:
+    """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them."""
+    error, std = (evidence.error_table[columns].to_numpy(dtype=np.float64) for columns in (ERRORS, DEVIATIONS))
+    followed, hidden = evidence.errors.tracked, evidence.errors.state == HIDDEN
 
-    lon: float
-    lat: float
-    speed: float
+    def of(chosen: BoolArray) -> dict[str, object]:
+        return calibration(error[chosen], std[chosen])
 
-
-@dataclass(frozen=True)
-class Calibration:
-    """Calibration of a set of estimates.
-
-    Attributes:
-        nees: Normalised estimation error squared over longitudinal position, lateral position and speed, divided
-            by their number: 1 is honest, above is over-confident. Correlations are not reported by tracks, so it is the
-            NEES of a diagonal covariance (Bar-Shalom et al. 2001, section 5.4.2).
-        nees_median: Median over the estimates; an honest filter's is 0.789 (a third of the median of a chi-square
-            with 3 degrees of freedom). A few far-off tracks do not move it.
-        coverage95: Share of errors within 1.96 standard deviations.
-        n: Number of estimates.
-    """
-
-    nees: float
-    nees_median: float
-    coverage95: Coverage95
-    n: int
+    return {**of(followed), "visible": of(followed & ~hidden), "hidden": of(followed & hidden)}
 
 
-def calibration(error: FloatArray, std: FloatArray) -> Calibration:
+def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
     """Compare errors with their claimed deviations.
 
     Args:
@@ -50,7 +34,11 @@ def calibration(error: FloatArray, std: FloatArray) -> Calibration:
             out.
 
     Returns:
-        The calibration; nan without estimates.
+        ``nees``: normalised estimation error squared over the three, divided by their number: 1 is honest, above is
+        over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance (Bar-Shalom
+        et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not move; an honest
+        filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of
+        errors within 1.96 standard deviations, of each quantity. ``n``: number of estimates. nan without estimates.
     """
     usable = np.isfinite(error) & np.isfinite(std) & (std > 0.0)
     scaled = np.abs(np.divide(error, std, out=np.full_like(error, np.nan), where=usable))
@@ -60,9 +48,9 @@ def calibration(error: FloatArray, std: FloatArray) -> Calibration:
     inside = ((scaled <= NORMAL_95) & usable).sum(axis=0)
     total = usable.sum(axis=0)
     share = np.divide(100.0 * inside, total, out=np.full(3, np.nan), where=total > 0)
-    return Calibration(
-        nees=float(nees.mean()) if len(nees) else np.nan,
-        nees_median=float(np.median(nees)) if len(nees) else np.nan,
-        coverage95=Coverage95(*(float(value) for value in share)),
-        n=len(nees),
-    )
+    return {
+        "nees": float(nees.mean()) if len(nees) else np.nan,
+        "nees_median": float(np.median(nees)) if len(nees) else np.nan,
+        "coverage95": dict(zip(("lon", "lat", "speed"), share.tolist(), strict=True)),
+        "n": len(nees),
+    }

@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
 from harness.scoring.history import DetectionHistory
 from harness.scoring.matching import Matching
 from harness.scoring.pairs import similarity
-from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import HIDDEN, OUT, VISIBILITY_STATES
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
 OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")
 MATCHED_BY = ("", "gate", "identity")
+
+
+@dataclass(frozen=True)
+class ErrorArrays:
+    """The numbers of the error table, struct of arrays of shape (n,).
+
+    Attributes:
+        vehicle: Code of the vehicle.
+        absolute: Absolute errors of longitudinal and lateral position, longitudinal and lateral speed, shape (n, 4).
+        state: Index into the visibility states.
+        seconds_hidden: Time since the last detection, 0 where not hidden.
+        outcome: Index into ``OUTCOMES``.
+    """
+
+    vehicle: IntArray
+    absolute: FloatArray
+    state: IntArray
+    seconds_hidden: FloatArray
+    outcome: IntArray
+
+    @property
+    def tracked(self) -> BoolArray:
+        """Rows that belong in a mean, shape (n,)."""
+        return np.equal(self.outcome, TRACKED)
 
 
 def error_table(
@@ -76,6 +102,20 @@ def error_table(
     )
 
 
+def error_arrays(errors: pd.DataFrame) -> ErrorArrays:
+    """Take the numbers out of an error table, also out of one that was read back from a file."""
+    columns = ("lon_error_m", "lat_error_m", "speed_error_mps", "lat_speed_error_mps")
+    names = pd.factorize(errors["vehicle_id"])[0].astype(np.int64)
+    episode = errors["episode"].to_numpy(dtype=np.int64)
+    return ErrorArrays(
+        vehicle=episode * (int(names.max(initial=0)) + 1) + names,
+        absolute=np.abs(np.column_stack([errors[column].to_numpy(dtype=np.float64) for column in columns])),
+        state=_codes(errors["state"], VISIBILITY_STATES),
+        seconds_hidden=errors["seconds_hidden"].to_numpy(dtype=np.float64),
+        outcome=_codes(errors["outcome"], OUTCOMES),
+    )
+
+
 def _is_stolen(
     rows: RunRows, matching: Matching, kept: IntArray, track_row: IntArray, settings: ScoringSettings
 ) -> BoolArray:
@@ -101,3 +141,7 @@ def _of_track(values: FloatArray, track_row: IntArray) -> FloatArray:
 
 def _labels(codes: IntArray, names: tuple[str, ...]) -> pd.Categorical[str]:
     return pd.Categorical.from_codes(codes, categories=pd.Index(names))
+
+
+def _codes(labels: pd.Series[str], names: tuple[str, ...]) -> IntArray:
+    return pd.Categorical(labels, categories=list(names)).codes.astype(np.int64)

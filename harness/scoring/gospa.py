@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from harness.scoring.assignment import best_assignment
+from harness.scoring.evidence import Evidence
+from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import MotSequence
 
-
-@dataclass(frozen=True)
-class GospaScores:
-    """GOSPA with alpha = 2, averaged over steps; in metres for order 1, where the three parts add up to the mean.
-
-    Attributes:
-        mean: Mean of the metric.
-        localisation: Mean of the assigned pairs' summed distances to the power of the order.
-        missed: Mean of ``c^p / 2`` for each vehicle without a track.
-        false: Mean of ``c^p / 2`` for each track without a vehicle.
-    """
-
-    mean: float
-    localisation: float
-    missed: float
-    false: float
+QUANTITIES = (Quantity("gospa.mean", "GOSPA, m", compared=True),)
 
 
-def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> GospaScores:
+def gospa_in_sight(evidence: Evidence) -> dict[str, float]:
+    """Return the scores over vehicles in sight; see ``gospa``."""
+    return gospa(evidence.in_sight, evidence.settings.gospa_cutoff_m, evidence.settings.gospa_order)
+
+
+def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, float]:
     """Score the sets of positions step by step, in the form of the reference's Proposition 1 (alpha = 2).
 
     Args:
@@ -36,11 +26,13 @@ def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> GospaScores:
         order: Order p.
 
     Returns:
-        The means over steps; nan without a step.
+        Means over steps, nan without one: ``mean`` of the metric; ``localisation`` of the assigned pairs' summed
+        distances to the power of the order, ``missed`` and ``false`` of ``c^p / 2`` for each vehicle without a track
+        and each track without a vehicle. For order 1 all are metres, and the three parts add up to the mean.
     """
     steps = sequence.steps
     if steps == 0:
-        return GospaScores(np.nan, np.nan, np.nan, np.nan)
+        return dict.fromkeys(("mean", "localisation", "missed", "false"), np.nan)
     distance_m = sequence.pair_distance_m
     near = np.flatnonzero(distance_m < cutoff_m)
     gain = cutoff_m**order - distance_m[near] ** order
@@ -52,4 +44,5 @@ def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> GospaScores:
     missed = half * (np.bincount(sequence.truth_step, minlength=steps) - assigned)
     false = half * (np.bincount(sequence.track_step, minlength=steps) - assigned)
     total = (localisation + missed + false) ** (1.0 / order)
-    return GospaScores(float(total.mean()), float(localisation.mean()), float(missed.mean()), float(false.mean()))
+    parts = {"mean": total, "localisation": localisation, "missed": missed, "false": false}
+    return {name: float(part.mean()) for name, part in parts.items()}

@@ -1,138 +1,72 @@
-"""Mean absolute errors by visibility and by time hidden, with intervals over vehicles."""
+"""Mean absolute errors by visibility and by time hidden, with intervals over vehicles.
+
+The error of a hidden vehicle counts only while its track is alive and its own, so a tracker that soon lets go of hidden
+vehicles has small errors over few rows: read it beside ``hidden_outcomes``, or compare trackers on the rows that both
+follow (``harness.scoring.paired``).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import pandas as pd
 
-from harness.scoring.errors import HIJACKED, LOST, OUTCOMES, TRACKED, UNTRACKED
-from harness.scoring.rows import BoolArray
-from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.scoring.statistics import Interval, cluster_bootstrap, group_sums
-from harness.sensor.observation import HIDDEN, PARTIAL, VISIBILITY_STATES, VISIBLE
-from mmpf.compute.arrays import FloatArray, IntArray
+from harness.scoring.evidence import Evidence
+from harness.scoring.hidden_outcomes import hidden_outcomes
+from harness.scoring.quantity import Quantity
+from harness.scoring.settings import TIME_TOLERANCE_S
+from harness.scoring.statistics import cluster_bootstrap, group_sums
+from harness.sensor.observation import HIDDEN, PARTIAL, VISIBLE
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+
+STATES = {"all": (VISIBLE, PARTIAL, HIDDEN), "visible": (VISIBLE,), "partial": (PARTIAL,), "hidden": (HIDDEN,)}
+NAMES = ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "position_m")
+VISIBLE_LON, VISIBLE_N, HIDDEN_LON = "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m"
+QUANTITIES = (
+    Quantity(
+        VISIBLE_LON, "MAE visible, m",
+        decimals=2, heading="MAE seen m", weight=VISIBLE_N, compared=True, curve=True,
+    ),
+    Quantity(VISIBLE_LON, "MAE visible, m", decimals=3, weight=VISIBLE_N, pooled=VISIBLE_LON),
+    Quantity("mae.visible.speed_mps", "speed MAE visible, m/s", decimals=2, compared=True),
+    Quantity("mae.partial.lon_m", "MAE partly hidden, m", decimals=2, compared=True),
+    Quantity(HIDDEN_LON, "MAE hidden, m", decimals=2, compared=True),
+    Quantity(
+        HIDDEN_LON, "MAE hidden (while followed), m",
+        decimals=2, heading="MAE hidden m", weight="mae.hidden.n", curve=True, pooled=HIDDEN_LON,
+    ),
+    Quantity(HIDDEN_LON, "longitudinal error, hidden, m", decimals=2, ablated=True),
+    Quantity("mae.hidden.speed_mps", "speed MAE hidden, m/s", decimals=2, compared=True),
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class ErrorArrays:
-    """The numbers of the error table, struct of arrays of shape (n,).
+def mean_errors_by_visibility(evidence: Evidence) -> dict[str, object]:
+    """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
 
-    Attributes:
-        vehicle: Code of the vehicle.
-        absolute: Absolute errors of longitudinal and lateral position, longitudinal and lateral speed, shape (n, 4).
-        state: Index into the visibility states.
-        seconds_hidden: Time since the last detection, 0 where not hidden.
-        outcome: Index into ``harness.scoring.errors.OUTCOMES``.
+    Returns:
+        ``visible``, ``partial``, ``hidden`` and ``all`` three together, as ``mean_errors`` has them, and
+        ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and at most
+        ``to_s`` ago, with their ``hidden_outcomes``.
     """
+    errors, rng = evidence.errors, evidence.new_rng()
 
-    vehicle: IntArray
-    absolute: FloatArray
-    state: IntArray
-    seconds_hidden: FloatArray
-    outcome: IntArray
+    def mean_of(chosen: BoolArray) -> dict[str, object]:
+        kept = chosen & errors.tracked
+        return mean_errors(errors.absolute[kept], errors.vehicle[kept], rng, evidence.settings.bootstrap_draws)
 
-    @property
-    def tracked(self) -> BoolArray:
-        """Rows that belong in a mean, shape (n,)."""
-        return np.equal(self.outcome, TRACKED)
-
-
-@dataclass(frozen=True)
-class MeanErrors:
-    """Mean absolute errors of a set of rows, each with its 95 % bootstrap interval over vehicles."""
-
-    lon_m: float
-    lat_m: float
-    speed_mps: float
-    lat_speed_mps: float
-    position_m: float
-    n: int
-    lon_m_ci95: Interval
-    lat_m_ci95: Interval
-    speed_mps_ci95: Interval
-    lat_speed_mps_ci95: Interval
-    position_m_ci95: Interval
-
-
-@dataclass(frozen=True)
-class HiddenOutcomes:
-    """What became of hidden vehicles, in percent of vehicle-steps hidden; nan without any.
-
-    Attributes:
-        n: Vehicle-steps hidden, from the first detection on, up to the memory.
-        tracked_percent: The track that held the vehicle is alive and on no other vehicle.
-        lost_percent: It is gone.
-        hijacked_percent: It is on another vehicle.
-        untracked_percent: No track held the vehicle at its last detection.
-    """
-
-    n: int
-    tracked_percent: float
-    lost_percent: float
-    hijacked_percent: float
-    untracked_percent: float
-
-
-@dataclass(frozen=True)
-class HiddenBin:
-    """Errors and outcomes of hidden vehicles last detected more than ``from_s`` and at most ``to_s`` ago."""
-
-    from_s: float
-    to_s: float
-    errors: MeanErrors
-    outcomes: HiddenOutcomes
-
-
-def error_arrays(errors: pd.DataFrame) -> ErrorArrays:
-    """Take the numbers out of an error table, also out of one that was read back from a file."""
-    columns = ("lon_error_m", "lat_error_m", "speed_error_mps", "lat_speed_error_mps")
-    names = pd.factorize(errors["vehicle_id"])[0].astype(np.int64)
-    episode = errors["episode"].to_numpy(dtype=np.int64)
-    return ErrorArrays(
-        vehicle=episode * (int(names.max(initial=0)) + 1) + names,
-        absolute=np.abs(np.column_stack([errors[column].to_numpy(dtype=np.float64) for column in columns])),
-        state=_codes(errors["state"], VISIBILITY_STATES),
-        seconds_hidden=errors["seconds_hidden"].to_numpy(dtype=np.float64),
-        outcome=_codes(errors["outcome"], OUTCOMES),
-    )
-
-
-def errors_by_state(errors: ErrorArrays, settings: ScoringSettings, rng: np.random.Generator) -> dict[str, MeanErrors]:
-    """Average the errors of tracked vehicles by visibility state; ``all`` is over the three states together."""
-    states = {"all": (VISIBLE, PARTIAL, HIDDEN), "visible": (VISIBLE,), "partial": (PARTIAL,), "hidden": (HIDDEN,)}
-    return {
-        name: _mean_of(errors, errors.tracked & np.isin(errors.state, codes), settings, rng)
-        for name, codes in states.items()
-    }
-
-
-def errors_by_time_hidden(
-    errors: ErrorArrays, settings: ScoringSettings, rng: np.random.Generator
-) -> tuple[HiddenBin, ...]:
-    """Average the errors of hidden vehicles by the time since their last detection."""
-    bins = []
-    for from_s, to_s in pairwise(settings.hidden_bins_s):
+    table: dict[str, object] = {name: mean_of(np.isin(errors.state, codes)) for name, codes in STATES.items()}
+    bins: list[dict[str, object]] = []
+    for from_s, to_s in pairwise(evidence.settings.hidden_bins_s):
         inside = (errors.seconds_hidden > from_s + TIME_TOLERANCE_S) & (
             errors.seconds_hidden <= to_s + TIME_TOLERANCE_S
         )
-        means = _mean_of(errors, inside & errors.tracked, settings, rng)
-        bins.append(HiddenBin(from_s, to_s, means, hidden_outcomes(errors.outcome[inside])))
-    return tuple(bins)
+        outcomes = hidden_outcomes(errors.outcome[inside])
+        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(inside), "hidden_n": outcomes.pop("n"), **outcomes})
+    table["by_seconds_hidden"] = bins
+    return table
 
 
-def hidden_outcomes(outcome: IntArray) -> HiddenOutcomes:
-    """Count the outcomes of hidden vehicle-steps, shape (n,)."""
-
-    def percent(code: int) -> float:
-        return 100.0 * float((outcome == code).mean()) if len(outcome) else np.nan
-
-    return HiddenOutcomes(len(outcome), percent(TRACKED), percent(LOST), percent(HIJACKED), percent(UNTRACKED))
-
-
-def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generator, draws: int) -> MeanErrors:
+def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generator, draws: int) -> dict[str, object]:
     """Average absolute errors over rows.
 
     Args:
@@ -142,31 +76,16 @@ def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generato
         draws: Number of resamples.
 
     Returns:
-        Means; nan without rows. ``position_m`` is the mean Euclidean error of the position.
+        Means, nan without rows, the number of rows ``n``, and the ends of each mean's 95 % bootstrap interval over
+        vehicles under ``_ci95``, None with fewer than two. ``position_m`` is the mean Euclidean error of the position.
     """
     values = np.column_stack((absolute, np.hypot(absolute[:, 0], absolute[:, 1])))
     sums, counts = group_sums(values, np.unique(vehicle, return_inverse=True)[1])
     total = counts.sum(axis=0)
     means = np.divide(sums.sum(axis=0), total, out=np.full(values.shape[1], np.nan), where=total > 0)
-    lon, lat, speed, lat_speed, position = cluster_bootstrap(sums, counts, rng, draws=draws)
-    return MeanErrors(
-        lon_m=float(means[0]),
-        lat_m=float(means[1]),
-        speed_mps=float(means[2]),
-        lat_speed_mps=float(means[3]),
-        position_m=float(means[4]),
-        n=len(values),
-        lon_m_ci95=lon,
-        lat_m_ci95=lat,
-        speed_mps_ci95=speed,
-        lat_speed_mps_ci95=lat_speed,
-        position_m_ci95=position,
-    )
-
-
-def _mean_of(errors: ErrorArrays, chosen: BoolArray, settings: ScoringSettings, rng: np.random.Generator) -> MeanErrors:
-    return mean_errors(errors.absolute[chosen], errors.vehicle[chosen], rng, settings.bootstrap_draws)
-
-
-def _codes(labels: pd.Series[str], names: tuple[str, ...]) -> IntArray:
-    return pd.Categorical(labels, categories=list(names)).codes.astype(np.int64)
+    intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))
+    return {
+        **dict(zip(NAMES, means.tolist(), strict=True)),
+        "n": len(values),
+        **{f"{name}_ci95": None if np.isnan(ends.low) else [ends.low, ends.high] for name, ends in intervals.items()},
+    }

@@ -9,10 +9,10 @@ import numpy as np
 from harness.scoring.assignment import best_assignment
 from harness.scoring.history import DetectionHistory, last_row_where
 from harness.scoring.pairs import GATE_SIMILARITY, Pairs
-from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import PARTIAL, VISIBLE
-from mmpf.compute.arrays import IntArray
+from mmpf.compute.arrays import BoolArray, IntArray
 
 
 @dataclass(frozen=True)

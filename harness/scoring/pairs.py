@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from harness.scoring.rows import BoolArray, TrackRows, TruthRows
+from harness.scoring.rows import TrackRows, TruthRows
 from harness.scoring.settings import ScoringSettings
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

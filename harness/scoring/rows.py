@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.truth.frame import WINDOW_COLUMNS
-from mmpf.compute.arrays import FloatArray, IntArray
-
-BoolArray = npt.NDArray[np.bool_]
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import numpy as np
 from harness.scoring.history import DetectionHistory
 from harness.scoring.matching import gate_match
 from harness.scoring.pairs import Pairs
-from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.sight import tracks_in_sight
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ import numpy as np
 
 from harness.scoring.history import first_of_group, last_row_where
 from harness.scoring.pairs import GATE_SIMILARITY, rows_near, similarity
-from harness.scoring.rows import BoolArray, RunRows
+from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from mmpf.compute.arrays import BoolArray
 
 
 def tracks_in_sight(rows: RunRows, settings: ScoringSettings) -> BoolArray:

@@ -13,11 +13,9 @@ from harness.sensor.profiles import SensorSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, free_space, sensor_position, wrap_angle
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.road import Road
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
-
-BoolArray = npt.NDArray[np.bool_]
 
 DECIMALS = 4
 CLUTTER_SPEED_MPS = (0.0, 40.0)
@@ -60,7 +58,7 @@ class RayedSensor:
         Vehicles outside the range or the field of view are out: visible fraction 0, no occluder. They still hide
         others as far as they reach into view.
         """
-        ego = _ego_pose(frame)
+        ego = frame.ego_pose
         sight = _sight_to(frame.lon_m, frame.lat_m, road, ego)
         in_range = _in_reach(self.settings, sight.distance, sight.off_axis)
         in_range[frame.ego] = True
@@ -103,18 +101,6 @@ class _Returns:
 
     values: FloatArray
     origin: IntArray
-
-
-def _ego_pose(frame: Frame) -> EgoPose:
-    ego = frame.ego
-    return EgoPose(
-        lon_m=float(frame.lon_m[ego]),
-        lat_m=float(frame.lat_m[ego]),
-        heading_rad=float(frame.heading_rad[ego]),
-        speed_mps=float(frame.speed_mps[ego]),
-        length_m=float(frame.length_m[ego]),
-        width_m=float(frame.width_m[ego]),
-    )
 
 
 def _sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> _Sight:

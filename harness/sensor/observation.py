@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from harness.truth.frame import Frame, StringArray
-from mmpf.compute.arrays import FloatArray, IntArray
+from harness.truth.frame import Frame
+from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 
@@ -19,7 +19,7 @@ VISIBILITY_STATES = ("visible", "partial", "hidden", "out")
 
 @dataclass(frozen=True)
 class Observation:
-    """One look of the sensor at one frame.
+    """What the sensor made of one frame.
 
     Attributes:
         scan: What the tracker is given.
@@ -38,6 +38,23 @@ class Observation:
     occluder: IntArray
     in_range: npt.NDArray[np.bool_]
     state: npt.NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the sensor saw at one moment, with the truth beside it.
+
+    Attributes:
+        frame: The truth.
+        observation: What the sensor made of it.
+        truth_s: Wall time that making the frame took; no part of a run's results.
+        sensor_s: Wall time that making the observation took; likewise.
+    """
+
+    frame: Frame
+    observation: Observation
+    truth_s: float = 0.0
+    sensor_s: float = 0.0
 
 
 class Sensor(Protocol):

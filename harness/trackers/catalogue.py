@@ -12,7 +12,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from harness.errors import InputError
-from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker, trackers
+from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
 from mmpf.registry import UnknownNameError
 
 
@@ -58,9 +58,7 @@ def available_trackers() -> dict[str, str]:
     return {name: entry.description for name, entry in _CATALOGUE.items()}
 
 
-def build_tracker(
-    maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object]
-) -> Tracker | TruthAssociatedTracker:
+def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
     """Build a fresh tracker for one episode.
 
     Args:

@@ -7,16 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from harness.trackers.protocol import TrackerSetting, trackers
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, StringArray, joined, taken
 from mmpf.options import Positive, Settings
 from mmpf.scan import Detections, EgoPose, Scan, check_scan
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
-
-StringArray = npt.NDArray[np.str_]
 
 
 class OracleOptions(Settings):
@@ -59,15 +56,6 @@ class _Followed:
     last_seen_s: FloatArray
     detections: IntArray
 
-    def take(self, keep: npt.NDArray[np.bool_]) -> _Followed:
-        return _Followed(
-            self.truth_id[keep],
-            self.track_id[keep],
-            self.states.take(keep),
-            self.last_seen_s[keep],
-            self.detections[keep],
-        )
-
 
 class OracleKalman:
     """One constant-velocity Kalman filter for each vehicle, with the true association of every detection."""
@@ -76,8 +64,8 @@ class OracleKalman:
         self._options = options
         self._time_s: float | None = None
         self._next_track_id = 1
-        no_index = np.zeros(0, dtype=np.int64)
-        self._followed = _Followed(np.zeros(0, dtype=np.str_), no_index, GaussianStates.none(), np.zeros(0), no_index)
+        no_index, no_states = np.zeros(0, dtype=np.int64), GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4)))
+        self._followed = _Followed(np.zeros(0, dtype=np.str_), no_index, no_states, np.zeros(0), no_index)
 
     def step_associated(self, scan: Scan, truth_id: StringArray) -> Tracks:
         """Take in one scan with the true origin of each detection, empty for clutter, shape (d,).
@@ -100,7 +88,7 @@ class OracleKalman:
             self._followed.states, time_s - self._time_s, options.lon_noise, options.lat_noise
         )
         followed = replace(self._followed, states=states)
-        self._followed = followed.take(time_s - followed.last_seen_s <= options.longest_unseen_s)
+        self._followed = taken(followed, time_s - followed.last_seen_s <= options.longest_unseen_s)
 
     def _update(self, scan: Scan, truth_id: StringArray, detection: IntArray) -> None:
         known = np.isin(truth_id[detection], self._followed.truth_id)
@@ -119,14 +107,14 @@ class OracleKalman:
         count = len(detection)
         if not count:
             return
-        followed = self._followed
-        self._followed = _Followed(
-            np.concatenate([followed.truth_id, truth_id[detection]]),
-            np.concatenate([followed.track_id, self._next_track_id + np.arange(count)]),
-            followed.states.join(_newborn_states(scan.detections, detection, scan.ego, self._options)),
-            np.concatenate([followed.last_seen_s, np.full(count, scan.time_s)]),
-            np.concatenate([followed.detections, np.ones(count, dtype=np.int64)]),
+        begun = _Followed(
+            truth_id[detection],
+            self._next_track_id + np.arange(count),
+            _newborn_states(scan.detections, detection, scan.ego, self._options),
+            np.full(count, scan.time_s),
+            np.ones(count, dtype=np.int64),
         )
+        self._followed = joined(self._followed, begun)
         self._next_track_id += count
 
     def _tracks(self, time_s: float) -> Tracks:
@@ -211,28 +199,10 @@ class GaussianStates:
     mean: FloatArray
     covariance: FloatArray
 
-    def __len__(self) -> int:
-        return len(self.mean)
-
     @property
     def std(self) -> FloatArray:
         """Standard deviation of each state variable, shape (n, 4)."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-
-    def take(self, index: IntArray | np.ndarray[tuple[int], np.dtype[np.bool_]]) -> GaussianStates:
-        """Return the chosen vehicles' beliefs."""
-        return GaussianStates(self.mean[index], self.covariance[index])
-
-    def join(self, other: GaussianStates) -> GaussianStates:
-        """Return these beliefs followed by the others."""
-        return GaussianStates(
-            np.concatenate([self.mean, other.mean]), np.concatenate([self.covariance, other.covariance])
-        )
-
-    @classmethod
-    def none(cls) -> GaussianStates:
-        """Return the beliefs of no vehicle."""
-        return cls(np.zeros((0, 4)), np.zeros((0, 4, 4)))
 
 
 def predict_constant_velocity(
@@ -269,7 +239,7 @@ def update_variable(
         measured: Measured values, shape (k,).
         std: Standard deviations of their errors, shape (k,).
     """
-    prior = states.take(index)
+    prior = taken(states, index)
     cross = prior.covariance[:, :, variable]
     gain = cross / (cross[:, variable] + std**2)[:, None]
     mean, covariance = states.mean.copy(), states.covariance.copy()

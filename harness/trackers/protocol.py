@@ -53,10 +53,20 @@ class TruthAssociatedTracker(Protocol):
         ...
 
 
+AnyTracker = Tracker | TruthAssociatedTracker
+
+
+def step_tracker(tracker: AnyTracker, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
+    """Give a tracker one scan, and a bound the true origin of each detection with it, shape (d,)."""
+    if isinstance(tracker, TruthAssociatedTracker):
+        return tracker.step_associated(scan, truth_id)
+    return tracker.step(scan)
+
+
 class TrackerFactory(Protocol):
     """Builds a tracker for one episode from its setting and its own options."""
 
-    def __call__(self, setting: TrackerSetting, options: Mapping[str, object]) -> Tracker | TruthAssociatedTracker:
+    def __call__(self, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
         """Return a fresh tracker."""
         ...
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.driving.changing import LaneChanges, Others
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.learning.fit import fit_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, TRAINED_STEP_S, BoolArray, ChangeView, change_inputs
+from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, TRAINED_STEP_S, ChangeView, change_inputs
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 MISSING_GAP_SPREAD_M = 10.0

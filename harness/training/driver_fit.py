@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.driving.following import Following
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, joined
 from mmpf.learning.fit import fit_mixture
-from mmpf.learning.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, join_samples, recovery_samples
+from mmpf.learning.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
 from mmpf.motion.learned.features import log_headway, situation
@@ -90,8 +90,8 @@ def fit_following(
     first = fit_mixture(samples.x, samples.y, components, seed)
     progress("adding the states that the fitted model reaches, and fitting again")
     demonstrated = demonstrated_samples(records, first, ROLLOUTS, gains, rng)
-    joined = join_samples(samples, demonstrated)
-    return fit_mixture(joined.x, joined.y, components, seed)
+    both = joined(samples, demonstrated)
+    return fit_mixture(both.x, both.y, components, seed)
 
 
 def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:

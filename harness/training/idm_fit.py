@@ -9,8 +9,8 @@ import numpy as np
 from harness.driving.cases import Cases, following_cases
 from harness.driving.following import Following
 from mmpf.compute.arrays import FloatArray
-from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, IntelligentDriver
-from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
+from mmpf.motion.kinematic import ProcessNoise
 from mmpf.motion.protocol import MotionModel
 from mmpf.state import LON
 
@@ -33,7 +33,7 @@ def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
         seed: Seed of the choice of windows and of the search.
         step_s: Time between steps.
     """
-    found = _search(lambda values: IntelligentDriver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
+    found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
     return _driver(found)
 
 

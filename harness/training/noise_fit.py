@@ -14,14 +14,8 @@ import numpy as np
 from harness.driving.cases import Cases
 from harness.training.idm_fit import Adaptive
 from mmpf.compute.arrays import FloatArray
-from mmpf.motion.idm import AdaptiveDriver, IdmParameters, IntelligentDriver
-from mmpf.motion.kinematic import (
-    ConstantAcceleration,
-    ConstantSteeringAcceleration,
-    ConstantSteeringVelocity,
-    ConstantVelocity,
-)
-from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.idm import AdaptiveDriver, IdmParameters, intelligent_driver
+from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import MotionModel
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
@@ -40,12 +34,12 @@ def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptiv
         adaptive: Parameters of ``idm-adaptive``.
     """
     rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
-        (ConstantVelocity(NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
-        (ConstantAcceleration(NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
-        (ConstantSteeringVelocity(NO_NOISE), SPEED_DRIVEN, ACCEL_DRIVEN),
-        (ConstantSteeringAcceleration(NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
-        (IntelligentDriver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
-        (IntelligentDriver(fitted, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
+        (kinematic("cvm", NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (kinematic("cam", NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
+        (kinematic("csav", NO_NOISE), SPEED_DRIVEN, ACCEL_DRIVEN),
+        (kinematic("csaa", NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
+        (intelligent_driver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (intelligent_driver(fitted, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
         (AdaptiveDriver(*adaptive, NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
     )
     return {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}

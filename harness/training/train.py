@@ -39,8 +39,9 @@ from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import SizeScore, sweep_sizes
 from mmpf.learning.recovery import RecoveryGains, recovery_samples
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned.driver import LearnedDriver, save_change, save_driver, save_short
-from mmpf.motion.learned.short_driver import ShortTermDriver
+from mmpf.motion.learned.driver import LearnedDriver, save_driver
+from mmpf.motion.learned.lane_changer import CHANGE
+from mmpf.motion.learned.short_driver import SHORT, short_term_driver
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
@@ -139,7 +140,7 @@ def _train_keeping(
     save_driver(own, driver)
     say("fitting the paper's short-term model")
     mixture = fit_short(windows, plan.size, plan.seed)
-    save_short(short, mixture)
+    SHORT.save(short, mixture)
     say("scoring on held-out seeds")
     rng = np.random.default_rng(plan.seed)
     held_led = held_out.take(np.flatnonzero(held_out.has_leader))
@@ -168,7 +169,7 @@ def _train_keeping(
         "Short-term model for lane keeping (`gmm-short`, as in the paper)",
         {**facts, "One-step log-likelihood on held-out seeds": short_fit},
         sizes[1],
-        errors_by_regime(ShortTermDriver(mixture), held_out, STEP_S, plan.seed),
+        errors_by_regime(short_term_driver(mixture), held_out, STEP_S, plan.seed),
         SHORT_LIMITS,
     )
     return [own, short]
@@ -181,7 +182,7 @@ def _train_change(plan: TrainingPlan, net: str, changes: LaneChanges, held_out: 
     say(f"{len(changes)} lane changes, {samples} samples")
     path = plan.out / "lane_change.npz"
     mixture = fit_change(changes, plan.size, plan.seed)
-    save_change(path, mixture)
+    CHANGE.save(path, mixture)
     rng = np.random.default_rng(plan.seed)
     sizes: Sequence[SizeScore] = []
     if plan.sweep:

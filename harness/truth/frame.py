@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
-
-StringArray = npt.NDArray[np.str_]
+from mmpf.scan import EgoPose
 
 EVERYWHERE = (-np.inf, np.inf)
 # Columns of the truth table that hold a frame's window; absent where it is everywhere.
@@ -59,6 +57,12 @@ class Frame:
 
     def __len__(self) -> int:
         return len(self.vehicle_id)
+
+    @property
+    def ego_pose(self) -> EgoPose:
+        """Pose of the ego vehicle."""
+        names = ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m")
+        return EgoPose(**{name: float(getattr(self, name)[self.ego]) for name in names})
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mmpf.compute.threads import in_shares
 from mmpf.road import Road
-
-LaneArray = npt.NDArray[np.int32]
 
 OFF_ROAD = -1
 OWN, LEFT, RIGHT = range(3)
@@ -31,8 +28,8 @@ class LanesAround:
         line_m: Lateral positions of its own lane's right and left line, nan off the road, shape (2, n).
     """
 
-    index: LaneArray
-    has_beside: npt.NDArray[np.bool_]
+    index: Int32Array
+    has_beside: BoolArray
     line_m: FloatArray
 
 
@@ -74,8 +71,8 @@ def _find_lanes(
     lanes: FloatArray,
     left: IntArray,
     right: IntArray,
-    lane: LaneArray,
-    has_lane: npt.NDArray[np.bool_],
+    lane: Int32Array,
+    has_lane: BoolArray,
     lane_line: FloatArray,
 ) -> None:
     """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.around.lanes_around import LaneArray
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mmpf.compute.threads import in_shares
 from mmpf.motion.protocol import Neighbour
 from mmpf.state import LON, SPEED
@@ -26,7 +25,7 @@ def nearest_by_lane(
     lat: FloatArray,
     width: FloatArray,
     lane: IntArray,
-    counts: npt.NDArray[np.bool_],
+    counts: BoolArray,
     lanes: int,
 ) -> tuple[IntArray, IntArray]:
     """Return the nearest counted vehicle ahead of and behind each one in every lane, each of shape (m, lanes).
@@ -82,7 +81,7 @@ class KnownTraffic:
     others: FloatArray
     length_m: FloatArray
 
-    def measured(self, lane: LaneArray, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
+    def measured(self, lane: Int32Array, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
         """Return the neighbours in one direction.
 
         Args:
@@ -132,7 +131,7 @@ class UnmeasuredNeighbour:
     """
 
     known: KnownTraffic
-    lane: LaneArray
+    lane: Int32Array
     nearest: IntArray
     sign: float
 
@@ -144,30 +143,11 @@ class UnmeasuredNeighbour:
     def _all(self) -> Neighbour:
         return self.known.measured(self.lane, self.nearest, self.sign)
 
-    @property
-    def exists(self) -> npt.NDArray[np.bool_]:
-        """See ``Neighbour``."""
-        return self._all.exists
-
-    @property
-    def gap_m(self) -> FloatArray:
-        """See ``Neighbour``."""
-        return self._all.gap_m
-
-    @property
-    def speed_mps(self) -> FloatArray:
-        """See ``Neighbour``."""
-        return self._all.speed_mps
-
-    @property
-    def accel_mps2(self) -> FloatArray:
-        """See ``Neighbour``."""
-        return self._all.accel_mps2
-
-    @property
-    def length_m(self) -> FloatArray:
-        """See ``Neighbour``."""
-        return self._all.length_m
+    exists = property(attrgetter("_all.exists"))
+    gap_m = property(attrgetter("_all.gap_m"))
+    speed_mps = property(attrgetter("_all.speed_mps"))
+    accel_mps2 = property(attrgetter("_all.accel_mps2"))
+    length_m = property(attrgetter("_all.length_m"))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -177,12 +157,12 @@ def _measure_neighbours(
     lon: FloatArray,
     speed: FloatArray,
     component: IntArray,
-    lane: LaneArray,
+    lane: Int32Array,
     nearest: IntArray,
     sign: float,
     others: FloatArray,
     length: FloatArray,
-    exists: npt.NDArray[np.bool_],
+    exists: BoolArray,
     gap: FloatArray,
     neighbour_speed: FloatArray,
     neighbour_accel: FloatArray,

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.threads import in_shares
 from mmpf.scan import EgoPose, FreeSpace
 
@@ -47,11 +46,7 @@ class DepthTable:
 
 
 def depth_table(
-    ego: EgoPose,
-    lon_m: FloatArray,
-    lat_m: FloatArray,
-    casts_shadow: npt.NDArray[np.bool_],
-    bodies: Bodies,
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, casts_shadow: BoolArray, bodies: Bodies
 ) -> DepthTable:
     """Return the surfaces that the components' rectangles present to the sensor.
 
@@ -64,15 +59,8 @@ def depth_table(
     """
     depth = np.full((2, BEARINGS), np.inf)
     caster = np.full((2, BEARINGS), -1, dtype=np.int64)
-    _cast_shadows(
-        lon_m - ego.lon_m,
-        lat_m - ego.lat_m,
-        casts_shadow,
-        0.5 * bodies.length_m,
-        0.5 * bodies.width_m,
-        depth,
-        caster,
-    )
+    x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
+    _cast_shadows(x, y, casts_shadow, 0.5 * bodies.length_m, 0.5 * bodies.width_m, depth, caster)
     return DepthTable(depth, caster)
 
 
@@ -91,20 +79,11 @@ def visible_fractions(
     """
     fraction = np.empty(len(lon_m))
     x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
-    half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
+    surfaces, halves = (table.depth_m, table.caster), (0.5 * bodies.length_m, 0.5 * bodies.width_m)
 
     def look_up(begin: int, end: int) -> None:
         some = slice(begin, end)
-        look_up_rays(
-            x[some],
-            y[some],
-            component[some],
-            table.depth_m,
-            table.caster,
-            half_length,
-            half_width,
-            fraction[some],
-        )
+        _look_up_rays(x[some], y[some], component[some], *surfaces, *halves, fraction[some])
 
     in_shares(look_up, len(fraction), cost=2.0)
     return fraction
@@ -122,21 +101,16 @@ def shadowed_share(
         bodies: The vehicles' sizes, shape (m,).
         free_space: The sensor's own free distances.
     """
-    depth = np.full((2, len(free_space.range_m)), np.inf)
-    depth[0] = free_space.range_m
-    caster = np.full(depth.shape, -2, dtype=np.int64)
-    fraction = np.empty(len(lon_m))
-    half_length, half_width = 0.5 * bodies.length_m, 0.5 * bodies.width_m
-    each = np.arange(len(lon_m))
-    look_up_rays(lon_m - ego.lon_m, lat_m - ego.lat_m, each, depth, caster, half_length, half_width, fraction)
-    return 1.0 - fraction
+    depth = np.stack([free_space.range_m, np.full(len(free_space.range_m), np.inf)])
+    nobodys = DepthTable(depth, np.full(depth.shape, -2, dtype=np.int64))
+    return 1.0 - visible_fractions(ego, lon_m, lat_m, np.arange(len(lon_m)), bodies, nobodys)
 
 
 @numba.njit(cache=True)
 def _cast_shadows(
     x: FloatArray,
     y: FloatArray,
-    casts_shadow: npt.NDArray[np.bool_],
+    casts_shadow: BoolArray,
     half_length: FloatArray,
     half_width: FloatArray,
     depth: FloatArray,
@@ -167,10 +141,8 @@ def _cast_shadows(
 
 @numba.njit(cache=True)
 def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
-    """Return the centre bearing and the half-width of an axis-aligned rectangle's extent, seen from the origin."""
+    """Return the centre bearing and the half-width of a rectangle's extent, seen from the origin outside of it."""
     centre = np.arctan2(y, x)
-    if abs(x) <= half_length and abs(y) <= half_width:
-        return centre, np.pi
     cosine, sine = np.cos(centre), np.sin(centre)
     half = 0.0
     for corner in range(4):
@@ -202,7 +174,7 @@ LARGEST_RAY_COUNT = 16
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def look_up_rays(
+def _look_up_rays(
     x: FloatArray,
     y: FloatArray,
     component: IntArray,

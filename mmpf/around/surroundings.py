@@ -7,11 +7,10 @@ way; the gap is then each particle's own. Off every lane, as on a ramp, there ar
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.around.lanes_around import LEFT, OWN, RIGHT, lanes_around
 from mmpf.around.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import Surroundings
 from mmpf.road import Road
 from mmpf.scan import EgoPose
@@ -27,8 +26,8 @@ def surroundings_of(
     mean: FloatArray,
     length_m: FloatArray,
     width_m: FloatArray,
-    is_neighbour: npt.NDArray[np.bool_],
-    is_seen: npt.NDArray[np.bool_],
+    is_neighbour: BoolArray,
+    is_seen: BoolArray,
     ego: EgoPose,
     ego_accel_mps2: float,
     road: Road,
@@ -74,7 +73,7 @@ def surroundings_of(
     )
 
 
-def flow_speeds(mean: FloatArray, lane: IntArray, counts: npt.NDArray[np.bool_]) -> FloatArray:
+def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray) -> FloatArray:
     """Return the speed of the counted traffic near each component, nan where there is none, shape (m,).
 
     Args:

@@ -1,10 +1,48 @@
-"""The types of arrays."""
+"""The types of arrays, and what is done to every column of a struct of arrays."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 Float32Array = npt.NDArray[np.float32]
+IntArray = npt.NDArray[np.int64]
+Int32Array = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+StringArray = npt.NDArray[np.str_]
+
+Rows = TypeVar("Rows", bound="DataclassInstance")
+
+
+def taken(rows: Rows, index: IntArray | BoolArray) -> Rows:
+    """Return some rows of a struct of arrays, a frozen dataclass of arrays of shape (n, ...) and of such structs.
+
+    Args:
+        rows: The struct.
+        index: Which rows, by number, shape (k,), or by a mask, shape (n,).
+    """
+    return _by_column(lambda column: column[index], rows)
+
+
+def joined(first: Rows, second: Rows) -> Rows:
+    """Return the rows of one struct of arrays followed by those of another; see ``taken``."""
+    return _by_column(lambda *columns: np.concatenate(columns), first, second)
+
+
+def _by_column(change: Callable[..., Any], first: Rows, *others: Rows) -> Rows:
+    columns = {field.name: [getattr(rows, field.name) for rows in (first, *others)] for field in fields(first)}
+    return replace(
+        first,
+        **{
+            name: change(*column) if isinstance(column[0], np.ndarray) else _by_column(change, *column)
+            for name, column in columns.items()
+        },
+    )

@@ -10,6 +10,7 @@ import numpy as np
 
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.conditional import ConditionalGmm
+from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
 
 if TYPE_CHECKING:
@@ -49,13 +50,9 @@ def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int, iterat
         seed: Seed of the k-means start; the same samples and seed give the same mixture.
         iterations: Most EM iterations.
     """
-    input_mean, input_scale = x.mean(axis=0), x.std(axis=0) + 1e-9
-    output_mean, output_scale = y.mean(axis=0), y.std(axis=0) + 1e-9
-    samples = np.hstack([(x - input_mean) / input_scale, (y - output_mean) / output_scale])
+    samples, scaling = _standardised(x, y)
     weights, means, covariances = _expectation_maximisation(samples, components, seed, iterations)
-    low, high = np.quantile(x, RANGE_QUANTILES, axis=0)
-    mixture = ConditionalGmm(weights, means, covariances, x.shape[1])
-    return ScaledGmm(mixture, input_mean, input_scale, output_mean, output_scale, low, high)
+    return ScaledGmm(ConditionalGmm(weights, means, covariances, x.shape[1]), scaling)
 
 
 def sweep_sizes(
@@ -67,13 +64,23 @@ def sweep_sizes(
     iterations: int = ITERATIONS,
 ) -> list[SizeScore]:
     """Score mixtures of several sizes by BIC on the same samples."""
-    samples = np.hstack([(x - x.mean(axis=0)) / (x.std(axis=0) + 1e-9), (y - y.mean(axis=0)) / (y.std(axis=0) + 1e-9)])
+    samples, _ = _standardised(x, y)
     scores = []
     for components in sizes:
-        score = _score_size(samples, components, seed, iterations)
+        fitted = _fitted(samples, components, seed, iterations)
+        score = SizeScore(components, float(fitted.bic(samples)), float(fitted.score(samples)))
         progress(f"{components} components: BIC {score.bic:.0f}, log-likelihood {score.log_likelihood:.3f} a sample")
         scores.append(score)
     return scores
+
+
+def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Scaling]:
+    """Return inputs and outputs side by side, each of mean zero and variance one, and what undoes it."""
+    input_mean, input_scale = x.mean(axis=0), x.std(axis=0) + 1e-9
+    output_mean, output_scale = y.mean(axis=0), y.std(axis=0) + 1e-9
+    samples = np.hstack([(x - input_mean) / input_scale, (y - output_mean) / output_scale])
+    low, high = np.quantile(x, RANGE_QUANTILES, axis=0)
+    return samples, Scaling(input_mean, input_scale, output_mean, output_scale, low, high)
 
 
 def _expectation_maximisation(
@@ -87,11 +94,6 @@ def _expectation_maximisation(
         fitted = _fitted(samples, components, seed, min(iterations, REFINING_ITERATIONS), start)
     weights = np.maximum(fitted.weights_, 1e-12)
     return weights / weights.sum(), fitted.means_, fitted.covariances_
-
-
-def _score_size(samples: FloatArray, components: int, seed: int, iterations: int) -> SizeScore:
-    fitted = _fitted(samples, components, seed, iterations)
-    return SizeScore(components, float(fitted.bic(samples)), float(fitted.score(samples)))
 
 
 def _fitted(

@@ -119,11 +119,6 @@ def demonstrated_samples(
     return Samples(np.concatenate(inputs), np.concatenate(outputs))
 
 
-def join_samples(first: Samples, second: Samples) -> Samples:
-    """Return the samples of both."""
-    return Samples(np.concatenate([first.x, second.x]), np.concatenate([first.y, second.y]))
-
-
 def _inputs(
     records: FollowingRecords,
     window: IntArray,

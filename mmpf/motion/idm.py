@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.resources import files
+from functools import partial
 
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray
-from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, ProcessNoise, keep_lane, move_along, no_latents, process_noise
-from mmpf.motion.protocol import Neighbour, Surroundings, motion_models
-from mmpf.state import ACCEL, SPEED
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, ProcessNoise, committed_table, move_along, process_noise
+from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings, motion_models, offset_in_lane
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, SPEED
 
 SMALLEST_GAP_M = 0.1
+LANE_ATTRACTION_PER_S2 = 0.1
+LANE_DAMPING_PER_S = 0.7
+SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 4.0
+SLOWEST_MPS = 2.0
 
 
 @dataclass(frozen=True)
@@ -39,15 +41,10 @@ class IdmParameters:
 
 
 TREIBER_2000 = IdmParameters(120.0 / 3.6, 1.6, 0.73, 1.67)
+# As calibrated in Kesting, Treiber and Helbing, Phil. Trans. R. Soc. A 368 (2010).
 KESTING_2010 = IdmParameters(120.0 / 3.6, 1.5, 1.4, 2.0)
+# The highway column of Treiber and Kesting, "Traffic Flow Dynamics" (2013), table 11.2.
 TREIBER_KESTING_2013 = IdmParameters(120.0 / 3.6, 1.0, 1.0, 1.5)
-
-
-@cache
-def fitted_parameters() -> IdmParameters:
-    """Return the committed parameters that were fitted to the training recordings."""
-    text = files("mmpf.models").joinpath("idm_fitted.toml").read_text(encoding="utf-8")
-    return IdmParameters(**tomllib.loads(text))
 
 
 def idm_acceleration(
@@ -72,66 +69,61 @@ def idm_acceleration(
     return np.maximum(accel, -HARDEST_BRAKING_MPS2)
 
 
-@dataclass(frozen=True)
-class IntelligentDriver:
-    """IDM along the road with white acceleration noise; across it, a slow return to the lane's middle.
+def intelligent_driver(
+    driver: IdmParameters = TREIBER_2000, noise: ProcessNoise | None = None, name: str = "idm"
+) -> Memoryless:
+    """Return IDM along the road with white acceleration noise; across it, a slow return to the lane's middle.
 
-    Attributes:
+    Args:
         driver: Parameters, those of the original publication by default.
-        noise: Drives the speeds, m/s per root second.
+        noise: Drives the speeds, m/s per root second; the committed noise of ``idm`` if None.
         name: Name in the registry.
-        latent_size: No latents.
     """
-
-    driver: IdmParameters = TREIBER_2000
-    noise: ProcessNoise = field(default_factory=lambda: process_noise("idm"))
-    name: str = "idm"
-    latent_size: int = 0
-
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return no latents, shape (0, n)."""
-        return no_latents(state)
-
-    def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample the states one step later; see ``MotionModel.propagate``."""
-        accel = idm_acceleration(state[SPEED], surroundings.leader, self.driver)
-        kick = self.noise.lon * np.sqrt(dt_s) * rng.standard_normal(state.shape[1])
-        after = np.empty_like(state)
-        move_along(state, after, accel, kick, dt_s)
-        keep_lane(state, after, surroundings, self.noise, dt_s=dt_s, rng=rng)
-        return after, latents
+    return Memoryless(name, partial(_idm_step, driver, noise or process_noise("idm")))
 
 
-def idm_kesting_2010() -> IntelligentDriver:
-    """Return IDM as calibrated in Kesting, Treiber and Helbing, Phil. Trans. R. Soc. A 368 (2010)."""
-    return IntelligentDriver(driver=KESTING_2010, name="idm-kesting-2010")
-
-
-def idm_treiber_kesting_2013() -> IntelligentDriver:
-    """Return IDM with the highway column of Treiber and Kesting, "Traffic Flow Dynamics" (2013), table 11.2."""
-    return IntelligentDriver(driver=TREIBER_KESTING_2013, name="idm-treiber-kesting-2013")
-
-
-def idm_fitted() -> IntelligentDriver:
+def idm_fitted() -> Memoryless:
     """Return IDM with the parameters fitted to the same recordings that the learned models were trained on."""
-    return IntelligentDriver(driver=fitted_parameters(), noise=process_noise("idm-fitted"), name="idm-fitted")
+    driver = IdmParameters(**committed_table("idm_fitted.toml"))
+    return intelligent_driver(driver, process_noise("idm-fitted"), "idm-fitted")
 
 
-motion_models.register("idm")(IntelligentDriver)
-motion_models.register("idm-kesting-2010")(idm_kesting_2010)
-motion_models.register("idm-treiber-kesting-2013")(idm_treiber_kesting_2013)
-motion_models.register("idm-fitted")(idm_fitted)
+def _idm_step(
+    driver: IdmParameters,
+    noise: ProcessNoise,
+    state: FloatArray,
+    surroundings: Surroundings,
+    dt_s: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    accel = idm_acceleration(state[SPEED], surroundings.leader, driver)
+    return _driven(state, accel, surroundings, noise, dt_s, rng)
 
 
-SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S = 0.3, 4.0
-SLOWEST_MPS = 2.0
+def _driven(
+    before: FloatArray,
+    accel_mps2: FloatArray,
+    surroundings: Surroundings,
+    noise: ProcessNoise,
+    dt_s: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return the states after a step of given acceleration.
+
+    Vehicles drift back to the middle of their lane as damped springs do; off every lane they only damp their lateral
+    speed.
+    """
+    n = before.shape[1]
+    lon_kick, lat_kick = (size * np.sqrt(dt_s) * rng.standard_normal(n) for size in (noise.lon, noise.lat))
+    after = np.empty_like(before)
+    move_along(before, after, accel_mps2, lon_kick, dt_s)
+    offset = offset_in_lane(before[LAT], surroundings.lane_right_m, surroundings.lane_left_m)
+    pull = -LANE_ATTRACTION_PER_S2 * offset - LANE_DAMPING_PER_S * before[LAT_SPEED]
+    lat_speed = before[LAT_SPEED] + pull * dt_s + lat_kick
+    after[LAT] = before[LAT] + 0.5 * dt_s * (before[LAT_SPEED] + lat_speed)
+    after[LAT_SPEED] = lat_speed
+    after[LAT_ACCEL] = pull
+    return after
 
 
 @dataclass(frozen=True)
@@ -149,10 +141,9 @@ class Adaptation:
     trust: float
 
 
-@cache
 def adaptive_parameters() -> tuple[IdmParameters, Adaptation]:
     """Return the committed parameters that were fitted to the training recordings."""
-    tables = tomllib.loads(files("mmpf.models").joinpath("idm_adaptive.toml").read_text(encoding="utf-8"))
+    tables = committed_table("idm_adaptive.toml")
     return IdmParameters(**tables["driver"]), Adaptation(**tables["adaptation"])
 
 
@@ -179,12 +170,7 @@ class AdaptiveDriver:
         return np.zeros((1, state.shape[1]))
 
     def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
         """Sample the states one step later; see ``MotionModel.propagate``."""
         headway = np.where(latents[0] == 0.0, self._implied_headway(state, surroundings), latents[0])
@@ -194,11 +180,7 @@ class AdaptiveDriver:
             leader.exists, self.adaptation.leader_accel_share * np.clip(leader.accel_mps2, -9.0, 5.0), 0.0
         )
         accel = state[ACCEL] + min(self.adaptation.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
-        kick = self.noise.lon * np.sqrt(dt_s) * rng.standard_normal(state.shape[1])
-        after = np.empty_like(state)
-        move_along(state, after, accel, kick, dt_s)
-        keep_lane(state, after, surroundings, self.noise, dt_s=dt_s, rng=rng)
-        return after, headway[None]
+        return _driven(state, accel, surroundings, self.noise, dt_s, rng), headway[None]
 
     def _implied_headway(self, state: FloatArray, surroundings: Surroundings) -> FloatArray:
         """Return the headway with which IDM gives the present acceleration, drawn towards the common one."""
@@ -217,4 +199,10 @@ class AdaptiveDriver:
         return np.where(leader.exists, common + self.adaptation.trust * (held - common), common)
 
 
+motion_models.register("idm")(intelligent_driver)
+motion_models.register("idm-kesting-2010")(partial(intelligent_driver, KESTING_2010, name="idm-kesting-2010"))
+motion_models.register("idm-treiber-kesting-2013")(
+    partial(intelligent_driver, TREIBER_KESTING_2013, name="idm-treiber-kesting-2013")
+)
+motion_models.register("idm-fitted")(idm_fitted)
 motion_models.register("idm-adaptive")(AdaptiveDriver)

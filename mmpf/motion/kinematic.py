@@ -1,168 +1,138 @@
-"""Constant velocity and constant acceleration: the plain kinematic models."""
+"""The plain kinematic models, and the noise and the motion along the road that other models share with them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray
-from mmpf.motion.kinematics import ProcessNoise, move_along, no_latents, process_noise
-from mmpf.motion.protocol import Surroundings, motion_models
+from mmpf.motion.protocol import Memoryless, Surroundings, motion_models
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
-
-@dataclass(frozen=True)
-class ConstantVelocity:
-    """CVM: both velocities stay, but for white acceleration noise.
-
-    Attributes:
-        noise: Drives the speeds, m/s per root second.
-        name: Name in the registry.
-        latent_size: No latents.
-    """
-
-    noise: ProcessNoise = field(default_factory=lambda: process_noise("cvm"))
-    name: str = "cvm"
-    latent_size: int = 0
-
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return no latents, shape (0, n)."""
-        return no_latents(state)
-
-    def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,  # noqa: ARG002
-        dt_s: float,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample the states one step later; see ``MotionModel.propagate``."""
-        lon_kick, lat_kick = np.sqrt(dt_s) * rng.standard_normal((2, state.shape[1]))
-        after = np.empty_like(state)
-        move_along(state, after, np.zeros(state.shape[1]), self.noise.lon * lon_kick, dt_s)
-        after[LAT_SPEED] = state[LAT_SPEED] + self.noise.lat * lat_kick
-        after[LAT] = state[LAT] + 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
-        after[LAT_ACCEL] = 0.0
-        return after, latents
-
-
-@dataclass(frozen=True)
-class ConstantAcceleration:
-    """CAM: both accelerations stay, but for white jerk noise.
-
-    Attributes:
-        noise: Drives the accelerations, m/s² per root second.
-        name: Name in the registry.
-        latent_size: No latents.
-    """
-
-    noise: ProcessNoise = field(default_factory=lambda: process_noise("cam"))
-    name: str = "cam"
-    latent_size: int = 0
-
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return no latents, shape (0, n)."""
-        return no_latents(state)
-
-    def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,  # noqa: ARG002
-        dt_s: float,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample the states one step later; see ``MotionModel.propagate``."""
-        lon_kick, lat_kick = np.sqrt(dt_s) * rng.standard_normal((2, state.shape[1]))
-        accel = state[ACCEL] + self.noise.lon * lon_kick
-        after = np.empty_like(state)
-        move_along(state, after, 0.5 * (state[ACCEL] + accel), np.zeros(state.shape[1]), dt_s)
-        after[ACCEL] = np.where((after[ACCEL] == 0.0) & (accel < 0.0), 0.0, accel)
-        after[LAT_ACCEL] = state[LAT_ACCEL] + self.noise.lat * lat_kick
-        after[LAT_SPEED] = state[LAT_SPEED] + 0.5 * dt_s * (state[LAT_ACCEL] + after[LAT_ACCEL])
-        after[LAT] = state[LAT] + 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
-        return after, latents
-
-
-motion_models.register("cvm")(ConstantVelocity)
-motion_models.register("cam")(ConstantAcceleration)
-
-
+HARDEST_BRAKING_MPS2 = 9.0
+STRONGEST_ACCEL_MPS2 = 5.0
 TIGHTEST_CURVATURE_PER_M = 0.2
 SLOWEST_STEERED_MPS = 1.0
 LARGEST_HEADING_RAD = 0.5
 
-
-@dataclass(frozen=True)
-class ConstantSteeringVelocity:
-    """CSAV: path speed and steering angle stay, but for noise on the speed and on the lateral acceleration.
-
-    Attributes:
-        noise: ``lon`` drives the path speed, m/s per root second; ``lat`` the lateral acceleration, m/s² per root
-            second.
-        name: Name in the registry.
-        latent_size: No latents.
-    """
-
-    noise: ProcessNoise = field(default_factory=lambda: process_noise("csav"))
-    name: str = "csav"
-    latent_size: int = 0
-
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return no latents, shape (0, n)."""
-        return no_latents(state)
-
-    def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,  # noqa: ARG002
-        dt_s: float,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample the states one step later; see ``MotionModel.propagate``."""
-        lon_kick, lat_kick = np.sqrt(dt_s) * rng.standard_normal((2, state.shape[1]))
-        path_speed = np.hypot(state[SPEED], state[LAT_SPEED])
-        next_path_speed = np.maximum(path_speed + self.noise.lon * lon_kick, 0.0)
-        next_accel = np.zeros(state.shape[1])
-        return _steer(state, path_speed, next_path_speed, next_accel, self.noise.lat * lat_kick, dt_s=dt_s), latents
+KinematicStep = Callable[[FloatArray, FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True)
-class ConstantSteeringAcceleration:
-    """CSAA: path acceleration and steering angle stay, but for noise on both accelerations.
+class ProcessNoise:
+    """White noise that drives a model, as root spectral densities.
 
     Attributes:
-        noise: Drives the accelerations along and across the road, m/s² per root second.
-        name: Name in the registry.
-        latent_size: No latents.
+        lon: Along the road: m/s per root second where noise drives the speed, m/s² per root second where it drives
+            the acceleration.
+        lat: Across the road, likewise.
     """
 
-    noise: ProcessNoise = field(default_factory=lambda: process_noise("csaa"))
-    name: str = "csaa"
-    latent_size: int = 0
+    lon: float
+    lat: float
 
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return no latents, shape (0, n)."""
-        return no_latents(state)
 
-    def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,  # noqa: ARG002
-        dt_s: float,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample the states one step later; see ``MotionModel.propagate``."""
-        lon_kick, lat_kick = np.sqrt(dt_s) * rng.standard_normal((2, state.shape[1]))
-        path_speed = np.hypot(state[SPEED], state[LAT_SPEED])
-        accel = state[ACCEL] + self.noise.lon * lon_kick
-        next_path_speed = np.maximum(path_speed + 0.5 * (state[ACCEL] + accel) * dt_s, 0.0)
-        accel = np.where((next_path_speed == 0.0) & (accel < 0.0), 0.0, accel)
-        return _steer(state, path_speed, next_path_speed, accel, self.noise.lat * lat_kick, dt_s=dt_s), latents
+@cache
+def committed_table(file: str) -> dict[str, Any]:
+    """Return the parameters in one of the TOML files that travel with the package."""
+    return tomllib.loads(files("mmpf.models").joinpath(file).read_text(encoding="utf-8"))
+
+
+def process_noise(model: str) -> ProcessNoise:
+    """Return the committed noise of one model."""
+    return ProcessNoise(**committed_table("process_noise.toml")[model])
+
+
+def kinematic(name: str, noise: ProcessNoise | None = None) -> Memoryless:
+    """Return a kinematic model.
+
+    Args:
+        name: ``cvm``, ``cam``, ``csav`` or ``csaa``: one of ``STEPS``.
+        noise: What drives it; the committed noise of the model if None.
+    """
+    return Memoryless(name, partial(_driven_by_noise, STEPS[name], noise or process_noise(name)))
+
+
+def _driven_by_noise(
+    step: KinematicStep,
+    noise: ProcessNoise,
+    state: FloatArray,
+    surroundings: Surroundings,  # noqa: ARG001  these models know of nothing around them
+    dt_s: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    lon_kick, lat_kick = np.sqrt(dt_s) * rng.standard_normal((2, state.shape[1]))
+    return step(state, noise.lon * lon_kick, noise.lat * lat_kick, dt_s)
+
+
+def constant_velocity(state: FloatArray, lon_kick: FloatArray, lat_kick: FloatArray, dt_s: float) -> FloatArray:
+    """Return the states, shape (6, n), one step later by CVM: both velocities stay, but for kicks, m/s, shape (n,)."""
+    after = np.empty_like(state)
+    move_along(state, after, np.zeros(state.shape[1]), lon_kick, dt_s)
+    after[LAT_SPEED] = state[LAT_SPEED] + lat_kick
+    after[LAT] = state[LAT] + 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
+    after[LAT_ACCEL] = 0.0
+    return after
+
+
+def constant_acceleration(state: FloatArray, lon_kick: FloatArray, lat_kick: FloatArray, dt_s: float) -> FloatArray:
+    """Return the states one step later by CAM: both accelerations stay, but for kicks, m/s², shape (n,)."""
+    accel = state[ACCEL] + lon_kick
+    after = np.empty_like(state)
+    move_along(state, after, 0.5 * (state[ACCEL] + accel), np.zeros(state.shape[1]), dt_s)
+    after[ACCEL] = np.where((after[ACCEL] == 0.0) & (accel < 0.0), 0.0, accel)
+    after[LAT_ACCEL] = state[LAT_ACCEL] + lat_kick
+    after[LAT_SPEED] = state[LAT_SPEED] + 0.5 * dt_s * (state[LAT_ACCEL] + after[LAT_ACCEL])
+    after[LAT] = state[LAT] + 0.5 * dt_s * (state[LAT_SPEED] + after[LAT_SPEED])
+    return after
+
+
+def constant_steering_velocity(
+    state: FloatArray, lon_kick: FloatArray, lat_kick: FloatArray, dt_s: float
+) -> FloatArray:
+    """Return the states one step later by CSAV: path speed and steering angle stay, but for kicks of shape (n,).
+
+    They act on the path speed, m/s, and on the lateral acceleration, m/s².
+    """
+    path_speed = np.hypot(state[SPEED], state[LAT_SPEED])
+    return _steer(state, path_speed, np.maximum(path_speed + lon_kick, 0.0), np.zeros(len(path_speed)), lat_kick, dt_s)
+
+
+def constant_steering_acceleration(
+    state: FloatArray, lon_kick: FloatArray, lat_kick: FloatArray, dt_s: float
+) -> FloatArray:
+    """Return the states one step later by CSAA: path acceleration and steering angle stay, but for kicks, m/s²."""
+    path_speed = np.hypot(state[SPEED], state[LAT_SPEED])
+    accel = state[ACCEL] + lon_kick
+    next_path_speed = np.maximum(path_speed + 0.5 * (state[ACCEL] + accel) * dt_s, 0.0)
+    accel = np.where((next_path_speed == 0.0) & (accel < 0.0), 0.0, accel)
+    return _steer(state, path_speed, next_path_speed, accel, lat_kick, dt_s)
+
+
+def move_along(
+    before: FloatArray, after: FloatArray, accel_mps2: FloatArray, speed_kick: FloatArray, dt_s: float
+) -> None:
+    """Write longitudinal position, speed and acceleration after a step of given acceleration.
+
+    A vehicle that would reverse stands still instead.
+
+    Args:
+        before: States at the step's start, shape (6, n).
+        after: States at its end, shape (6, n); three rows are written.
+        accel_mps2: Acceleration over the step, shape (n,).
+        speed_kick: Noise on the speed, m/s, shape (n,).
+        dt_s: Length of the step.
+    """
+    speed = np.maximum(before[SPEED] + accel_mps2 * dt_s + speed_kick, 0.0)
+    after[LON] = before[LON] + 0.5 * dt_s * (before[SPEED] + speed)
+    after[SPEED] = speed
+    after[ACCEL] = np.where((speed == 0.0) & (accel_mps2 < 0.0), 0.0, accel_mps2)
 
 
 def _steer(
@@ -171,12 +141,12 @@ def _steer(
     next_path_speed: FloatArray,
     next_accel: FloatArray,
     lat_accel_kick: FloatArray,
-    *,
     dt_s: float,
 ) -> FloatArray:
     """Return the states after a step along an arc of the curvature that the lateral acceleration implies."""
     steered_speed = np.maximum(path_speed, SLOWEST_STEERED_MPS)
-    curvature = _bounded_curvature((before[LAT_ACCEL] + lat_accel_kick) / steered_speed**2)
+    curvature = (before[LAT_ACCEL] + lat_accel_kick) / steered_speed**2
+    curvature = np.clip(curvature, -TIGHTEST_CURVATURE_PER_M, TIGHTEST_CURVATURE_PER_M)
     mean_speed = 0.5 * (path_speed + next_path_speed)
     heading = _bounded_heading(np.arctan2(before[LAT_SPEED], before[SPEED]))
     next_heading = _bounded_heading(heading + mean_speed * curvature * dt_s)
@@ -191,13 +161,15 @@ def _steer(
     return after
 
 
-def _bounded_curvature(curvature: FloatArray) -> FloatArray:
-    return np.clip(curvature, -TIGHTEST_CURVATURE_PER_M, TIGHTEST_CURVATURE_PER_M)
-
-
 def _bounded_heading(heading: FloatArray) -> FloatArray:
     return np.clip(heading, -LARGEST_HEADING_RAD, LARGEST_HEADING_RAD)
 
 
-motion_models.register("csav")(ConstantSteeringVelocity)
-motion_models.register("csaa")(ConstantSteeringAcceleration)
+STEPS: dict[str, KinematicStep] = {
+    "cvm": constant_velocity,
+    "cam": constant_acceleration,
+    "csav": constant_steering_velocity,
+    "csaa": constant_steering_acceleration,
+}
+for _name in STEPS:
+    motion_models.register(_name)(partial(kinematic, _name))

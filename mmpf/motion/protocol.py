@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.registry import Registry
 
 
@@ -24,22 +24,22 @@ class Neighbour:
         length_m: Its length; that of the particle's own vehicle where there is none.
     """
 
-    exists: npt.NDArray[np.bool_]
+    exists: BoolArray
     gap_m: FloatArray
     speed_mps: FloatArray
     accel_mps2: FloatArray
     length_m: FloatArray
 
-    def take(self, index: npt.NDArray[np.int64]) -> Neighbour:
+    def take(self, index: IntArray) -> Neighbour:
         """Return the neighbours of some of the particles."""
-        return Neighbour(*(getattr(self, column.name)[index] for column in fields(self)))
+        return taken(self, index)
 
 
 class NeighbourView(Protocol):
     """What ``Neighbour`` offers; whoever implements it may work it out only when it is asked for."""
 
     @property
-    def exists(self) -> npt.NDArray[np.bool_]: ...  # noqa: D102
+    def exists(self) -> BoolArray: ...  # noqa: D102
     @property
     def gap_m(self) -> FloatArray: ...  # noqa: D102
     @property
@@ -49,7 +49,7 @@ class NeighbourView(Protocol):
     @property
     def length_m(self) -> FloatArray: ...  # noqa: D102
 
-    def take(self, index: npt.NDArray[np.int64]) -> Neighbour:
+    def take(self, index: IntArray) -> Neighbour:
         """Return the neighbours of some of the particles."""
         ...
 
@@ -78,18 +78,24 @@ class Surroundings:
     length_m: FloatArray
     lane_right_m: FloatArray
     lane_left_m: FloatArray
-    has_left_lane: npt.NDArray[np.bool_]
-    has_right_lane: npt.NDArray[np.bool_]
+    has_left_lane: BoolArray
+    has_right_lane: BoolArray
     leader: Neighbour
     left_leader: NeighbourView
     left_follower: NeighbourView
     right_leader: NeighbourView
     right_follower: NeighbourView
     flow_speed_mps: FloatArray
-    is_hidden: npt.NDArray[np.bool_]
+    is_hidden: BoolArray
 
 
-def take_surroundings(surroundings: Surroundings, index: npt.NDArray[np.int64]) -> Surroundings:
+def offset_in_lane(lat_m: FloatArray, lane_right_m: FloatArray, lane_left_m: FloatArray) -> FloatArray:
+    """Return how far left of their lane's middle positions lie, zero off every lane; all of shape (n,)."""
+    centre = 0.5 * (lane_right_m + lane_left_m)
+    return np.where(np.isfinite(centre), lat_m - centre, 0.0)
+
+
+def take_surroundings(surroundings: Surroundings, index: IntArray) -> Surroundings:
     """Return what some of the particles know."""
     return Surroundings(*(getattr(surroundings, column.name).take(index) for column in fields(Surroundings)))
 
@@ -124,12 +130,7 @@ class MotionModel(Protocol):
         ...
 
     def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
         """Sample the states one step later; one call for all particles of all components.
 
@@ -157,6 +158,37 @@ def spreads_speed(motion: MotionModel) -> bool:
     the speed. What it is called plays no part.
     """
     return bool(getattr(motion, "spreads_speed", False))
+
+
+Step = Callable[[FloatArray, Surroundings, float, np.random.Generator], FloatArray]
+
+
+@dataclass(frozen=True)
+class Memoryless:
+    """A motion model without latents, made of one function.
+
+    Attributes:
+        name: Name in the registry.
+        step: A function ``(state, surroundings, dt_s, rng)`` that samples the states one step later, shape (6, n); all
+            are as for ``MotionModel.propagate``.
+        spreads_speed: What it says to the function of that name.
+        latent_size: No latents.
+    """
+
+    name: str
+    step: Step
+    spreads_speed: bool = False
+    latent_size: ClassVar[int] = 0
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+        """Return no latents, shape (0, n)."""
+        return np.empty((0, state.shape[1]))
+
+    def propagate(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sample the states one step later; see ``MotionModel.propagate``."""
+        return self.step(state, surroundings, dt_s, rng), latents
 
 
 class MotionModelFactory(Protocol):

@@ -21,7 +21,7 @@ from harness.runfolder.manifest import write_manifest
 from harness.runfolder.road import write_road
 from harness.runfolder.tables import write_table
 from harness.running.follow import StageTimes
-from harness.running.metrics import assemble_metrics
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.scoring import score_run
 from harness.writing.numbers import as_json
 from mmpf.road import Road, highway
@@ -39,7 +39,7 @@ def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, road
     truth, detections, tracks = truth_table(names or {}), detection_table(names or {}), track_table()
     scored = score_run(truth, detections, tracks, config.seed)
     times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
-    metrics = assemble_metrics(config, scored.metrics, times, STEP_S, 1.0, truth, road)
+    metrics = assemble_metrics(config, scored.metrics, timing_table(times, STEP_S, 1.0), traffic_table(truth, road))
     write_config(config, folder / runfolder.CONFIG)
     write_road(road, folder / runfolder.ROAD)
     for name, table in (

@@ -8,6 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.config.model import RunConfig
+from harness.running.looks import Looks, look_at
+from harness.running.open import OpenLooks
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.frame import Frame
 from mmpf.road import Road, highway
@@ -58,6 +63,16 @@ class SteadyTraffic:
 
     def close(self) -> None:
         self.closed = True
+
+
+def looking_at(traffic: SteadyTraffic) -> OpenLooks:
+    """Return what opens this traffic, seen by the configuration's sensor, in the place of what is asked for."""
+
+    def open_looks(config: RunConfig) -> Looks:
+        sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+        return look_at(traffic, sensor, config.seed)
+
+    return open_looks
 
 
 @dataclass

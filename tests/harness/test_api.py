@@ -225,7 +225,9 @@ def test_a_tracker_handed_over_is_one_named_by_its_place(run, tmp_path):
 
 
 def test_a_tracker_that_no_module_has_by_name_runs_too(tmp_path):
-    handed = harness.run(density=20, duration=0.5, tracker=lambda setting, options: EchoTracker(setting), out=tmp_path / "run")
+    handed = harness.run(
+        density=20, duration=0.5, tracker=lambda setting, options: EchoTracker(setting), out=tmp_path / "run"
+    )
     assert len(handed.tracks)
 
 

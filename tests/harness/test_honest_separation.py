@@ -12,23 +12,17 @@ import pytest
 from harness.config.layers import resolve_run_config
 from harness.runfolder import folder as runfolder
 from harness.runfolder.tables import write_table
-from harness.running.open import RunInputs
 from harness.running.run import run
-from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES
-from harness.sensor.profiles import sensor_settings
-from tests.harness.stand_ins import SteadyTraffic
+from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
     """Record 2.5 s of traffic on three lanes, in which cars hide each other, under two egos."""
-    with pytest.MonkeyPatch.context() as patch:
-        _draw_nothing(patch)
-        inputs = RunInputs(SteadyTraffic(steps=25, ego_stay=15), build_sensor(sensor_settings("lidar", {})))
-        patch.setattr("harness.running.open._open_live", lambda config, streams, gui: inputs)
-        config = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
-        return run(config, out=tmp_path_factory.mktemp("separation") / "recording").folder
+    config = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
+    out = tmp_path_factory.mktemp("separation") / "recording"
+    return run(config, out=out, open_looks=looking_at(SteadyTraffic(steps=25, ego_stay=15))).folder
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +48,10 @@ def scrambled(recording: Path) -> Path:
     ],
     ids=["mmpf gmm", "mmpf cvm", "mmpf gmm max_likelihood", "stonesoup-gnn"],
 )
-def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker, options, tmp_path, monkeypatch):
+def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker, options, tmp_path):
     if tracker.startswith("stonesoup"):
         pytest.importorskip("stonesoup")
-    seen, unseen = (tracks_of(folder, tracker, options, tmp_path, monkeypatch) for folder in (recording, scrambled))
+    seen, unseen = (tracks_of(folder, tracker, options, tmp_path) for folder in (recording, scrambled))
     assert len(pd.read_parquet(seen)) > 100
     assert seen.read_bytes() == unseen.read_bytes()
 
@@ -67,9 +61,7 @@ def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker,
     [("mmpf", {"model": "cvm", "particles": 200}, True), ("stonesoup-gnn", {}, False)],
     ids=["mmpf", "stonesoup-gnn"],
 )
-def test_measured_sizes_reach_the_tracker_which_may_ignore_them(
-    recording, tracker, options, minds_sizes, tmp_path, monkeypatch
-):
+def test_measured_sizes_reach_the_tracker_which_may_ignore_them(recording, tracker, options, minds_sizes, tmp_path):
     if tracker.startswith("stonesoup"):
         pytest.importorskip("stonesoup")
     folder = shutil.copytree(recording, tmp_path / "resized")
@@ -77,25 +69,19 @@ def test_measured_sizes_reach_the_tracker_which_may_ignore_them(
     assert (detections["length_m"].to_numpy() != 4.5).all(), "the true lengths must not be among the detections"
     rng = np.random.default_rng(98)
     write_table(detections.assign(length_m=rng.uniform(3.0, 18.0, len(detections))), folder / runfolder.DETECTIONS)
-    seen, resized = (tracks_of(one, tracker, options, tmp_path, monkeypatch) for one in (recording, folder))
+    seen, resized = (tracks_of(one, tracker, options, tmp_path) for one in (recording, folder))
     assert (seen.read_bytes() != resized.read_bytes()) == minds_sizes
 
 
-def test_the_bound_that_is_told_the_truth_is_found_out(recording, scrambled, tmp_path, monkeypatch):
-    seen, unseen = (tracks_of(folder, "oracle-kalman", {}, tmp_path, monkeypatch) for folder in (recording, scrambled))
+def test_the_bound_that_is_told_the_truth_is_found_out(recording, scrambled, tmp_path):
+    seen, unseen = (tracks_of(folder, "oracle-kalman", {}, tmp_path) for folder in (recording, scrambled))
     assert seen.read_bytes() != unseen.read_bytes()
 
 
-def tracks_of(folder: Path, tracker: str, options: dict, tmp_path: Path, monkeypatch) -> Path:
+def tracks_of(folder: Path, tracker: str, options: dict, tmp_path: Path) -> Path:
     """Replay a folder and return the file of its tracks."""
-    _draw_nothing(monkeypatch)
     config = resolve_run_config(options={"replay": str(folder), "tracker": tracker, **options})
     return run(config, out=tmp_path / f"{folder.name} again").folder / runfolder.TRACKS
-
-
-def _draw_nothing(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    patch.setattr("harness.running.run._Attempt._draw", lambda attempt, scored: None)
 
 
 def _noisy_truth(truth: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:

@@ -13,11 +13,11 @@ from harness.study.transfer.traffic import STEP_S, HeldOutSet, Say, as_one_vehic
 from harness.training.driver_fit import fit_follower, fit_short
 from harness.training.idm_fit import fit_idm
 from mmpf.compute.arrays import FloatArray
-from mmpf.motion.idm import IntelligentDriver
-from mmpf.motion.kinematics import process_noise
+from mmpf.motion.idm import intelligent_driver
+from mmpf.motion.kinematic import process_noise
 from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
 from mmpf.motion.learned.features import situation
-from mmpf.motion.learned.short_driver import ShortTermDriver
+from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.protocol import MotionModel, motion_models
 
 COMPONENTS = 28
@@ -69,11 +69,10 @@ def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> l
     committed = LearnedDriver().model
     learned = LearnedDriver(replace(committed, following=following, habit=habit))
     say(f"{trained_on}: fitting gmm-short")
-    short = ShortTermDriver(fit_short(windows, COMPONENTS, seed))
+    short = short_term_driver(fit_short(windows, COMPONENTS, seed))
     say(f"{trained_on}: fitting idm")
-    driver = IntelligentDriver(
-        fit_idm(as_one_vehicle_each(windows), seed, STEP_S), process_noise("idm-fitted"), "idm-fitted"
-    )
+    parameters = fit_idm(as_one_vehicle_each(windows), seed, STEP_S)
+    driver = intelligent_driver(parameters, process_noise("idm-fitted"), "idm-fitted")
     models: tuple[MotionModel, ...] = (_lane_keeping(learned), short, driver)
     return [TrainedModel(name, trained_on, model) for name, model in zip(LEARNED, models, strict=True)]
 
@@ -100,9 +99,9 @@ def input_rows(models: Sequence[TrainedModel], tested: HeldOutSet) -> list[dict[
     for entry in models:
         if not isinstance(entry.model, LearnedDriver):
             continue
-        mixture = entry.model.model.following
+        scaling = entry.model.model.following.scaling
         for place, name in enumerate(INPUTS):
-            low, high = float(mixture.input_low[place]), float(mixture.input_high[place])
+            low, high = float(scaling.input_low[place]), float(scaling.input_high[place])
             values = seen[:, place]
             quantiles = np.quantile(values, (0.05, 0.95))
             rows.append(

@@ -19,7 +19,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from harness.trackers.conformance.requirements import (
-    AnyTracker,
     Build,
     TrackerCheckError,
     follow,
@@ -45,7 +44,7 @@ from harness.trackers.conformance.scripted_scenes import (
     times_every_step,
     without_sizes,
 )
-from harness.trackers.protocol import TrackerFactory, TrackerSetting
+from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
 from mmpf.scan import BodySizes, Detections
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 

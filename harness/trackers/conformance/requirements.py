@@ -8,12 +8,11 @@ from dataclasses import fields
 import numpy as np
 
 from harness.trackers.conformance.scripted_scenes import LabelledScan, ScriptedCar
-from harness.trackers.protocol import Tracker, TruthAssociatedTracker
+from harness.trackers.protocol import AnyTracker, step_tracker
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import InvalidScanError
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
-AnyTracker = Tracker | TruthAssociatedTracker
 Build = Callable[[int], AnyTracker]
 
 
@@ -38,7 +37,7 @@ def step(tracker: AnyTracker, labelled: LabelledScan) -> Tracks:
         TrackerCheckError: The step raised, or its tracks are malformed.
     """
     try:
-        tracks = _feed(tracker, labelled)
+        tracks = step_tracker(tracker, labelled.scan, labelled.truth_id)
     except Exception as error:
         message = f"step raised {type(error).__name__}: {error}"
         raise TrackerCheckError(_at(message, labelled)) from error
@@ -58,7 +57,7 @@ def require_refusal(tracker: AnyTracker, labelled: LabelledScan, what: str) -> N
         TrackerCheckError: The tracker took it in, or raised anything but ``InvalidScanError``.
     """
     try:
-        _feed(tracker, labelled)
+        step_tracker(tracker, labelled.scan, labelled.truth_id)
     except InvalidScanError:
         return
     except Exception as error:
@@ -99,12 +98,6 @@ def require(holds: bool, message: str, labelled: LabelledScan | None = None) -> 
     """
     if not holds:
         raise TrackerCheckError(message if labelled is None else _at(message, labelled))
-
-
-def _feed(tracker: AnyTracker, labelled: LabelledScan) -> Tracks:
-    if isinstance(tracker, TruthAssociatedTracker):
-        return tracker.step_associated(labelled.scan, labelled.truth_id)
-    return tracker.step(labelled.scan)
 
 
 def _require_well_formed(tracks: Tracks, labelled: LabelledScan) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, joined, taken
 from mmpf.options import Positive, Settings
 from mmpf.tracks import TENTATIVE, Tracks
 
@@ -110,9 +110,9 @@ class IdentityStitcher:
         for own in tracks.track_id[new].tolist():
             self._reported_id.setdefault(own, own)
         keep = ~np.isin(tracks.track_id, replaced)
-        self._remember(_take(tracks, keep & confirmed), sightings.last_s[keep & confirmed], replaced, time_s)
+        self._remember(taken(tracks, keep & confirmed), sightings.last_s[keep & confirmed], replaced, time_s)
         reported = [self._reported_id.get(own, own) for own in tracks.track_id[keep].tolist()]
-        renamed = replace(_take(tracks, keep), track_id=np.array(reported, dtype=np.int64))
+        renamed = replace(taken(tracks, keep), track_id=np.array(reported, dtype=np.int64))
         return Stitched(renamed, replaced)
 
     def _lost_tracks(self, tracks: Tracks, sightings: Sightings, time_s: float) -> _Lost:
@@ -141,7 +141,7 @@ class IdentityStitcher:
             & (time_s - remembered.last_seen_s <= options.remember_s)
             & (spread <= options.largest_std_lon_m)
         )
-        return _take_snapshot(remembered, keep)
+        return taken(remembered, keep)
 
     def _hand_on_identities(self, tracks: Tracks, sightings: Sightings, new: IntArray, lost: _Lost) -> IntArray:
         """Match one to one, nearest first over all; return the own identities of the lost tracks that were matched."""
@@ -164,20 +164,5 @@ class IdentityStitcher:
 
     def _remember(self, tracks: Tracks, last_seen_s: FloatArray, replaced: IntArray, time_s: float) -> None:
         ended = self._ended(tracks.track_id, time_s)
-        ended = _take_snapshot(ended, ~np.isin(ended.tracks.track_id, replaced))
-        joined = Tracks(
-            *(np.concatenate([getattr(ended.tracks, f.name), getattr(tracks, f.name)]) for f in fields(Tracks))
-        )
-        self._remembered = _Snapshot(
-            joined,
-            np.concatenate([ended.last_seen_s, last_seen_s]),
-            np.concatenate([ended.time_s, np.full(len(tracks), time_s)]),
-        )
-
-
-def _take(tracks: Tracks, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Tracks:
-    return Tracks(*(getattr(tracks, column.name)[keep] for column in fields(Tracks)))
-
-
-def _take_snapshot(snapshot: _Snapshot, keep: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> _Snapshot:
-    return _Snapshot(_take(snapshot.tracks, keep), snapshot.last_seen_s[keep], snapshot.time_s[keep])
+        ended = taken(ended, ~np.isin(ended.tracks.track_id, replaced))
+        self._remembered = joined(ended, _Snapshot(tracks, last_seen_s, np.full(len(tracks), time_s)))

@@ -7,11 +7,13 @@ after several detections and deleted when unseen for long or spread wide.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import timedelta
 
 import numpy as np
 from ordered_set import OrderedSet
 from scipy.stats import chi2
+from stonesoup.dataassociator.base import DataAssociator
 from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
 from stonesoup.dataassociator.probability import JPDAwithEHM2
 from stonesoup.deleter.error import CovarianceBasedDeleter
@@ -20,6 +22,7 @@ from stonesoup.deleter.time import UpdateTimeDeleter
 from stonesoup.hypothesiser.base import Hypothesiser
 from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.probability import PDAHypothesiser
+from stonesoup.initiator.base import Initiator
 from stonesoup.initiator.simple import GaussianParticleInitiator
 from stonesoup.measures import Mahalanobis
 from stonesoup.models.transition.linear import (
@@ -56,86 +59,81 @@ def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSo
     """Kalman filters with global nearest neighbour association by Mahalanobis distance."""
     chosen = StoneSoupOptions.model_validate(dict(options))
     predictor, updater = _kalman(chosen)
-    initiator, held = _initiators(chosen, predictor, updater)
-    range_deleter = _range_deleter(chosen, setting)
-    tracker = MultiTargetTracker(
-        initiator=held,
-        deleter=_deleter(chosen, range_deleter),
-        detector=None,
-        data_associator=_nearest_neighbour(chosen, predictor, updater),
-        updater=updater,
-    )
-    return _wrap(Assembly(tracker, initiator, range_deleter), chosen, setting)
+    initiators = _initiators(chosen, predictor, updater)
+    associator = _nearest_neighbour(chosen, predictor, updater)
+    assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
+    return StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2)
 
 
 @trackers.register("stonesoup-jpda")
 def build_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
     """Kalman filters with joint probabilistic data association, exact by efficient hypothesis management (EHM2)."""
-    chosen = JpdaOptions.model_validate(dict(options))
-    return _wrap(_jpda_assembly(chosen, setting), chosen, setting)
+    return _jpda(JpdaOptions.model_validate(dict(options)), setting)
 
 
 @trackers.register("stonesoup-jpda-stitched")
 def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
     """``stonesoup-jpda``, and a newly confirmed track near a lost one takes its identity."""
     chosen = StitchedJpdaOptions.model_validate(dict(options))
-    stitcher = IdentityStitcher(chosen.stitching)
-    return _wrap(_jpda_assembly(chosen, setting), chosen, setting, stitcher=stitcher)
+    return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
 
 
 @trackers.register("stonesoup-particle")
 def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
     """A bootstrap particle filter for each track, with global nearest neighbour association."""
     chosen = ParticleOptions.model_validate(dict(options))
-    kalman_predictor, kalman_updater = _kalman(chosen)
-    initiator, held = _initiators(chosen, kalman_predictor, kalman_updater)
-    range_deleter = _range_deleter(chosen, setting)
+    single, held = _initiators(chosen, *_kalman(chosen))
     predictor = ParticlePredictor(_transition_model(chosen))
     updater = ParticleUpdater(measurement_model=None, resampler=ESSResampler())
     with lent_global_generator(setting.rng):
-        particle_initiator = GaussianParticleInitiator(initiator=held, number_particles=chosen.particles)
-    tracker = MultiTargetTracker(
-        initiator=particle_initiator,
-        deleter=_deleter(chosen, range_deleter),
-        detector=None,
-        data_associator=_nearest_neighbour(chosen, predictor, updater),
-        updater=updater,
-    )
-    return _wrap(Assembly(tracker, initiator, range_deleter), chosen, setting, rng=setting.rng)
+        drawing = GaussianParticleInitiator(initiator=held, number_particles=chosen.particles)
+    associator = _nearest_neighbour(chosen, predictor, updater)
+    assembly = _assembly(MultiTargetTracker, chosen, setting, (single, drawing), associator, updater)
+    return StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2, rng=setting.rng)
 
 
-def _wrap(
-    assembly: Assembly,
-    options: StoneSoupOptions,
-    setting: TrackerSetting,
-    rng: np.random.Generator | None = None,
-    stitcher: IdentityStitcher | None = None,
-) -> StoneSoupTracker:
-    # Stone Soup has no public way to be given an ordered set.
-    assembly.tracker._tracks = OrderedSet()
-    return StoneSoupTracker(assembly, options, setting.sensor.clutter_density_per_m2, rng, stitcher)
-
-
-def _jpda_assembly(options: JpdaOptions, setting: TrackerSetting) -> Assembly:
+def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> StoneSoupTracker:
     predictor, updater = _kalman(options)
-    initiator, held = _initiators(options, predictor, updater)
-    range_deleter = _range_deleter(options, setting)
-    probability = options.detection_probability
+    probability, clutter = options.detection_probability, setting.sensor.clutter_density_per_m2
     hypothesiser = PDAHypothesiser(
         predictor=predictor,
         updater=updater,
-        clutter_spatial_density=setting.sensor.clutter_density_per_m2,
+        clutter_spatial_density=clutter,
         prob_detect=setting.sensor.detection_probability if probability is None else probability,
         prob_gate=float(chi2.cdf(options.gate_std**2, 2)),
     )
-    tracker = MultiTargetMixtureTracker(
-        initiator=held,
-        deleter=_deleter(options, range_deleter),
+    initiators = _initiators(options, predictor, updater)
+    associator = JPDAwithEHM2(_coarsely_gated(options, hypothesiser))
+    assembly = _assembly(MultiTargetMixtureTracker, options, setting, initiators, associator, updater)
+    return StoneSoupTracker(replace(assembly, hypothesisers=(hypothesiser,)), options, clutter, stitcher=stitcher)
+
+
+def _assembly(
+    kind: type[MultiTargetTracker | MultiTargetMixtureTracker],
+    options: StoneSoupOptions,
+    setting: TrackerSetting,
+    initiators: tuple[NumberedInitiator, Initiator],
+    associator: DataAssociator,
+    updater: Updater,
+) -> Assembly:
+    """Put a tracker together; of the initiators the first begins tracks, the second holds them until confirmed."""
+    layout = options.layout
+    range_deleter = BeyondRangeDeleter((layout.lon, layout.lat), setting.sensor.range_m + options.range_margin_m)
+    deleters = [
+        UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s)),
+        CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[layout.lon]),
+        range_deleter,
+    ]
+    tracker = kind(
+        initiator=initiators[1],
+        deleter=CompositeDeleter(deleters, intersect=False),
         detector=None,
-        data_associator=JPDAwithEHM2(_coarsely_gated(options, hypothesiser)),
+        data_associator=associator,
         updater=updater,
     )
-    return Assembly(tracker, initiator, range_deleter, (hypothesiser,))
+    # Stone Soup has no public way to be given an ordered set.
+    tracker._tracks = OrderedSet()
+    return Assembly(tracker, initiators[0], range_deleter)
 
 
 def _kalman(options: StoneSoupOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
@@ -179,20 +177,3 @@ def _initiators(
         initiator=single,
     )
     return single, held
-
-
-def _range_deleter(options: StoneSoupOptions, setting: TrackerSetting) -> BeyondRangeDeleter:
-    layout = options.layout
-    return BeyondRangeDeleter((layout.lon, layout.lat), setting.sensor.range_m + options.range_margin_m)
-
-
-def _deleter(options: StoneSoupOptions, range_deleter: BeyondRangeDeleter) -> CompositeDeleter:
-    layout = options.layout
-    return CompositeDeleter(
-        [
-            UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s)),
-            CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[layout.lon]),
-            range_deleter,
-        ],
-        intersect=False,
-    )

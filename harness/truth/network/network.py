@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-import harness
 from harness.errors import InputError
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
@@ -171,7 +170,7 @@ def _network_folders() -> list[Path]:
 
 def shipped_networks() -> Path:
     """Return the folder of the networks that come with the project: within the package, or beside it in a checkout."""
-    package = Path(harness.__file__).parent
+    package = Path(__file__).parents[2]
     installed = package / "networks"
     return installed if installed.is_dir() else package.parent / "networks"
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import InputError
-from harness.truth.frame import StringArray
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from mmpf.compute.arrays import IntArray
+from mmpf.compute.arrays import IntArray, StringArray
 
 # Times closer together than this are one time.
 TIME_RESOLUTION_S = 1e-3

@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from harness.truth.frame import StringArray
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
 
 Selection = npt.NDArray[np.bool_] | IntArray

@@ -14,7 +14,7 @@ import numpy as np
 from mmpf.compute.arrays import Float32Array, FloatArray
 from mmpf.compute.normals import standard_normals
 from mmpf.compute.threads import in_shares
-from mmpf.motion.gmm.kernel import Conditional, Scaling
+from mmpf.motion.gmm.kernel import BLOCK, Conditional, Scaling, draw_outputs
 
 # Finite, since compiled code may take it for granted that numbers are.
 UNBOUNDED = 1e30
@@ -101,8 +101,6 @@ class ConditionalGmm:
         Returns:
             Outputs, shape (q, n).
         """
-        from mmpf.motion.gmm.kernel import BLOCK, draw_outputs  # noqa: PLC0415  compiled only where it is used
-
         uniform = rng.random(int(x.shape[1]), dtype=np.float32)
         normal = standard_normals(rng, (self.outputs, x.shape[1]))
         drawn = np.empty((self.outputs, x.shape[1]))
@@ -160,7 +158,7 @@ class ConditionalGmm:
     @cached_property
     def _no_scaling(self) -> Scaling:
         p, q = self.inputs, self.outputs
-        return Scaling(np.full(p, -UNBOUNDED), np.full(p, UNBOUNDED), np.zeros(p), np.ones(p), np.zeros(q), np.ones(q))
+        return Scaling(np.zeros(p), np.ones(p), np.zeros(q), np.ones(q), np.full(p, -UNBOUNDED), np.full(p, UNBOUNDED))
 
 
 def expand(x: FloatArray) -> FloatArray:

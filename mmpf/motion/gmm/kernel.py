@@ -9,30 +9,29 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from mmpf.compute.arrays import Float32Array, FloatArray
+from mmpf.compute.arrays import Float32Array, FloatArray, Int32Array
 
 
 class Scaling(NamedTuple):
     """Bounds and scales of p inputs and q outputs; the mixture itself knows standardised numbers only.
 
     Attributes:
-        low: Least inputs, shape (p,); smaller ones are taken for these.
-        high: Greatest inputs, shape (p,).
-        mean: Shift of the inputs, shape (p,).
-        scale: Scale of the inputs, shape (p,).
+        input_mean: Shift of the inputs, shape (p,).
+        input_scale: Scale of the inputs, shape (p,).
         output_mean: Shift of the outputs, shape (q,).
         output_scale: Scale of the outputs, shape (q,).
+        input_low: Least inputs of the training data, shape (p,); smaller ones are taken for these.
+        input_high: Greatest inputs of the training data, shape (p,).
     """
 
-    low: FloatArray
-    high: FloatArray
-    mean: FloatArray
-    scale: FloatArray
+    input_mean: FloatArray
+    input_scale: FloatArray
     output_mean: FloatArray
     output_scale: FloatArray
+    input_low: FloatArray
+    input_high: FloatArray
 
 
 class Conditional(NamedTuple):
@@ -50,8 +49,6 @@ class Conditional(NamedTuple):
     slope: FloatArray
     noise_factor: FloatArray
 
-
-Int32Array = npt.NDArray[np.int32]
 
 NEGLIGIBLE_LOG_WEIGHT = -16.0
 # Small enough that no linear algebra library deals the product out to threads, which costs more than it saves.
@@ -114,7 +111,8 @@ def _expand(x: FloatArray | Float32Array, scaling: Scaling, expanded: Float32Arr
     expanded[0, :rows] = 1.0
     for i in range(p):
         values, out = x[i], expanded[1 + i]
-        low, high, mean, per_scale = scaling.low[i], scaling.high[i], scaling.mean[i], 1.0 / scaling.scale[i]
+        low, high = scaling.input_low[i], scaling.input_high[i]
+        mean, per_scale = scaling.input_mean[i], 1.0 / scaling.input_scale[i]
         for row in range(rows):
             out[row] = (min(max(values[row], low), high) - mean) * per_scale
     column = 1 + p

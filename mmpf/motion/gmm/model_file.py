@@ -5,25 +5,20 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.conditional import ConditionalGmm
+from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
 
-MIXTURE_PARTS = (
-    "weights",
-    "means",
-    "covariances",
-    "input_mean",
-    "input_scale",
-    "output_mean",
-    "output_scale",
-    "input_low",
-    "input_high",
-)
+MIXTURE_PARTS = ("weights", "means", "covariances", *Scaling._fields)
 
 
 class ModelFileError(ValueError):
@@ -71,9 +66,8 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
 def mixture_arrays(prefix: str, fitted: ScaledGmm) -> dict[str, FloatArray]:
     """Return a mixture's numbers by name, as ``mixture_from_arrays`` expects them."""
     joint = fitted.mixture
-    scaling = {name: getattr(fitted, name) for name in MIXTURE_PARTS[3:]}
-    parts = {"weights": joint.weights, "means": joint.means, "covariances": joint.covariances, **scaling}
-    return {f"{prefix}.{name}": values for name, values in parts.items()}
+    parts = (joint.weights, joint.means, joint.covariances, *fitted.scaling)
+    return {f"{prefix}.{name}": values for name, values in zip(MIXTURE_PARTS, parts, strict=True)}
 
 
 def mixture_from_arrays(path: Path, arrays: Mapping[str, FloatArray], prefix: str, size: tuple[int, int]) -> ScaledGmm:
@@ -93,7 +87,7 @@ def mixture_from_arrays(path: Path, arrays: Mapping[str, FloatArray], prefix: st
         if f"{prefix}.{name}" not in arrays:
             raise ModelFileError(f"model file {path} has no {prefix}.{name}")
     part = {name: arrays[f"{prefix}.{name}"] for name in MIXTURE_PARTS}
-    for name in MIXTURE_PARTS[3:]:
+    for name in Scaling._fields:
         expected = (inputs if name.startswith("input") else outputs,)
         if part[name].shape != expected:
             raise ModelFileError(f"model file {path}: {prefix}.{name} has shape {part[name].shape}, not {expected}")
@@ -107,7 +101,46 @@ def mixture_from_arrays(path: Path, arrays: Mapping[str, FloatArray], prefix: st
         joint = ConditionalGmm(part["weights"], part["means"], part["covariances"], inputs)
     except ValueError as error:
         raise ModelFileError(f"model file {path}: {prefix}: {_one_line(error)}") from error
-    return ScaledGmm(joint, *(part[name] for name in MIXTURE_PARTS[3:]))
+    return ScaledGmm(joint, Scaling(*(part[name] for name in Scaling._fields)))
+
+
+@dataclass(frozen=True)
+class MixtureFile:
+    """A kind of model file that holds one mixture.
+
+    Attributes:
+        case: What the files are for.
+        inputs: Number of inputs.
+        outputs: Number of outputs.
+    """
+
+    case: str
+    inputs: int
+    outputs: int
+
+    def load(self, path: Path) -> ScaledGmm:
+        """Read a fitted mixture.
+
+        Raises:
+            ModelFileError: The file can't be used.
+        """
+        return mixture_from_arrays(path, load_arrays(path, self.case), "joint", (self.inputs, self.outputs))
+
+    def save(self, path: Path, mixture: ScaledGmm) -> None:
+        """Write a fitted mixture."""
+        save_arrays(path, {f"case.{self.case}": np.ones(1), **mixture_arrays("joint", mixture)})
+
+
+def committed_file(case: str) -> AbstractContextManager[Path]:
+    """Lend the path of the model file of a case that travels with the package."""
+    return as_file(files("mmpf.models").joinpath(f"{case.replace('-', '_')}.npz"))
+
+
+@cache
+def committed_mixture(kind: MixtureFile) -> ScaledGmm:
+    """Return the mixture of that kind that travels with the package."""
+    with committed_file(kind.case) as path:
+        return kind.load(path)
 
 
 def _one_line(error: Exception) -> str:

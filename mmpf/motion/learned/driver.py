@@ -10,19 +10,23 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass, field, replace
 from functools import cache
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.normals import standard_normals
 from mmpf.compute.threads import in_shares
-from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, mixture_arrays, mixture_from_arrays, save_arrays
+from mmpf.motion.gmm.model_file import (
+    ModelFileError,
+    committed_file,
+    load_arrays,
+    mixture_arrays,
+    mixture_from_arrays,
+    save_arrays,
+)
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned import lane_changer, short_driver
 from mmpf.motion.learned.features import SITUATION_SIZE, situation, write_situations
 from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
@@ -82,7 +86,7 @@ class DriverModel:
 
 @cache
 def _committed_model() -> DriverModel:
-    with as_file(files("mmpf.models").joinpath("lane_keeping.npz")) as path:
+    with committed_file(CASE) as path:
         return load_driver_model(path)
 
 
@@ -113,12 +117,7 @@ class LearnedDriver:
         return np.zeros((LATENTS, state.shape[1]))
 
     def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
         """Sample the states one step later; see ``MotionModel.propagate``."""
         next_latents = self._with_drivers(state, latents, surroundings, dt_s, rng)
@@ -173,12 +172,7 @@ class LearnedDriver:
         return self.changer.move(state[:, index], direction, origin, around, dt_s, rng)
 
     def _with_drivers(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> FloatArray:
         """Return latents with a driver for particles that have none, now and then a fresh one for those in sight."""
         fresh = latents[KNOWN] == 0.0
@@ -252,7 +246,7 @@ def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
     return replace(driver, changes_lanes=False)
 
 
-def _follows(leader: Neighbour) -> npt.NDArray[np.bool_]:
+def _follows(leader: Neighbour) -> BoolArray:
     return leader.exists & (leader.gap_m < FURTHEST_LEADER_M)
 
 
@@ -283,13 +277,3 @@ def save_driver(path: Path, model: DriverModel) -> None:
             "spread": np.array([model.accel_bias_mps2]),
         },
     )
-
-
-def save_short(path: Path, mixture: ScaledGmm) -> None:
-    """Write the short-term model's file."""
-    save_arrays(path, {f"case.{short_driver.CASE}": np.ones(1), **mixture_arrays("joint", mixture)})
-
-
-def save_change(path: Path, mixture: ScaledGmm) -> None:
-    """Write the lane-change model's file."""
-    save_arrays(path, {f"case.{lane_changer.CASE}": np.ones(1), **mixture_arrays("joint", mixture)})

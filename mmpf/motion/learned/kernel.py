@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from mmpf.compute.arrays import Float32Array, FloatArray, IntArray
-from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
+from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
-
-BoolArray = npt.NDArray[np.bool_]
 
 ARRIVED_WITHIN_M = 0.3
 AVOIDED_BY_M = 1.0

@@ -7,25 +7,21 @@ either side share one mixture.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.resources import as_file, files
-from pathlib import Path
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.motion.gmm.model_file import load_arrays, mixture_from_arrays
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.kinematics import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import NeighbourView, Surroundings, motion_models
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
-BoolArray = npt.NDArray[np.bool_]
-
-CASE = "lane-change"
+CHANGE = MixtureFile("lane-change", inputs=14, outputs=6)
 FURTHEST_NEIGHBOUR_M = 100.0
+NOBODY = np.array([[FURTHEST_NEIGHBOUR_M], [0.0]])
 NOMINAL_WIDTH_M = 3.6
 DIRECTION, ORIGIN = range(2)
 LAT_SPEED_IN, SPEED_IN = 2, 3
@@ -95,19 +91,21 @@ def view_of(surroundings: Surroundings, speed_mps: FloatArray, direction: FloatA
         direction: 1 for a change to the left, -1 to the right, shape (n,).
         crossed: Whether the vehicle's middle is over the line, shape (n,); its follower is not known then.
     """
-    left = direction > 0
-    original = _choose(crossed, _choose(left, surroundings.right_leader, surroundings.left_leader), surroundings.leader)
-    target = _choose(crossed, surroundings.leader, _choose(left, surroundings.left_leader, surroundings.right_leader))
-    follower = _choose(left, surroundings.left_follower, surroundings.right_follower)
-    follower = follower[0] & ~crossed, follower[1], follower[2]
-    parts = [_capped(neighbour, speed_mps) for neighbour in (original, follower, target)]
-    return ChangeView(*(gap for gap, _ in parts), *(relative for _, relative in parts))
+    to_left = direction > 0
+    ahead = _seen(surroundings.leader, speed_mps)
+    ahead_left, ahead_right = (_seen(n, speed_mps) for n in (surroundings.left_leader, surroundings.right_leader))
+    behind_left, behind_right = (_seen(n, speed_mps) for n in (surroundings.left_follower, surroundings.right_follower))
+    leader = np.where(crossed, np.where(to_left, ahead_right, ahead_left), ahead)
+    follower = np.where(crossed, NOBODY, np.where(to_left, behind_left, behind_right))
+    target = np.where(crossed, ahead, np.where(to_left, ahead_left, ahead_right))
+    return ChangeView(leader[0], follower[0], target[0], leader[1], follower[1], target[1])
 
 
-@cache
-def _committed_mixture() -> ScaledGmm:
-    with as_file(files("mmpf.models").joinpath("lane_change.npz")) as path:
-        return load_change_mixture(path)
+def _seen(neighbour: NeighbourView, speed_mps: FloatArray) -> FloatArray:
+    """Return gap and relative speed of neighbours, shape (2, n); one too far away counts as none."""
+    gap = neighbour.gap_m
+    near = neighbour.exists & (gap < FURTHEST_NEIGHBOUR_M)
+    return np.where(near, [gap, neighbour.speed_mps - speed_mps], NOBODY)
 
 
 @dataclass(frozen=True)
@@ -119,7 +117,7 @@ class LaneChanger:
             longitudinal speed, lateral and longitudinal acceleration 0.1 s later.
     """
 
-    mixture: ScaledGmm = field(default_factory=_committed_mixture)
+    mixture: ScaledGmm = field(default_factory=partial(committed_mixture, CHANGE))
 
     def move(
         self,
@@ -146,9 +144,8 @@ class LaneChanger:
         view = view_of(surroundings, state[SPEED], direction, crossed)
         x = change_inputs(state, direction, origin_m, half_width, view).T
         sampled = self.mixture.sample_columns(x, rng)
-        held_lat_speed, held_speed = (
-            np.clip(x[i], self.mixture.input_low[i], self.mixture.input_high[i]) for i in (LAT_SPEED_IN, SPEED_IN)
-        )
+        low, high = self.mixture.scaling.input_low, self.mixture.scaling.input_high
+        held_lat_speed, held_speed = (np.clip(x[i], low[i], high[i]) for i in (LAT_SPEED_IN, SPEED_IN))
         after = np.empty_like(state)
         advance(state, direction, sampled, held_lat_speed, held_speed, dt_s, after)
         return after
@@ -175,12 +172,7 @@ class LaneChangeDriver:
         return np.zeros((2, state.shape[1]))
 
     def propagate(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
         """Sample the states one step later; see ``MotionModel.propagate``."""
         centre = 0.5 * (surroundings.lane_right_m + surroundings.lane_left_m)
@@ -189,36 +181,6 @@ class LaneChangeDriver:
         direction = np.where(new, 1.0 if self.to_left else -1.0, latents[DIRECTION])
         after = self.changer.move(state, direction, origin, surroundings, dt_s, rng)
         return after, np.stack([direction, origin])
-
-
-def load_change_mixture(path: Path) -> ScaledGmm:
-    """Read a fitted lane-change model.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
-    return mixture_from_arrays(path, load_arrays(path, CASE), "joint", (14, 6))
-
-
-_Part = tuple[BoolArray, FloatArray, FloatArray]
-
-
-def _choose(condition: BoolArray, yes: NeighbourView | _Part, no: NeighbourView | _Part) -> _Part:
-    first, second = _part(yes), _part(no)
-    exists = np.where(condition, first[0], second[0])
-    return exists, np.where(condition, first[1], second[1]), np.where(condition, first[2], second[2])
-
-
-def _part(neighbour: NeighbourView | _Part) -> _Part:
-    if isinstance(neighbour, tuple):
-        return neighbour
-    return neighbour.exists, neighbour.gap_m, neighbour.speed_mps
-
-
-def _capped(neighbour: _Part, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    exists, gap, speed = neighbour
-    near = exists & (gap < FURTHEST_NEIGHBOUR_M)
-    return np.where(near, gap, FURTHEST_NEIGHBOUR_M), np.where(near, speed - speed_mps, 0.0)
 
 
 motion_models.register("gmm-lane-change")(LaneChangeDriver)

@@ -8,10 +8,9 @@ import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
-from mmpf.motion.protocol import Surroundings
+from mmpf.motion.protocol import Surroundings, offset_in_lane
 from mmpf.state import LAT
 
-OFFSET, INTENTION, TARGET = range(3)
 WIDEST_OFFSET_M = 1.0
 
 
@@ -40,8 +39,7 @@ class LaneKeeper:
         self, state: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator
     ) -> FloatArray:
         """Draw the places in the lane, metres from its middle, of particles ``index`` with states (6, len(index))."""
-        centre = 0.5 * (surroundings.lane_right_m[index] + surroundings.lane_left_m[index])
-        offset = np.where(np.isfinite(centre), state[LAT] - centre, 0.0)
+        offset = offset_in_lane(state[LAT], surroundings.lane_right_m[index], surroundings.lane_left_m[index])
         spread = self.offset_spread_m * rng.standard_normal(len(index))
         return np.clip(offset + spread, -WIDEST_OFFSET_M, WIDEST_OFFSET_M)
 

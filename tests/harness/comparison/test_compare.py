@@ -13,18 +13,15 @@ from matplotlib.figure import Figure
 from harness.cli import run_command_line
 from harness.comparison.compare import Comparison, compare
 from harness.comparison.sources import open_source
-from harness.comparison.verdicts import BETTER, METRICS, SAME, UNTESTED, WORSE
+from harness.comparison.verdicts import BETTER, SAME, UNTESTED, WORSE, compared_quantities
 from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
 from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
 from harness.runfolder.tables import write_table
-from harness.running.open import RunInputs
 from harness.running.run import run
-from harness.sensor.detector import build_sensor
-from harness.sensor.profiles import sensor_settings
-from tests.harness.stand_ins import SteadyTraffic
+from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 
@@ -35,7 +32,7 @@ def grid_folder(folder: Path, seeds=range(10), model="cvm", densities=(20.0,), f
         {
             "net": "us101", "density": density, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": model,
             "update": "joint", "seed": seed, "succeeded": seed not in failed, "error": None, "total_s": 1.0,
-            **{metric.name: 1.0 + 0.01 * seed for metric in METRICS},
+            **{quantity.key: 1.0 + 0.01 * seed for quantity in compared_quantities()},
             **{name.replace("__", "."): value(seed) for name, value in metrics.items()},
         }
         for density in densities for seed in seeds
@@ -148,20 +145,15 @@ def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
 
 
 @pytest.fixture
-def echo_runs(monkeypatch, tmp_path) -> tuple[str, str, str]:
+def echo_runs(tmp_path) -> tuple[str, str, str]:
     """Make a run, its replay with other random numbers of the tracker, and a run on other traffic."""
-    sensor = build_sensor(sensor_settings("lidar", {}))
-    monkeypatch.setattr(
-        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=12), sensor)
-    )
-    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    first = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "first").folder
+    usual, sparse = (looking_at(SteadyTraffic(steps=12, cars_per_lane=count)) for count in (6, 4))
+    config = resolve_run_config(options={"tracker": ECHO})
+    first = run(config, out=tmp_path / "first", open_looks=usual).folder
     again = run(
         resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
     ).folder
-    traffic = SteadyTraffic(steps=12, cars_per_lane=4)
-    monkeypatch.setattr("harness.running.open._open_live", lambda config, streams, gui: RunInputs(traffic, sensor))
-    other = run(resolve_run_config(options={"tracker": ECHO}), out=tmp_path / "other").folder
+    other = run(config, out=tmp_path / "other", open_looks=sparse).folder
     return str(first), str(again), str(other)
 
 
@@ -184,17 +176,15 @@ def test_single_runs_on_different_traffic_are_refused(echo_runs):
 def small_suite(monkeypatch) -> None:
     """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
     request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
-    sensor = build_sensor(sensor_settings("lidar", {}))
     monkeypatch.setattr("harness.comparison.suite.SUITES", {"standard": request})
-    monkeypatch.setattr(
-        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=8), sensor)
-    )
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
+        def report(message) -> None:
+            if isinstance(message, Finished):
+                on_row(message.key, message.row)
+
         for cell in cells:
-            work_on_cell(
-                cell, lambda message: on_row(message.key, message.row) if isinstance(message, Finished) else None
-            )
+            work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
 
     monkeypatch.setattr("harness.grid.pool.run_cells", run_here)
     monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: Figure())

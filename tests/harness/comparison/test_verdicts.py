@@ -11,19 +11,20 @@ from hypothesis import strategies as st
 
 from harness.comparison.verdicts import (
     BETTER,
-    METRICS,
     SAME,
     UNTESTED,
     WORSE,
     Arms,
-    ComparedMetric,
+    compared_quantities,
     fewest_pairs,
     holm,
     judge,
     unpaired_difference,
 )
+from harness.scoring.quantity import Quantity
 
-ERROR, SCORE = ComparedMetric("error", "error, m"), ComparedMetric("score", "score, %", True)
+COMPARED = compared_quantities()
+ERROR, SCORE = Quantity("error", "error, m"), Quantity("score", "score, %", higher_is_better=True)
 
 
 def test_holm_multiplies_by_the_number_of_hypotheses_not_yet_rejected():
@@ -110,7 +111,7 @@ class Noise:
 # Measured over seeds 100 to 109 at 45 vehicles per km and lane, 15 s, mmpf with cvm and 200 or 201 particles.
 MEASURED = dict(
     zip(
-        (metric.name for metric in METRICS),
+        (quantity.key for quantity in COMPARED),
         (
             Noise(0.090, 0.039), Noise(0.106, 0.050), Noise(0.134, 0.087), Noise(0.294, 0.216), Noise(0.198, 0.117),
             Noise(0.155, 0.057), Noise(0.294, 0.111), Noise(0.022, 0.012), Noise(0.025, 0.020), Noise(0.039, 0.019),
@@ -129,13 +130,13 @@ def simulated(
     hardness = rng.standard_normal((2, seeds))
     if paired:
         hardness[1] = hardness[0]
-    for metric in METRICS:
-        noise = MEASURED[metric.name]
+    for quantity in COMPARED:
+        noise = MEASURED[quantity.key]
         own = rng.standard_normal((2, seeds)) * scatter * noise.within_pair / np.sqrt(2.0)
         a, b = np.exp(noise.between_seeds * hardness + own)
-        b *= planted.get(metric.name, 1.0)
+        b *= planted.get(quantity.key, 1.0)
         one = np.zeros(seeds, dtype=np.int64)
-        arms.append(Arms("x", metric, a, b) if paired else Arms("x", metric, a, b, False, one, one))
+        arms.append(Arms("x", quantity, a, b) if paired else Arms("x", quantity, a, b, False, one, one))
     return arms
 
 
@@ -159,18 +160,18 @@ def test_identical_settings_raise_a_false_alarm_in_at_most_five_percent_of_compa
 
 @pytest.mark.slow
 def test_a_ten_percent_worse_tracker_is_found_at_ten_seeds_nine_times_in_ten():
-    planted = {metric.name: worse_by_ten_percent(metric) for metric in METRICS}
+    planted = {quantity.key: worse_by_ten_percent(quantity) for quantity in COMPARED}
     assert power(planted, any_metric=True) >= 0.9
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "metric",
-    [metric for metric in METRICS if MEASURED[metric.name].within_pair <= 0.05],
-    ids=lambda metric: metric.name,
+    "quantity",
+    [quantity for quantity in COMPARED if MEASURED[quantity.key].within_pair <= 0.05],
+    ids=lambda quantity: quantity.key,
 )
-def test_a_metric_that_scatters_by_up_to_five_percent_alone_shows_ten_percent_at_ten_seeds(metric):
-    assert power({metric.name: worse_by_ten_percent(metric)}) >= 0.9
+def test_a_metric_that_scatters_by_up_to_five_percent_alone_shows_ten_percent_at_ten_seeds(quantity):
+    assert power({quantity.key: worse_by_ten_percent(quantity)}) >= 0.9
 
 
 @pytest.mark.slow
@@ -179,8 +180,8 @@ def test_the_hidden_error_alone_shows_ten_percent_in_a_whole_grid_of_ten_seeds()
     assert power({"mae.hidden.lon_m": 1.1}, seeds=70, scatter=0.5) >= 0.9
 
 
-def worse_by_ten_percent(metric: ComparedMetric) -> float:
-    return 0.9 if metric.higher_is_better else 1.1
+def worse_by_ten_percent(quantity: Quantity) -> float:
+    return 0.9 if quantity.higher_is_better else 1.1
 
 
 def power(planted: dict[str, float], any_metric=False, seeds=10, scatter=1.0, comparisons=200) -> float:

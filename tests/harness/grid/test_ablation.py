@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from harness.grid.ablation import ABLATIONS, DEFAULT, MEASURES, ablation_request, ablation_rows, as_markdown
+from harness.grid.ablation import ABLATIONS, DEFAULT, ablated_quantities, ablation_request, ablation_rows, as_markdown
 from harness.grid.grid import plan_grid
 
 
@@ -12,7 +12,7 @@ def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = Non
     for ablation in ABLATIONS:
         for seed, value in enumerate(hota.get(ablation.variant, hota[DEFAULT])):
             row = {"variant": ablation.variant, "seed": seed, "succeeded": (ablation.variant, seed) != failed}
-            rows.append(row | {measure.key: value for measure in MEASURES})
+            rows.append(row | {measure.key: value for measure in ablated_quantities()})
     return pd.DataFrame(rows).sample(frac=1.0, random_state=1)
 
 

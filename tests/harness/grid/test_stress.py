@@ -21,23 +21,22 @@ from harness.grid.grid import GridRequest
 from harness.grid.rows import flattened, is_timing
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.grid.worker import Finished, work_on_cell
-from harness.running.open import RunInputs
+from harness.running.open import OpenLooks
 from harness.running.run import run
-from harness.sensor.detector import build_sensor
-from harness.sensor.profiles import sensor_settings
-from tests.harness.stand_ins import SteadyTraffic
+from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 REPOSITORY = Path(__file__).parents[3]
 ECHO = "tests.harness.stand_ins:echo_tracker"
 BROKEN = "tests.harness.grid.broken_trackers"
+STEADY = looking_at(SteadyTraffic(steps=8))
 SMALL = GridRequest(densities="20,40", seeds="2", trackers=f"{ECHO},{ECHO}+gain=2", duration_s=1.0)
 
 
 class InProcess:
-    """Runs cells here, one after the other; stops as Ctrl-C does after some rows."""
+    """Runs cells here, one after the other, by default on stand-in traffic; stops as Ctrl-C does after some rows."""
 
-    def __init__(self, stop_after: int | None = None) -> None:
-        self.stop_after, self.rows, self.cells = stop_after, 0, 0
+    def __init__(self, stop_after: int | None = None, open_looks: OpenLooks = STEADY) -> None:
+        self.stop_after, self.open_looks, self.rows, self.cells = stop_after, open_looks, 0, 0
 
     def __call__(self, cells, on_row) -> None:
         def report(message) -> None:
@@ -49,21 +48,12 @@ class InProcess:
 
         for cell in cells:
             self.cells += 1
-            work_on_cell(cell, report)
+            work_on_cell(cell, report, self.open_looks)
 
 
 @pytest.fixture
-def opened(monkeypatch) -> list:
-    """Put stand-in traffic in SUMO's place, draw no figures, and count how often traffic is opened."""
-    sensor, calls = build_sensor(sensor_settings("lidar", {})), []
-
-    def open_live(config, streams, gui) -> RunInputs:
-        calls.append(config)
-        return RunInputs(SteadyTraffic(steps=8), sensor)
-
-    monkeypatch.setattr("harness.running.open._open_live", open_live)
+def no_figures(monkeypatch) -> None:
     monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: _NoFigure())
-    return calls
 
 
 class _NoFigure:
@@ -80,7 +70,7 @@ def table_of(folder: Path) -> pd.DataFrame:
     return table[[column for column in table if not is_timing(column)]]
 
 
-def test_a_grid_leaves_one_row_for_each_run_in_a_fixed_order(opened, tmp_path):
+def test_a_grid_leaves_one_row_for_each_run_in_a_fixed_order(no_figures, tmp_path):
     finished = grid(tmp_path / "grid")
     table = table_of(finished.folder)
     assert table[["density", "seed", "variant"]].to_numpy().tolist() == [
@@ -92,12 +82,18 @@ def test_a_grid_leaves_one_row_for_each_run_in_a_fixed_order(opened, tmp_path):
     assert (finished.folder / "table.md").is_file()
 
 
-def test_traffic_is_made_once_for_all_trackers_of_a_density_and_seed(opened, tmp_path):
-    grid(tmp_path / "grid")
-    assert len(opened) == 4
+def test_traffic_is_made_once_for_all_trackers_of_a_density_and_seed(no_figures, tmp_path):
+    opened = []
+
+    def open_looks(config):
+        opened.append((config.traffic.density, config.seed))
+        return STEADY(config)
+
+    grid(tmp_path / "grid", execute=InProcess(open_looks=open_looks))
+    assert sorted(opened) == [(20.0, 0), (20.0, 1), (40.0, 0), (40.0, 1)]
 
 
-def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(opened, tmp_path):
+def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(no_figures, tmp_path):
     whole = table_of(grid(tmp_path / "whole").folder)
     for stop in (0, 1, 4, 7):
         folder = tmp_path / f"stopped-{stop}"
@@ -108,14 +104,14 @@ def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(opened, 
         assert rest.rows == 8 - stop
 
 
-def test_a_finished_grid_is_not_run_again(opened, tmp_path):
+def test_a_finished_grid_is_not_run_again(no_figures, tmp_path):
     grid(tmp_path / "grid")
     again = InProcess()
     grid(tmp_path / "grid", execute=again, resume=True)
     assert again.cells == 0
 
 
-def test_a_resumed_grid_may_have_more_seeds(opened, tmp_path):
+def test_a_resumed_grid_may_have_more_seeds(no_figures, tmp_path):
     grid(tmp_path / "grid")
     more = InProcess()
     larger = GridRequest(**{**SMALL.__dict__, "seeds": "3"})
@@ -123,7 +119,7 @@ def test_a_resumed_grid_may_have_more_seeds(opened, tmp_path):
     assert more.rows == 4
 
 
-def test_an_existing_folder_is_never_overwritten_without_asking(opened, tmp_path):
+def test_an_existing_folder_is_never_overwritten_without_asking(no_figures, tmp_path):
     grid(tmp_path / "grid")
     with pytest.raises(InputError, match="`resume`"):
         grid(tmp_path / "grid")
@@ -133,14 +129,14 @@ def test_an_existing_folder_is_never_overwritten_without_asking(opened, tmp_path
         grid(tmp_path / "mine", resume=True)
 
 
-def test_half_written_files_of_a_killed_grid_are_removed(opened, tmp_path):
+def test_half_written_files_of_a_killed_grid_are_removed(no_figures, tmp_path):
     grid(tmp_path / "grid")
     (tmp_path / "grid" / "runs" / "left.123.partial").write_text("{")
     grid(tmp_path / "grid", resume=True)
     assert not list((tmp_path / "grid").rglob("*.partial"))
 
 
-def test_a_failing_tracker_is_a_row_and_the_others_run_on(opened, tmp_path):
+def test_a_failing_tracker_is_a_row_and_the_others_run_on(no_figures, tmp_path):
     request = GridRequest(densities="20", seeds="2", trackers=f"{BROKEN}:raising,{ECHO}", duration_s=1.0)
     finished = grid(tmp_path / "grid", request)
     table = table_of(finished.folder)
@@ -151,7 +147,7 @@ def test_a_failing_tracker_is_a_row_and_the_others_run_on(opened, tmp_path):
     assert "ArithmeticError" in (finished.folder / "table.md").read_text()
 
 
-def test_failed_runs_are_kept_unless_asked_to_be_made_again(opened, tmp_path):
+def test_failed_runs_are_kept_unless_asked_to_be_made_again(no_figures, tmp_path):
     request = GridRequest(densities="20", seeds="2", trackers=f"{BROKEN}:raising,{ECHO}", duration_s=1.0)
     grid(tmp_path / "grid", request)
     kept, made_again = InProcess(), InProcess()
@@ -161,25 +157,20 @@ def test_failed_runs_are_kept_unless_asked_to_be_made_again(opened, tmp_path):
     assert made_again.rows == 2
 
 
-def test_failing_traffic_fails_every_run_of_its_cell(monkeypatch, opened, tmp_path):
-    def open_live(config, streams, gui) -> RunInputs:
-        fails = config.seed == 1
-        return RunInputs(
-            SteadyTraffic(steps=8, fail_at=5 if fails else None), build_sensor(sensor_settings("lidar", {}))
-        )
+def test_failing_traffic_fails_every_run_of_its_cell(no_figures, tmp_path):
+    def open_looks(config):
+        return (looking_at(SteadyTraffic(steps=8, fail_at=5)) if config.seed == 1 else STEADY)(config)
 
-    monkeypatch.setattr("harness.running.open._open_live", open_live)
-    table = table_of(grid(tmp_path / "grid").folder)
+    table = table_of(grid(tmp_path / "grid", execute=InProcess(open_looks=open_looks)).folder)
     assert table["succeeded"].tolist() == [True, True, False, False] * 2
     assert table.loc[~table["succeeded"], "error"].unique().tolist() == ["RuntimeError: the traffic broke"]
 
 
-def test_a_row_holds_what_a_single_run_writes(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+def test_a_row_holds_what_a_single_run_writes(no_figures, tmp_path):
     request = GridRequest(densities="20", seeds="3:4", trackers=ECHO, duration_s=1.0)
     row = table_of(grid(tmp_path / "grid", request).folder).iloc[0]
     config = resolve_run_config(options={"density": 20.0, "seed": 3, "tracker": ECHO, "duration": 1.0})
-    metrics = run(config, out=tmp_path / "run").metrics
+    metrics = run(config, out=tmp_path / "run", open_looks=STEADY).metrics
     single = flattened({name: value for name, value in metrics.items() if name != "run"})
     compared = [name for name in single if not is_timing(name)]
     assert len(compared) > 100

@@ -1,9 +1,7 @@
-import copy
-
 import pytest
 
 from harness.report.sentences import headlines, summary_sentences, wilson_interval
-from harness.running.metrics import EMPTY_SCORES
+from harness.scoring.metrics import completed
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
 
@@ -61,7 +59,7 @@ def test_headlines_bear_the_metrics_numbers_and_intervals(metrics):
 
 
 def test_what_was_not_scored_is_left_out(metrics):
-    empty = copy.deepcopy(dict(EMPTY_SCORES)) | {key: metrics[key] for key in ("run", "timing", "traffic")}
+    empty = completed({}) | {key: metrics[key] for key in ("run", "timing", "traffic")}
     empty["occlusion"]["events"] = 0
     words = [*summary_sentences(empty), *(f"{headline.value} {headline.interval}" for headline in headlines(empty))]
     assert not any("None" in text or "nan" in text for text in words)

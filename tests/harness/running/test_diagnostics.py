@@ -9,6 +9,7 @@ import pytest
 from harness.report.diagnostics_figure import diagnostics_figure
 from harness.running.metrics import stage_timing
 from harness.running.watchers import DiagnosticsKeeper
+from harness.sensor.observation import Look
 from harness.trackers.protocol import TrackerSetting
 from mmpf.scan import SensorModel
 from mmpf.tracker import StepReport
@@ -27,7 +28,7 @@ def kept(tracker: EchoTracker, reports: list[StepReport]) -> DiagnosticsKeeper:
     for frame, report in zip(SteadyTraffic(steps=len(reports)).frames(), reports, strict=True):
         if isinstance(tracker, TellingTracker):
             tracker.last_report = report
-        keeper.watch(frame, None, Tracks.none(), tracker)
+        keeper.watch(Look(frame, None), Tracks.none(), tracker)
     return keeper
 
 

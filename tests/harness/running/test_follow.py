@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.runfolder.tables import ColumnRecorder, RunTables, detections_of
-from harness.running.follow import Streams, co_simulate
+from harness.running.follow import follow, track
+from harness.running.looks import Streams, look_at
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
@@ -14,9 +15,7 @@ from tests.harness.stand_ins import EchoTracker, SteadyTraffic
 
 
 def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> RunTables:
-    recorder = ColumnRecorder()
-    co_simulate(traffic, build_sensor(sensor_settings(profile, {})), build, recorder, Streams.from_seed(seed))
-    return recorder.tables()
+    return track(look_at(traffic, build_sensor(sensor_settings(profile, {})), seed), build, seed)
 
 
 def test_every_frame_is_recorded_once_and_in_order():
@@ -128,15 +127,10 @@ def test_recorded_detections_are_those_that_the_tracker_got_sizes_included():
 
 
 def test_a_step_that_was_cut_short_is_left_out():
+    looks = look_at(SteadyTraffic(steps=9, fail_at=5), build_sensor(sensor_settings("lidar", {})), 0)
     recorder = ColumnRecorder()
     with pytest.raises(RuntimeError, match="broke"):
-        co_simulate(
-            SteadyTraffic(steps=9, fail_at=5),
-            build_sensor(sensor_settings("lidar", {})),
-            EchoTracker,
-            recorder,
-            Streams.from_seed(0),
-        )
+        follow(looks, EchoTracker, recorder, Streams.from_seed(0).tracker)
     recorder._truth.append(recorder._truth[-1])
     tables = recorder.tables()
     assert_array_equal(np.unique(tables.truth["step"]), np.arange(5))

@@ -1,49 +1,59 @@
-"""Truth played back from a table is the truth that was written into it."""
+"""Looks read from a run's folder."""
 
-import numpy as np
 import pandas as pd
+import pytest
 
-from harness.running.replay import COLUMNS, RecordedTruth, frames_from_table
-from mmpf.road import highway
-
-
-def table():
-    rng = np.random.default_rng(3)
-    steps = np.repeat(np.arange(4), [3, 2, 0, 3])
-    rows = pd.DataFrame({name: rng.normal(size=len(steps)) for name in COLUMNS})
-    return rows.assign(
-        step=steps,
-        time_s=steps * 0.1,
-        episode=steps // 2,
-        vehicle_id=["a", "b", "c", "b", "a", "a", "b", "c"],
-        lane=np.arange(len(steps)) % 5,
-        is_ego=[True, False, False, True, False, False, True, False],
-    )
+from harness.config.layers import resolve_run_config
+from harness.errors import InputError
+from harness.runfolder import folder as runfolder
+from harness.running.looks import Looks
+from harness.running.replay import read_looks
+from tests.harness.recorded_scene import STEP_S, STEPS, write_recorded_scene
 
 
-def test_every_row_comes_back_in_its_frame():
-    rows = table()
-    frames = list(frames_from_table(rows))
-    assert [frame.step for frame in frames] == [0, 1, 3]
-    for frame in frames:
-        wanted = rows[rows["step"] == frame.step]
-        for column in ("vehicle_id", "lon_m", "lat_m", "heading_rad", "accel_mps2", "lane", "length_m"):
-            assert list(getattr(frame, column)) == list(wanted[column])
-        assert frame.vehicle_id[frame.ego] == wanted.loc[wanted["is_ego"], "vehicle_id"].item()
-        assert frame.episode == wanted["episode"].iloc[0]
+@pytest.fixture
+def recorded(tmp_path):
+    return write_recorded_scene(tmp_path / "run")
 
 
-def test_a_recording_knows_its_step_and_length():
-    recording = RecordedTruth(table(), highway(5))
-    assert (recording.step_s, recording.expected_steps) == (0.1, 3)
-    assert len(list(recording.frames())) == 3
-    recording.close()
-    recording.close()
+def read(folder) -> Looks:
+    return read_looks(folder, resolve_run_config(folder / runfolder.CONFIG))
 
 
-def test_a_frame_without_ego_says_so():
-    assert all(frame.ego == -1 for frame in frames_from_table(table().assign(is_ego=False)))
+def test_a_recording_knows_its_step_length_and_files(recorded):
+    looks = read(recorded)
+    assert (looks.step_s, looks.expected_steps) == (STEP_S, STEPS)
+    assert set(looks.hashes()) == {"replay/truth.parquet", "replay/detections.parquet", "replay/road.json"}
+    looks.close()
+    looks.close()
 
 
-def test_an_empty_table_has_no_frames():
-    assert list(frames_from_table(table().iloc[:0])) == []
+def test_each_look_holds_what_its_rows_say(recorded):
+    truth = pd.read_parquet(recorded / runfolder.TRUTH)
+    detections = pd.read_parquet(recorded / runfolder.DETECTIONS)
+    looks = list(read(recorded))
+    assert [look.frame.step for look in looks] == list(range(STEPS))
+    for look in looks:
+        frame, observation = look.frame, look.observation
+        there, seen = (table[table["step"] == frame.step] for table in (truth, detections))
+        assert list(frame.lon_m) == list(there["lon_m"])
+        assert list(observation.in_range) == list(there["in_range"])
+        assert list(observation.truth_id) == list(seen["truth_id"])
+        assert list(observation.scan.detections.lon_m) == list(seen["lon_m"])
+        assert observation.scan.time_s == frame.time_s
+        assert observation.scan.ego.lon_m == there.loc[there["is_ego"], "lon_m"].item()
+
+
+def test_a_step_in_which_nothing_was_detected_is_a_look_without_detections(recorded):
+    path = recorded / runfolder.DETECTIONS
+    detections = pd.read_parquet(path)
+    detections[detections["step"] != 7].to_parquet(path)
+    counts = [len(look.observation.scan.detections) for look in read(recorded)]
+    assert counts[7] == 0
+    assert min(counts[:7] + counts[8:]) > 0
+
+
+def test_a_run_that_did_not_end_is_refused(recorded):
+    (recorded / runfolder.MANIFEST).write_text('{"status": "interrupted"}')
+    with pytest.raises(InputError, match="did not end"):
+        read(recorded)

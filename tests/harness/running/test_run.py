@@ -11,29 +11,25 @@ import pytest
 from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
 from harness.errors import InputError, RunError, RunInterruptedError
+from harness.report.figures import draw_figures
+from harness.report.page import write_run_page
 from harness.runfolder import folder as runfolder
-from harness.running.open import RunInputs
-from harness.running.run import run
-from harness.sensor.detector import build_sensor
-from harness.sensor.profiles import sensor_settings
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic
+from harness.running.run import Drawing, FinishedRun, run
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
+DRAWING = Drawing(draw_figures, write_run_page)
 TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERRORS)
 
 
 @pytest.fixture
-def steady_traffic(monkeypatch) -> SteadyTraffic:
-    """Put stand-in traffic in SUMO's place, and draw no figures: they take longer than the run."""
-    traffic = SteadyTraffic(steps=12)
+def steady_traffic() -> SteadyTraffic:
+    return SteadyTraffic(steps=12)
 
-    def open_live(config, streams, gui):
-        settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
-        return RunInputs(traffic, build_sensor(settings))
 
-    monkeypatch.setattr("harness.running.open._open_live", open_live)
-    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-    return traffic
+def run_on(traffic: SteadyTraffic, config: RunConfig, out: Path, **options: object) -> FinishedRun:
+    """Run with stand-in traffic in SUMO's place; no figures are drawn, which take longer than the run."""
+    return run(config, out=out, open_looks=looking_at(traffic), **options)
 
 
 def configured(**options: object) -> RunConfig:
@@ -41,7 +37,7 @@ def configured(**options: object) -> RunConfig:
 
 
 def test_a_run_leaves_every_file(steady_traffic, tmp_path):
-    finished = run(configured(), out=tmp_path / "run", command="harness run")
+    finished = run_on(steady_traffic, configured(), tmp_path / "run", command="harness run", draw=DRAWING)
     names = {entry.name for entry in finished.folder.iterdir()}
     assert {
         "config.toml", "manifest.json", "truth.parquet", "detections.parquet", "tracks.parquet", "errors.parquet",
@@ -55,7 +51,7 @@ def test_a_run_leaves_every_file(steady_traffic, tmp_path):
 
 
 def test_a_replay_of_the_same_tracker_gives_the_same_bytes(steady_traffic, tmp_path):
-    first = run(configured(seed=5), out=tmp_path / "first").folder
+    first = run_on(steady_traffic, configured(seed=5), tmp_path / "first").folder
     config = resolve_run_config(options={"replay": str(first), "tracker": ECHO})
     assert config.seed == 5
     again = run(config, out=tmp_path / "again").folder
@@ -76,7 +72,7 @@ def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path
         return lambda setting, options: Listener(setting)
 
     monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", listener(scans[0]))
-    first = run(configured(sensor=profile), out=tmp_path / "first").folder
+    first = run_on(steady_traffic, configured(sensor=profile), tmp_path / "first").folder
     monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", listener(scans[1]))
     run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again")
     assert len(scans[0]) == len(scans[1]) > 12
@@ -92,7 +88,7 @@ def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path
 
 
 def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_path):
-    first = run(configured(), out=tmp_path / "first").folder
+    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
     table = pd.read_parquet(first / runfolder.DETECTIONS)
     table.drop(columns=["length_m", "width_m", "std_length_m", "std_width_m"]).to_parquet(first / runfolder.DETECTIONS)
     again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
@@ -103,13 +99,13 @@ def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_pat
 
 @pytest.mark.parametrize("option", [{"net": "other"}, {"density": 33.0}, {"duration": 1.0}, {"sensor": "radar"}])
 def test_a_replay_refuses_other_traffic_or_another_sensor(steady_traffic, tmp_path, option):
-    first = run(configured(), out=tmp_path / "first").folder
-    with pytest.raises(InputError, match=f"--{next(iter(option))}.*recording"):
+    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
+    with pytest.raises(InputError, match=f"`{next(iter(option))}`.*recording"):
         resolve_run_config(options={"replay": str(first), **option})
 
 
 def test_a_replays_own_configuration_runs_again(steady_traffic, tmp_path):
-    first = run(configured(), out=tmp_path / "first").folder
+    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
     again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
     third = run(resolve_run_config(again / "config.toml"), out=tmp_path / "third").folder
     assert (third / "tracks.parquet").read_bytes() == (first / "tracks.parquet").read_bytes()
@@ -117,7 +113,7 @@ def test_a_replays_own_configuration_runs_again(steady_traffic, tmp_path):
 
 @pytest.mark.parametrize("name", [runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD, runfolder.CONFIG])
 def test_a_replay_of_a_damaged_folder_is_refused(steady_traffic, tmp_path, name):
-    first = run(configured(), out=tmp_path / "first").folder
+    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
     content = (first / name).read_bytes()
     (first / name).write_bytes(content[: len(content) // 2 - 1])
     with pytest.raises(InputError, match=name):
@@ -128,7 +124,7 @@ def test_a_replay_of_a_damaged_folder_is_refused(steady_traffic, tmp_path, name)
 def test_a_failure_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_path):
     steady_traffic.fail_at = 7
     with pytest.raises(RunError, match=r"after 7 steps.*the traffic broke"):
-        run(configured(), out=tmp_path / "run")
+        run_on(steady_traffic, configured(), tmp_path / "run")
     folder = tmp_path / "run.incomplete"
     assert pd.read_parquet(folder / "truth.parquet")["step"].max() == 6
     manifest = json.loads((folder / "manifest.json").read_text())
@@ -146,7 +142,7 @@ def test_an_interrupt_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_p
 
     monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", lambda setting, options: Interrupted(setting))
     with pytest.raises(RunInterruptedError, match="after 5 steps"):
-        run(configured(), out=tmp_path / "run")
+        run_on(steady_traffic, configured(), tmp_path / "run")
     folder = tmp_path / "run.incomplete"
     assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
     assert pd.read_parquet(folder / "tracks.parquet")["step"].max() == 4
@@ -163,13 +159,13 @@ def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(
 
     monkeypatch.setattr("tests.harness.stand_ins.echo_tracker", lambda setting, options: Compiled(setting))
     with pytest.raises(RunInterruptedError, match="after 5 steps"):
-        run(configured(), out=tmp_path / "run")
+        run_on(steady_traffic, configured(), tmp_path / "run")
 
 
 def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):
     for options in ({"tracker": "mmpf", "model": "warp"}, {"tracker": "none"}, {"tracker": "mmpf", "update": "x"}):
         with pytest.raises(InputError):
-            run(configured(**options), out=tmp_path / "run")
+            run_on(steady_traffic, configured(**options), tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -186,7 +182,9 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("runs")
     return {
         name: run(
-            resolve_run_config(options={"duration": 3.0, "seed": 1, "particles": 200, **extra}), out=folder / name
+            resolve_run_config(options={"duration": 3.0, "seed": 1, "particles": 200, **extra}),
+            out=folder / name,
+            draw=DRAWING,
         ).folder
         for name, extra in settings.items()
     }
@@ -228,7 +226,7 @@ def test_another_seed_is_another_drive(sumo_runs):
 
 @pytest.mark.slow
 def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.running.open._open_live", lambda config, streams, gui: pytest.fail("SUMO was opened"))
+    monkeypatch.setattr("harness.truth.sumo.simulation.open_traffic", lambda *_, **__: pytest.fail("SUMO was opened"))
     config = resolve_run_config(options={"replay": str(sumo_runs["one"]), "particles": 200})
     again = run(config, out=tmp_path / "again").folder
     for table in TABLES:
@@ -237,8 +235,7 @@ def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, m
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 6))
-def test_visible_vehicles_are_tracked_soon_and_better_than_they_are_measured(seed, tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
+def test_visible_vehicles_are_tracked_soon_and_better_than_they_are_measured(seed, tmp_path):
     config = resolve_run_config(options={"density": 20.0, "duration": 15.0, "sensor": "lidar", "seed": seed})
     metrics = run(config, out=tmp_path / "run").metrics
     assert metrics["coverage"]["prompt_vehicles"] >= 10

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from harness.scoring.score import evaluate
+from harness.scoring import score_run
 from tests.harness.scoring.scenes import STEP_S, traffic
 
 STEPS = 250
@@ -17,7 +17,7 @@ STEPS = 250
 @pytest.fixture(scope="module", params=[0, 1, 2])
 def run(request):
     truth, detections, tracks = traffic(steps=STEPS, vehicles=30, seed=request.param)
-    return evaluate(truth, detections, tracks), PlainLoops(truth, detections, tracks)
+    return score_run(truth, detections, tracks), PlainLoops(truth, detections, tracks)
 
 
 def test_outcomes_and_tracks_are_those_of_the_plain_loops(run):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.scoring.score import evaluate
+from harness.scoring import score_run
 from tests.harness.scoring.scenes import Scene
 
 GONE, BACK, END = 30, 50, 80
@@ -22,11 +22,11 @@ def occluded(back=BACK, end=END, hidden_share=1.0):
 
 
 def outcome_of(scene):
-    evaluation = evaluate(*scene.tables())
-    assert len(evaluation.events) == 1
-    counts = evaluation.scores.occlusion
-    assert counts.events == counts.survived + counts.hijacked + counts.lost == 1
-    return evaluation.events.iloc[0]
+    scored = score_run(*scene.tables())
+    assert len(scored.events) == 1
+    counts = scored.metrics["occlusion"]
+    assert counts["events"] == counts["survived"] + counts["hijacked"] + counts["lost"] == 1
+    return scored.events.iloc[0]
 
 
 def test_a_track_that_waits_for_its_vehicle_keeps_the_same_id():
@@ -62,20 +62,20 @@ def test_a_track_that_is_alive_on_nothing_has_survived_without_its_vehicle():
 def test_a_vehicle_without_a_track_at_the_onset_counts_as_lost_and_untracked():
     scene = occluded()
     assert outcome_of(scene)["outcome"] == "lost"
-    assert evaluate(*scene.tables()).scores.occlusion.untracked == 1
+    assert score_run(*scene.tables()).metrics["occlusion"]["untracked"] == 1
 
 
 def test_a_track_that_dies_only_after_the_return_was_alive_at_the_return_and_yet_is_lost():
     for last, alive in ((BACK - 1, 0), (BACK, 1)):
-        counts = evaluate(*occluded().track(7, lon=20.0, at=STEPS[: last + 1]).tables()).scores.occlusion
-        assert (counts.alive_at_return, counts.lost) == (alive, 1)
+        counts = score_run(*occluded().track(7, lon=20.0, at=STEPS[: last + 1]).tables()).metrics["occlusion"]
+        assert (counts["alive_at_return"], counts["lost"]) == (alive, 1)
 
 
 def test_three_seconds_part_short_from_long_events():
     for gap_steps, short, long in ((30, 1, 0), (31, 0, 1), (100, 0, 1)):
         scene = occluded(back=GONE - 1 + gap_steps, end=170).track(7, lon=20.0)
-        scores = evaluate(*scene.tables()).scores
-        assert (scores.occlusion_short.events, scores.occlusion_long.events) == (short, long)
+        counts = score_run(*scene.tables()).metrics["occlusion"]
+        assert (counts["short"]["events"], counts["long"]["events"]) == (short, long)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_three_seconds_part_short_from_long_events():
     ids=["shorter than 0.5 s", "longer than 10 s", "in plain view for too much of it", "over before it can be judged"],
 )
 def test_what_is_no_occlusion_event(scene):
-    assert evaluate(*scene.track(7, lon=20.0, at=np.arange(scene.steps)).tables()).scores.occlusion.events == 0
+    assert score_run(*scene.track(7, lon=20.0, at=np.arange(scene.steps)).tables()).metrics["occlusion"]["events"] == 0
 
 
 def test_a_vehicle_with_fewer_than_ten_detections_in_the_three_seconds_before_makes_no_event():
@@ -97,4 +97,4 @@ def test_a_vehicle_with_fewer_than_ten_detections_in_the_three_seconds_before_ma
         seen = ((STEPS < GONE) & (GONE - detections <= STEPS)) | (STEPS >= BACK)
         dark = np.where((STEPS >= GONE) & (STEPS < BACK), "hidden", "visible")
         scene = Scene(END).vehicle("a", lon=20.0, state=dark, detected=seen).track(7, lon=20.0)
-        assert evaluate(*scene.tables()).scores.occlusion.events == events
+        assert score_run(*scene.tables()).metrics["occlusion"]["events"] == events

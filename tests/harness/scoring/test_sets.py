@@ -5,31 +5,31 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.scoring.score import score
+from harness.scoring import score_run
 from tests.harness.scoring.scenes import Scene
 
 STEPS = np.arange(200)
 
 
 def test_in_sight_begins_with_the_third_detection_and_ends_half_a_second_after_the_last():
-    scores = score(*Scene(200).vehicle("a", lon=20.0, detected=STEPS < 10).track(7, lon=20.0).tables())
-    assert scores.mot.truth_n == len(range(2, 15))
-    assert scores.mot_all.truth_n == len(range(0, 110))
+    scores = score_run(*Scene(200).vehicle("a", lon=20.0, detected=STEPS < 10).track(7, lon=20.0).tables()).metrics
+    assert scores["mot"]["truth_n"] == len(range(2, 15))
+    assert scores["mot_all"]["truth_n"] == len(range(0, 110))
 
 
 @pytest.mark.parametrize("state", ["confirmed", "hidden"])
 def test_a_track_on_nothing_is_false_for_half_a_second_in_mot_and_always_in_mot_all(state):
     scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0).track(8, lon=90.0, state=state)
-    scores = score(*scene.tables())
-    assert scores.mot.false_tracks == 2 + 6  # the vehicle is not yet in sight at its first two detections
-    assert scores.mot_all.false_tracks == 10
+    scores = score_run(*scene.tables()).metrics
+    assert scores["mot"]["false_tracks"] == 2 + 6  # the vehicle is not yet in sight at its first two detections
+    assert scores["mot_all"]["false_tracks"] == 10
 
 
 def test_a_track_flagged_as_hidden_on_a_vehicle_in_sight_counts_as_its_track():
     scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, at=range(2, 10), state="hidden")
-    scores = score(*scene.tables())
-    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
-    assert scores.mot.hota == pytest.approx(100.0)
+    scores = score_run(*scene.tables()).metrics
+    assert (scores["mot"]["missed"], scores["mot"]["false_tracks"]) == (0, 0)
+    assert scores["mot"]["hota"] == pytest.approx(100.0)
 
 
 def test_a_vehicle_unseen_for_more_than_ten_seconds_returns_as_another_identity():
@@ -37,14 +37,15 @@ def test_a_vehicle_unseen_for_more_than_ten_seconds_returns_as_another_identity(
         seen = (STEPS < 10) | (9 + gap_steps <= STEPS)
         scene = Scene(200).vehicle("a", lon=20.0, detected=seen)
         scene.track(7, lon=20.0, at=STEPS[:50]).track(8, lon=20.0, at=STEPS[9 + gap_steps :])
-        assert score(*scene.tables()).mot_all.id_switches == switches
+        assert score_run(*scene.tables()).metrics["mot_all"]["id_switches"] == switches
 
 
 def test_a_vehicle_beyond_the_sensors_range_is_neither_missed_nor_is_its_track_false():
     state = np.where(STEPS < 100, "visible", "out")
-    scores = score(*Scene(200).vehicle("a", lon=20.0, state=state, detected=STEPS < 100).track(7, lon=20.0).tables())
-    assert scores.mot_all.truth_n == 100
-    assert (scores.mot_all.missed, scores.mot_all.false_tracks) == (0, 0)
+    scene = Scene(200).vehicle("a", lon=20.0, state=state, detected=STEPS < 100).track(7, lon=20.0)
+    scores = score_run(*scene.tables()).metrics
+    assert scores["mot_all"]["truth_n"] == 100
+    assert (scores["mot_all"]["missed"], scores["mot_all"]["false_tracks"]) == (0, 0)
 
 
 def test_the_same_name_and_track_number_in_another_episode_are_another_vehicle_and_track():
@@ -53,6 +54,6 @@ def test_the_same_name_and_track_number_in_another_episode_are_another_vehicle_a
     scene.vehicle("a", lon=20.0, at=first, detected=True).vehicle("a", lon=20.0, at=second, detected=True, episode=1)
     scene.vehicle("b", lon=50.0, at=first, detected=True)
     scene.track(7, lon=20.0, at=first).track(8, lon=50.0, at=first).track(8, lon=20.0, at=second)
-    scores = score(*scene.tables())
-    assert scores.mot_all.id_switches == 0
-    assert scores.mot_all.assa == pytest.approx(100.0)
+    scores = score_run(*scene.tables()).metrics
+    assert scores["mot_all"]["id_switches"] == 0
+    assert scores["mot_all"]["assa"] == pytest.approx(100.0)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from harness.scoring import score_run
 from harness.scoring.rows import read_run
-from harness.scoring.score import score
 from harness.scoring.settings import ScoringSettings
 from harness.scoring.sight import tracks_in_sight
 from tests.harness.scoring.scenes import Scene, traffic
@@ -30,56 +29,57 @@ def test_what_a_tracker_says_of_its_own_tracks_changes_no_score(state):
 def test_a_track_on_an_occluded_vehicle_is_false_to_no_tracker(state):
     scene = Scene(100).vehicle("a", lon=20.0, state=np.where(STEPS < 30, "visible", "hidden"), detected=STEPS < 30)
     scene.track(7, lon=20.0, at=STEPS[2:], state=np.where(STEPS[2:] < 33, "confirmed", state))
-    scores = score(*scene.tables())
+    scores = score_run(*scene.tables()).metrics
     # Vehicle and track go out of sight together, half a second after the last detection.
-    assert scores.mot.truth_n == scores.mot.tracks_n == len(range(2, 35))
-    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
+    assert scores["mot"]["truth_n"] == scores["mot"]["tracks_n"] == len(range(2, 35))
+    assert (scores["mot"]["missed"], scores["mot"]["false_tracks"]) == (0, 0)
 
 
 def test_a_track_on_an_occluded_vehicle_is_not_false_for_another_vehicles_detections_beside_it():
     scene = Scene(100).vehicle("a", lon=20.0, state=np.where(STEPS < 30, "visible", "hidden"), detected=STEPS < 30)
     scene.vehicle("b", lon=23.0, detected=True).track(7, lon=20.0, at=STEPS[2:]).track(8, lon=23.0, at=STEPS[2:])
-    scores = score(*scene.tables())
-    assert (scores.mot.missed, scores.mot.false_tracks) == (0, 0)
+    scores = score_run(*scene.tables()).metrics
+    assert (scores["mot"]["missed"], scores["mot"]["false_tracks"]) == (0, 0)
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_a_track_that_has_left_its_occluded_vehicle_is_false_until_half_a_second_after_the_last_detection(state):
     scene = Scene(100).vehicle("a", lon=20.0, detected=STEPS < 30)
     scene.track(7, lon=np.where(STEPS < 30, 20.0, 60.0), at=STEPS, state=state)
-    scores = score(*scene.tables())
-    assert scores.mot.missed == 5  # the vehicle stays in sight at steps 30 to 34
-    assert scores.mot.false_tracks == 2 + 5  # it is not yet in sight at its first two detections
+    scores = score_run(*scene.tables()).metrics
+    assert scores["mot"]["missed"] == 5  # the vehicle stays in sight at steps 30 to 34
+    assert scores["mot"]["false_tracks"] == 2 + 5  # it is not yet in sight at its first two detections
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_a_ghost_is_false_until_half_a_second_without_any_detection_near(state):
-    assert score(*Scene(100).track(8, lon=90.0, at=STEPS[10:], state=state).tables()).mot.false_tracks == 6
+    scene = Scene(100).track(8, lon=90.0, at=STEPS[10:], state=state)
+    assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == 6
     for away, false_tracks in ((3.9, 6 + 6), (4.1, 6)):
         scene = Scene(100).clutter(at=[50], lon=90.0 + away).track(8, lon=90.0, at=STEPS[10:], state=state)
-        assert score(*scene.tables()).mot.false_tracks == false_tracks
+        assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == false_tracks
     for aside, false_tracks in ((1.9, 6 + 6), (2.1, 6)):
         scene = Scene(100).clutter(at=[50], lon=90.0, lat=aside).track(8, lon=90.0, at=STEPS[10:], state=state)
-        assert score(*scene.tables()).mot.false_tracks == false_tracks
+        assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == false_tracks
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_a_duplicate_beside_a_seen_vehicle_is_false(state):
     scene = Scene(100).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, at=STEPS[2:])
-    scores = score(*scene.track(8, lon=22.0, at=STEPS[2:], state=state).tables())
-    assert scores.mot.false_tracks == 98
+    scores = score_run(*scene.track(8, lon=22.0, at=STEPS[2:], state=state).tables()).metrics
+    assert scores["mot"]["false_tracks"] == 98
 
 
 def test_a_track_that_was_not_reported_for_a_while_has_its_last_detection_from_before():
     scene = Scene(100).clutter(at=[10], lon=90.0).track(8, lon=90.0, at=[10, *range(13, 30)])
-    assert score(*scene.tables()).mot.false_tracks == len([10, 13, 14, 15])
+    assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == len([10, 13, 14, 15])
 
 
 def test_in_another_episode_the_same_number_is_another_track_and_counts_anew():
     first, second = STEPS[:50], STEPS[50:]
     scene = Scene(0).vehicle("ego", 0.0, is_ego=True, at=first).vehicle("ego", 0.0, is_ego=True, at=second, episode=1)
     scene.track(8, lon=90.0, at=first).track(8, lon=90.0, at=second)
-    assert score(*scene.tables()).mot.false_tracks == 6 + 6
+    assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == 6 + 6
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -106,7 +106,7 @@ def test_random_tracks_and_detections_give_what_plain_loops_find(seed):
 
 def test_a_detection_without_a_position_is_refused():
     with pytest.raises(ValueError, match="detections: a detection has a position that is not finite"):
-        score(*Scene(3).clutter(at=[1], lon=np.nan).tables())
+        score_run(*Scene(3).clutter(at=[1], lon=np.nan).tables())
 
 
 def _all_confirmed() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring.score import score
+from harness.scoring import score_run
 
 STEPS = 40
 WINDOW = (0.0, 100.0)
@@ -55,41 +55,41 @@ def leaving_car() -> tuple[np.ndarray, np.ndarray]:
 def test_a_track_that_follows_its_vehicle_over_the_edge_is_not_false(state):
     record, motion = leaving_car()
     truth = truth_of({"a": record})
-    scores = score(truth, detections_of(truth), tracks_of({1: motion}, state))
+    scores = score_run(truth, detections_of(truth), tracks_of({1: motion}, state)).metrics
     # A vehicle is in sight from its third detection on; before that its track counts as false there.
-    assert scores.mot.false_tracks == 2
-    assert scores.mot_all.false_tracks == 0
-    assert (scores.mot.missed, scores.mot_all.missed) == (0, 0)
-    assert scores.mot_all.hota == pytest.approx(100.0)
+    assert scores["mot"]["false_tracks"] == 2
+    assert scores["mot_all"]["false_tracks"] == 0
+    assert (scores["mot"]["missed"], scores["mot_all"]["missed"]) == (0, 0)
+    assert scores["mot_all"]["hota"] == pytest.approx(100.0)
 
 
 def test_without_a_window_the_same_track_is_false_as_soon_as_its_vehicle_is_off_the_record():
     record, motion = leaving_car()
     truth = truth_of({"a": record}, window=None)
-    scores = score(truth, detections_of(truth), tracks_of({1: motion}))
-    assert scores.mot_all.false_tracks == int(np.isnan(record).sum()) > 0
+    scores = score_run(truth, detections_of(truth), tracks_of({1: motion})).metrics
+    assert scores["mot_all"]["false_tracks"] == int(np.isnan(record).sum()) > 0
 
 
 def test_a_vehicle_at_the_edge_whose_track_has_been_dropped_is_not_missed():
     record, motion = leaving_car()
     truth = truth_of({"a": record})
     tracks = tracks_of({1: np.where(motion <= WINDOW[1] - 4.0, motion, np.nan)})
-    scores = score(truth, detections_of(truth), tracks)
-    assert scores.mot_all.missed == 0
+    scores = score_run(truth, detections_of(truth), tracks).metrics
+    assert scores["mot_all"]["missed"] == 0
 
 
 def test_inside_the_window_a_stray_track_is_false_and_a_vehicle_without_one_is_missed():
     middle = np.full(STEPS, 30.0)
     truth = truth_of({"a": middle})
-    scores = score(truth, detections_of(truth), tracks_of({1: np.full(STEPS, 70.0)}))
-    assert scores.mot_all.false_tracks == STEPS
-    assert scores.mot_all.missed == STEPS
+    scores = score_run(truth, detections_of(truth), tracks_of({1: np.full(STEPS, 70.0)})).metrics
+    assert scores["mot_all"]["false_tracks"] == STEPS
+    assert scores["mot_all"]["missed"] == STEPS
 
 
 def test_a_track_just_outside_counts_for_the_vehicle_just_inside():
     inside = np.full(STEPS, WINDOW[1] - 4.5)
     truth = truth_of({"a": inside})
-    scores = score(truth, detections_of(truth), tracks_of({1: inside + 1.5}))
-    assert scores.mot_all.missed == 0
-    assert scores.mot_all.false_tracks == 0
-    assert scores.mae["visible"].n == STEPS
+    scores = score_run(truth, detections_of(truth), tracks_of({1: inside + 1.5})).metrics
+    assert scores["mot_all"]["missed"] == 0
+    assert scores["mot_all"]["false_tracks"] == 0
+    assert scores["mae"]["visible"]["n"] == STEPS

@@ -14,8 +14,7 @@ from harness.errors import InputError
 from harness.study.study import COMPLETE, PARTIAL, run_study
 from harness.study.targets import lane_keeping_targets
 from harness.study.written import as_json, as_markdown, write_study
-from mmpf.motion.kinematic import ConstantAcceleration, ConstantVelocity
-from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.state import LON, SPEED
 from tests.harness.driving.test_windows import ROAD, steady, traffic
 
@@ -47,7 +46,7 @@ def test_crps_counts_a_particle_of_double_weight_twice():
 
 
 def test_without_measurements_particles_start_at_the_truth_and_spread(cases):
-    clouds = list(follow(ConstantVelocity(ProcessNoise(0.5, 0.0)), cases, 4000, np.random.default_rng(0)))
+    clouds = list(follow(kinematic("cvm", ProcessNoise(0.5, 0.0)), cases, 4000, np.random.default_rng(0)))
     assert len(clouds) == 50
     last = clouds[-1].state[SPEED].std(axis=1)
     np.testing.assert_allclose(last, 0.5 * np.sqrt(5.0), rtol=0.1)
@@ -58,7 +57,7 @@ def test_the_filter_agrees_with_the_kalman_filter_for_constant_velocity(cases):
     z = measure(cases, noise, np.random.default_rng(1))
     density = 0.5
     clouds = list(
-        follow(ConstantVelocity(ProcessNoise(density, 0.1)), cases, 20_000, np.random.default_rng(2), z, noise)
+        follow(kinematic("cvm", ProcessNoise(density, 0.1)), cases, 20_000, np.random.default_rng(2), z, noise)
     )
     f = np.array([[1.0, STEP_S], [0.0, 1.0]])
     gain_of_noise = np.array([[STEP_S / 2], [1.0]])
@@ -76,7 +75,7 @@ def test_the_filter_agrees_with_the_kalman_filter_for_constant_velocity(cases):
 
 
 def test_a_right_model_covers_the_truth_and_errs_little(cases):
-    scores = score(follow(ConstantVelocity(ProcessNoise(0.3, 0.05)), cases, 500, np.random.default_rng(0)), cases)
+    scores = score(follow(kinematic("cvm", ProcessNoise(0.3, 0.05)), cases, 500, np.random.default_rng(0)), cases)
     assert scores.covered["lon_m"].all()
     assert scores.abs_error["lon_m"].max() < 0.5
 
@@ -93,7 +92,7 @@ def test_the_interval_of_a_mean_holds_it_and_shrinks_with_more_cases():
 
 @pytest.fixture(scope="module")
 def result(cases):
-    models = {"gmm": ConstantAcceleration(), "cvm": ConstantVelocity(), "cam": ConstantAcceleration()}
+    models = {"gmm": kinematic("cam"), "cvm": kinematic("cvm"), "cam": kinematic("cam")}
     return run_study("lane-keeping", cases, models, (PARTIAL, COMPLETE), particles=50, seed=0, progress=lambda: None)
 
 
@@ -107,7 +106,7 @@ def test_rows_carry_the_agreed_columns(result):
 
 
 def test_the_same_seed_gives_the_same_rows(result, cases):
-    models = {"gmm": ConstantAcceleration(), "cvm": ConstantVelocity(), "cam": ConstantAcceleration()}
+    models = {"gmm": kinematic("cam"), "cvm": kinematic("cvm"), "cam": kinematic("cam")}
     again = run_study("lane-keeping", cases, models, (PARTIAL, COMPLETE), particles=50, seed=0, progress=lambda: None)
     assert again.rows == result.rows
 

@@ -10,7 +10,7 @@ from harness.training.train import TrainingPlan
 from harness.truth.network.network import load_network
 from mmpf.learning.fit import SizeScore
 from mmpf.motion.learned.driver import load_learned_driver
-from mmpf.motion.learned.short_driver import load_short_driver
+from mmpf.motion.learned.short_driver import SHORT
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)
     assert load_learned_driver(paths[0]).model.following.mixture.inputs == 6
-    assert load_short_driver(paths[1]).mixture.mixture.outputs == 4
+    assert SHORT.load(paths[1]).mixture.outputs == 4
     again = train.train(plan, load_network("us101"), said.append)
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
     assert sum(line.startswith("recorded") for line in said) == 5

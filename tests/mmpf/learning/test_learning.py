@@ -31,7 +31,7 @@ def test_a_fitted_mixture_predicts_each_clusters_line():
 def test_inputs_beyond_the_training_range_are_taken_for_its_edge():
     x, y = three_clusters()
     fitted = fit_mixture(x, y, 3, seed=0)
-    np.testing.assert_allclose(fitted.mean(np.array([[1e6]])), fitted.mean(fitted.input_high[None]))
+    np.testing.assert_allclose(fitted.mean(np.array([[1e6]])), fitted.mean(fitted.scaling.input_high[None]))
 
 
 def test_bic_finds_the_number_of_clusters():

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401  fills the registry
-from mmpf.motion.idm import TREIBER_2000, IntelligentDriver, idm_acceleration
-from mmpf.motion.kinematic import (
-    ConstantAcceleration,
-    ConstantSteeringAcceleration,
-    ConstantSteeringVelocity,
-    ConstantVelocity,
-)
-from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.idm import TREIBER_2000, idm_acceleration, intelligent_driver
+from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import motion_models
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around, nobody, states, vehicle
@@ -97,13 +91,13 @@ def run(model, state, steps, look=around):
 def test_constant_velocity_without_noise_moves_in_a_straight_line():
     state = states(1, speed_mps=20.0)
     state[LAT_SPEED] = 0.5
-    after = run(ConstantVelocity(QUIET), state, 100)
+    after = run(kinematic("cvm", QUIET), state, 100)
     assert after[LON, 0] == pytest.approx(200.0)
     assert after[LAT, 0] == pytest.approx(2.0 + 5.0)
 
 
 def test_constant_velocity_noise_spreads_the_speed_with_the_root_of_time():
-    after = run(ConstantVelocity(ProcessNoise(0.5, 0.1)), states(20_000), 100)
+    after = run(kinematic("cvm", ProcessNoise(0.5, 0.1)), states(20_000), 100)
     assert after[SPEED].std() == pytest.approx(0.5 * np.sqrt(10.0), rel=0.03)
     assert after[LON].std() == pytest.approx(0.5 * np.sqrt(10.0**3 / 3.0), rel=0.03)
 
@@ -111,7 +105,7 @@ def test_constant_velocity_noise_spreads_the_speed_with_the_root_of_time():
 def test_constant_acceleration_without_noise_follows_the_parabola():
     state = states(1, speed_mps=10.0)
     state[ACCEL] = 1.5
-    after = run(ConstantAcceleration(QUIET), state, 100)
+    after = run(kinematic("cam", QUIET), state, 100)
     assert after[LON, 0] == pytest.approx(10.0 * 10.0 + 0.5 * 1.5 * 10.0**2)
     assert after[SPEED, 0] == pytest.approx(25.0)
 
@@ -119,7 +113,7 @@ def test_constant_acceleration_without_noise_follows_the_parabola():
 def test_a_braking_car_stops_and_stays():
     state = states(1, speed_mps=5.0)
     state[ACCEL] = -2.0
-    after = run(ConstantAcceleration(QUIET), state, 100)
+    after = run(kinematic("cam", QUIET), state, 100)
     assert after[SPEED, 0] == 0.0
     assert after[LON, 0] == pytest.approx(5.0**2 / (2.0 * 2.0), abs=0.6)
 
@@ -128,7 +122,7 @@ def test_a_bicycle_of_constant_steering_drives_a_circle():
     state = states(1, speed_mps=10.0)
     radius = 400.0
     state[LAT_ACCEL] = 10.0**2 / radius
-    after = run(ConstantSteeringVelocity(QUIET), state, 100)
+    after = run(kinematic("csav", QUIET), state, 100)
     assert after[LON, 0] == pytest.approx(radius * np.sin(100.0 / radius), abs=1e-2)
     assert after[LAT, 0] - 2.0 == pytest.approx(radius * (1.0 - np.cos(100.0 / radius)), abs=1e-2)
     assert np.hypot(after[SPEED, 0], after[LAT_SPEED, 0]) == pytest.approx(10.0)
@@ -137,7 +131,7 @@ def test_a_bicycle_of_constant_steering_drives_a_circle():
 def test_a_bicycle_that_speeds_up_keeps_its_curvature():
     state = states(1, speed_mps=10.0)
     state[LAT_ACCEL], state[ACCEL] = 0.25, 1.0
-    after = run(ConstantSteeringAcceleration(QUIET), state, 50)
+    after = run(kinematic("csaa", QUIET), state, 50)
     assert after[LAT_ACCEL, 0] / (after[SPEED, 0] ** 2 + after[LAT_SPEED, 0] ** 2) == pytest.approx(
         0.25 / 100.0, rel=1e-3
     )
@@ -152,7 +146,7 @@ def test_idm_settles_at_its_equilibrium_gap():
         leader_lon[0] += speed * STEP_S
         return around(now, vehicle(1, leader_lon[0] - now[LON, 0], speed))
 
-    after = run(IntelligentDriver(noise=QUIET), state, 3000, look)
+    after = run(intelligent_driver(noise=QUIET), state, 3000, look)
     gap = leader_lon[0] + speed * STEP_S - after[LON, 0]
     wanted = TREIBER_2000.standstill_gap_m + speed * TREIBER_2000.time_headway_s
     equilibrium = wanted / np.sqrt(1.0 - (speed / TREIBER_2000.desired_speed_mps) ** 4)
@@ -169,4 +163,4 @@ def test_idm_on_a_free_road_accelerates_by_the_published_formula():
 
 def test_models_are_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        ConstantVelocity().name = "other"
+        kinematic("cvm").name = "other"

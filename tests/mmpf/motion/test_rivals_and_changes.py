@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmpf.motion.idm import TREIBER_2000, Adaptation, AdaptiveDriver, idm_acceleration
-from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.kinematic import ProcessNoise
 from mmpf.motion.learned.lane_changer import LaneChangeDriver
 from mmpf.motion.protocol import take_surroundings
 from mmpf.state import ACCEL, LAT, LAT_SPEED, SPEED

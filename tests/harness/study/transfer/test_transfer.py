@@ -23,8 +23,7 @@ from harness.study.transfer.verdicts import Outcome, Trend, compare_transfer
 from harness.study.transfer.written import as_json, summary_lines, write_transfer
 from harness.training import driver_fit
 from harness.truth.network.network import load_network
-from mmpf.motion.kinematic import ConstantAcceleration, ConstantVelocity
-from mmpf.motion.kinematics import ProcessNoise
+from mmpf.motion.kinematic import ProcessNoise, kinematic
 from tests.harness.training.recorded_pairs import write_pairs
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
 
@@ -103,8 +102,8 @@ def outcome(windows, name, trained_on, model) -> Outcome:
 def test_where_a_simulated_model_loses_the_study_says_so(windows):
     """Swinging traffic: constant acceleration is better than constant speed at 1 s and worse at 10 s."""
     outcomes = [
-        outcome(windows, "gmm", ON_SUMO, ConstantAcceleration(STILL)),
-        outcome(windows, "cvm", ON_NOTHING, ConstantVelocity(STILL)),
+        outcome(windows, "gmm", ON_SUMO, kinematic("cam", STILL)),
+        outcome(windows, "cvm", ON_NOTHING, kinematic("cvm", STILL)),
     ]
     targets = compare_transfer(outcomes)
     assert [target.met for target in targets] == [True, False]
@@ -114,8 +113,8 @@ def test_where_a_simulated_model_loses_the_study_says_so(windows):
 
 def test_a_model_held_against_itself_is_neither_better_nor_clearly_worse(windows):
     outcomes = [
-        outcome(windows, "gmm", ON_SUMO, ConstantVelocity(STILL)),
-        outcome(windows, "cvm", ON_NOTHING, ConstantVelocity(STILL)),
+        outcome(windows, "gmm", ON_SUMO, kinematic("cvm", STILL)),
+        outcome(windows, "cvm", ON_NOTHING, kinematic("cvm", STILL)),
     ]
     for target in compare_transfer(outcomes):
         assert not target.met

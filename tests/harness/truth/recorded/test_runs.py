@@ -17,12 +17,6 @@ from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 
 
-@pytest.fixture(autouse=True)
-def no_figures(monkeypatch):
-    """Draw nothing: it takes longer than the runs."""
-    monkeypatch.setattr("harness.report.figures.draw_figures", lambda *arguments: None)
-
-
 @pytest.fixture
 def recording(tmp_path):
     return write_ngsim_csv(tmp_path / "scene.csv")

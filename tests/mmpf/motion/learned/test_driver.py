@@ -14,8 +14,8 @@ from mmpf.motion.learned.driver import (
     load_learned_driver,
     without_lane_changes,
 )
-from mmpf.motion.learned.lane_changer import load_change_mixture
-from mmpf.motion.learned.short_driver import ShortTermDriver, load_short_driver
+from mmpf.motion.learned.lane_changer import CHANGE
+from mmpf.motion.learned.short_driver import load_short_driver, short_term_driver
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around, states, vehicle
 
@@ -107,7 +107,7 @@ def test_most_changes_that_are_begun_are_finished():
 
 
 def test_a_truck_counts_by_its_bumper_not_by_its_middle():
-    model = ShortTermDriver()
+    model = short_term_driver()
     state = states(4000, 20.0)
     car = around(state, vehicle(4000, 25.0, 18.0, length_m=4.6))
     truck = around(state, vehicle(4000, 20.4, 18.0, length_m=9.2))
@@ -151,7 +151,7 @@ def test_a_missing_file_is_refused(tmp_path):
 
 def test_a_file_of_another_case_is_refused(own_file):
     refuses(load_short_driver, own_file, "not for lane-keeping-short")
-    refuses(load_change_mixture, own_file, "not for lane-change")
+    refuses(CHANGE.load, own_file, "not for lane-change")
 
 
 def test_a_file_with_nan_is_refused(own_file):

@@ -1,0 +1,76 @@
+"""What scoring finds out about a run once, for every metric to build on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from harness.scoring.errors import ErrorArrays, error_arrays, error_table
+from harness.scoring.events import OcclusionEvents, occlusion_events
+from harness.scoring.history import DetectionHistory, detection_history
+from harness.scoring.matching import Matching, match
+from harness.scoring.pairs import Pairs, near_pairs
+from harness.scoring.rows import RunRows, read_run
+from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
+from harness.scoring.settings import ScoringSettings
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A run, read, matched and tabulated.
+
+    Attributes:
+        rows: Vehicles, detections and reported tracks.
+        history: What the sensor has had of each vehicle, along the truth rows.
+        pairs: Vehicles and tracks that lie near each other.
+        matching: Which track stands for which vehicle.
+        error_table: One row per vehicle and step, see ``harness.scoring.errors.error_table``.
+        errors: The numbers of that table.
+        events: The occlusion events.
+        in_sight: Vehicles and tracks in sight.
+        remembered: Vehicles detected within the memory, and all tracks.
+        settings: The numbers of the rules.
+        seed: Seed of the run.
+    """
+
+    rows: RunRows
+    history: DetectionHistory
+    pairs: Pairs
+    matching: Matching
+    error_table: pd.DataFrame
+    errors: ErrorArrays
+    events: OcclusionEvents
+    in_sight: MotSequence
+    remembered: MotSequence
+    settings: ScoringSettings
+    seed: int
+
+    def new_rng(self) -> np.random.Generator:
+        """Return a generator of the run's seed: one for each metric, so that none moves another's draws."""
+        return np.random.default_rng(self.seed)
+
+
+def gather(
+    truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame, settings: ScoringSettings, seed: int
+) -> Evidence:
+    """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``score_run``."""
+    rows = read_run(truth, detections, tracks, settings.gate_lon_m)
+    history = detection_history(rows.truth, settings)
+    pairs = near_pairs(rows.truth, rows.tracks, settings)
+    matching = match(rows, history, pairs, settings)
+    table = error_table(truth, rows, history, matching, settings)
+    return Evidence(
+        rows=rows,
+        history=history,
+        pairs=pairs,
+        matching=matching,
+        error_table=table,
+        errors=error_arrays(table),
+        events=occlusion_events(rows, matching, settings),
+        in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs, settings)),
+        remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs, settings)),
+        settings=settings,
+        seed=seed,
+    )

@@ -1,0 +1,105 @@
+"""The metrics, each registered under its key in ``metrics.json`` with what others are told of its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from harness.scoring import calibration, coverage, gospa, hidden_outcomes, mae, mot, occlusion
+from harness.scoring.evidence import Evidence, gather
+from harness.scoring.quantity import Quantity
+from harness.scoring.settings import ScoringSettings
+from harness.writing.numbers import without_nan
+from mmpf.registry import Registry
+
+Score = Callable[[Evidence], Mapping[str, object]]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric.
+
+    Attributes:
+        score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent.
+        quantities: Those of its numbers that tables show.
+    """
+
+    score: Score
+    quantities: tuple[Quantity, ...]
+
+
+METRICS: Registry[Metric] = Registry("metric")
+
+
+def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
+    """Return a decorator that makes a function a metric.
+
+    Args:
+        name: Key of its table in ``metrics.json``.
+        quantities: Those of its numbers that tables show.
+
+    Raises:
+        ValueError: The name is taken, or a quantity is none of the metric's.
+    """
+
+    def file_under_name(score: Score) -> Score:
+        for quantity in quantities:
+            if not quantity.key.startswith(f"{name}."):
+                raise ValueError(f"quantity {quantity.key!r} must begin with {name + '.'!r}, the metric's name")
+        METRICS.register(name)(Metric(score, quantities))
+        return score
+
+    return file_under_name
+
+
+register("mae", *mae.QUANTITIES)(mae.mean_errors_by_visibility)
+register("mot", *mot.IN_SIGHT)(mot.scores_in_sight)
+register("mot_all", *mot.REMEMBERED)(mot.scores_remembered)
+register("gospa", *gospa.QUANTITIES)(gospa.gospa_in_sight)
+register("occlusion", *occlusion.QUANTITIES)(occlusion.occlusion_outcomes)
+register("calibration")(calibration.calibration_by_visibility)
+register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(hidden_outcomes.outcomes_while_hidden)
+register("coverage")(coverage.coverage)
+register("detection_noise")(coverage.detection_noise)
+
+
+def quantities(*first: str) -> list[Quantity]:
+    """Return what all metrics tell of their numbers.
+
+    Args:
+        first: Metrics that come first; the others follow in the order of their registration.
+    """
+    metrics = METRICS.in_order()
+    names = dict.fromkeys((*first, *metrics))
+    return [quantity for name in names for quantity in metrics[name].quantities]
+
+
+def score_metrics(evidence: Evidence) -> dict[str, Any]:
+    """Return the table of every metric under its key; nan becomes None."""
+    plain: dict[str, Any] = without_nan({name: metric.score(evidence) for name, metric in METRICS.in_order().items()})
+    return plain
+
+
+COLUMNS = (
+    *("step", "time_s", "vehicle_id", "truth_id", "track_id", "is_ego", "in_range", "state"),
+    *("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps"),
+)
+
+
+def completed(scores: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables by name, with null for every value of those metrics that are not among them."""
+    if all(name in scores for name in METRICS):
+        return dict(scores)
+    no_rows = pd.DataFrame(columns=list(COLUMNS))
+    evidence = gather(no_rows, no_rows, no_rows, ScoringSettings(), 0)
+    return {name: _nulled(table) for name, table in score_metrics(evidence).items()} | dict(scores)
+
+
+def _nulled(value: object) -> Any:  # noqa: ANN401
+    """Return nested tables with None for every value and no rows in any list."""
+    if isinstance(value, Mapping):
+        return {key: _nulled(item) for key, item in value.items()}
+    return [] if isinstance(value, list) else None

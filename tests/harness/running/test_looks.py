@@ -1,0 +1,55 @@
+"""Looks are made when they are asked for, or kept to be played again and again."""
+
+import numpy as np
+import pytest
+
+from harness.config.model import RunConfig
+from harness.errors import RunError
+from harness.running.follow import StageTimes, track
+from harness.running.looks import Looks
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
+
+
+def looks_at(traffic: SteadyTraffic) -> Looks:
+    return looking_at(traffic)(RunConfig())
+
+
+def test_nothing_is_simulated_before_it_is_looked_at():
+    looks = looks_at(SteadyTraffic(fail_at=3))
+    assert [next(iter(looks)).frame.step for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(RuntimeError, match="broke"):
+        next(iter(looks))
+
+
+def test_kept_looks_are_the_live_ones_and_the_traffic_is_closed():
+    traffic = SteadyTraffic(steps=5)
+    kept = looks_at(traffic).kept()
+    assert traffic.closed
+    assert kept.expected_steps == 5
+    for live, again in zip(looks_at(traffic), kept, strict=True):
+        assert live.frame.lon_m.tobytes() == again.frame.lon_m.tobytes()
+        assert live.observation.scan.detections.lon_m.tobytes() == again.observation.scan.detections.lon_m.tobytes()
+
+
+def test_every_tracker_that_kept_looks_are_played_to_gets_all_of_them():
+    kept = looks_at(SteadyTraffic(steps=5)).kept()
+    first, second = (track(kept, EchoTracker, seed=3) for _ in range(2))
+    assert list(np.unique(first.truth["step"])) == list(range(5))
+    for table in ("truth", "detections", "tracks"):
+        assert getattr(first, table).equals(getattr(second, table))
+
+
+def test_making_live_looks_takes_time_and_playing_kept_ones_none():
+    live, kept = StageTimes(), StageTimes()
+    track(looks_at(SteadyTraffic(steps=4)), EchoTracker, 0, times=live)
+    track(looks_at(SteadyTraffic(steps=4)).kept(), EchoTracker, 0, times=kept)
+    assert min(live.truth_s + live.sensor_s + live.tracker_s + kept.tracker_s) > 0.0
+    assert kept.truth_s == kept.sensor_s == [0.0] * 4
+
+
+@pytest.mark.parametrize(("steps", "fail_at", "error"), [(0, None, RunError), (5, 2, RuntimeError)])
+def test_traffic_without_ego_or_that_breaks_is_closed_and_told(steps, fail_at, error):
+    traffic = SteadyTraffic(steps=steps, fail_at=fail_at)
+    with pytest.raises(error):
+        looks_at(traffic).kept()
+    assert traffic.closed

@@ -1,0 +1,91 @@
+"""Metrics are registered once, under a name of their own, and none moves another's numbers."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.grid.rows import flattened
+from harness.scoring import metrics, score_run
+from harness.scoring.metrics import completed, quantities, register
+from harness.scoring.quantity import Quantity
+from tests.harness.scoring.scenes import traffic
+
+PAGE = Path(__file__).parents[3] / "docs" / "scores.md"
+
+
+@pytest.fixture(autouse=True)
+def own_registry(monkeypatch) -> None:
+    """Let what a test registers end with it."""
+    monkeypatch.setattr(metrics, "METRICS", copy.deepcopy(metrics.METRICS))
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return traffic(steps=60, vehicles=20)
+
+
+def test_a_registered_function_is_scored_and_its_nan_is_none(tables):
+    @register("toy")
+    def toy(evidence) -> dict[str, object]:
+        return {"steps": len(evidence.rows.time_s), "nothing": np.float64("nan")}
+
+    assert score_run(*tables).metrics["toy"] == {"steps": 60, "nothing": None}
+
+
+def test_another_metrics_random_draws_leave_all_numbers_as_they_were(tables):
+    before = score_run(*tables).metrics
+
+    @register("toy")
+    def toy(evidence) -> dict[str, object]:
+        return {"drawn": evidence.new_rng().random()}
+
+    after = score_run(*tables).metrics
+    assert after.pop("toy")["drawn"] == np.random.default_rng(0).random()
+    assert after == before
+
+
+def test_a_name_that_is_taken_and_a_quantity_of_another_metric_are_refused():
+    with pytest.raises(ValueError, match="'mae' is registered already"):
+        register("mae")(dict)
+    with pytest.raises(ValueError, match=r"'mea.n' must begin with 'toy.'"):
+        register("toy", Quantity("mea.n", "samples"))(dict)
+    assert "toy" not in metrics.METRICS.in_order()
+
+
+def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
+    numbers = flattened(score_run(*tables).metrics)
+    assert {key for quantity in quantities() for key in (quantity.key, quantity.weight) if key} <= numbers.keys()
+
+
+def test_what_was_not_scored_is_null_under_the_same_keys(tables):
+    def leaves(table, prefix=""):
+        for key, value in table.items():
+            if isinstance(value, dict):
+                yield from leaves(value, f"{prefix}{key}.")
+            elif key != "by_seconds_hidden":
+                yield f"{prefix}{key}", value
+
+    scores = score_run(*tables).metrics
+    unscored = dict(leaves(completed({})))
+    assert unscored.keys() == dict(leaves(scores)).keys()
+    assert set(unscored.values()) == {None}
+    assert completed({"gospa": scores["gospa"]})["gospa"] == scores["gospa"]
+    assert completed(scores) == scores
+
+
+def test_every_metric_is_explained_in_the_documentation():
+    for name in metrics.METRICS:
+        assert f"| `{name}." in PAGE.read_text(encoding="utf-8"), name
+
+
+def test_the_documentations_example_is_a_metric(tables):
+    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    exec(example, {})
+    scored = score_run(*tables)
+    rows = scored.errors.query("state == 'visible' and outcome == 'tracked'")
+    assert (rows["lon_error_m"].abs() < scored.metrics["worst"]["lon_m"]).mean() == pytest.approx(0.95, abs=0.01)

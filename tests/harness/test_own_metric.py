@@ -1,0 +1,93 @@
+"""A metric that a user registers is in every result, by its registration alone."""
+
+from __future__ import annotations
+
+import copy
+import json
+
+import pandas as pd
+import pytest
+
+from harness.comparison.compare import compare
+from harness.comparison.sources import open_source
+from harness.comparison.verdicts import BETTER, UNTESTED, WORSE
+from harness.comparison.written import as_markdown
+from harness.config.layers import resolve_run_config
+from harness.grid.ablation import ablated_quantities
+from harness.grid.grid import GridRequest
+from harness.grid.pooled import pooled_quantities
+from harness.grid.stress import run_stress
+from harness.running.open import RunInputs
+from harness.running.run import run
+from harness.scoring import metrics
+from harness.scoring.metrics import register
+from harness.scoring.quantity import Quantity
+from harness.sensor.detector import build_sensor
+from harness.sensor.profiles import sensor_settings
+from tests.harness.grid.test_stress import InProcess
+from tests.harness.stand_ins import SteadyTraffic
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+STEPS = 8
+TRACKS_PER_STEP = Quantity(
+    "toy.tracks", "tracks a step", higher_is_better=True, decimals=2, heading="tracks", compared=True, curve=True,
+    pooled="tracks", ablated=True, reported=True,
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def toy(monkeypatch) -> None:
+    """Register a metric for the length of a test, and put stand-in traffic in SUMO's place."""
+    monkeypatch.setattr(metrics, "METRICS", copy.deepcopy(metrics.METRICS))
+
+    @register("toy", TRACKS_PER_STEP)
+    def tracks_per_step(evidence) -> dict[str, object]:
+        steps = len(evidence.rows.time_s)
+        return {"tracks": len(evidence.rows.tracks) / steps if steps else None}
+
+    sensor = build_sensor(sensor_settings("lidar", {}))
+    monkeypatch.setattr(
+        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=STEPS), sensor)
+    )
+
+
+def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
+    config = resolve_run_config(options={"tracker": ECHO})
+    folder = run(config, out=tmp_path / "run").folder
+    value = json.loads((folder / "metrics.json").read_text())["toy"]["tracks"]
+    assert value == len(pd.read_parquet(folder / "tracks.parquet")) / STEPS > 0.0
+    assert f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td></tr>" in (folder / "report.html").read_text()
+
+
+def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a_comparison(tmp_path):
+    request = GridRequest(densities="20", seeds="12", trackers=ECHO, duration_s=1.0)
+    finished = run_stress(request, tmp_path / "grid", InProcess())
+    rows = pd.read_parquet(finished.folder / "runs.parquet")
+    assert rows["toy.tracks"].gt(0.0).all()
+    (point,) = (point for point in finished.points if point.metric == "toy.tracks")
+    assert point.mean == pytest.approx(rows["toy.tracks"].mean())
+    assert "| tracks a step |" in (finished.folder / "table.md").read_text()
+    assert list((finished.folder / "figures").glob("*.png"))
+
+    grid, fewer = open_source(str(finished.folder), "compare"), tmp_path / "fewer"
+    fewer.mkdir()
+    (fewer / "grid.json").write_text('{"vary": []}')
+    for factor, word in ((0.5, WORSE), (2.0, BETTER)):
+        rows.assign(**{"toy.tracks": factor * rows["toy.tracks"]}).to_parquet(fewer / "runs.parquet")
+        comparison = compare(grid, open_source(str(fewer), "compare"), 0.02)
+        assert {each.metric: each.verdict for each in comparison.verdicts}["toy.tracks"] == word
+    assert "| tracks a step |" in as_markdown(comparison)
+
+
+def test_runs_made_before_it_are_compared_without_it(tmp_path):
+    request = GridRequest(densities="20", seeds="2", trackers=ECHO, duration_s=1.0)
+    folder = run_stress(request, tmp_path / "grid", InProcess()).folder
+    pd.read_parquet(folder / "runs.parquet").drop(columns="toy.tracks").to_parquet(folder / "runs.parquet")
+    source = open_source(str(folder), "compare")
+    comparison = compare(source, source, 0.02)
+    assert {each.metric: each.verdict for each in comparison.verdicts}["toy.tracks"] == UNTESTED
+
+
+def test_it_is_in_the_tables_of_recorded_traffic_and_of_the_ablation():
+    assert TRACKS_PER_STEP in pooled_quantities()
+    assert TRACKS_PER_STEP in ablated_quantities()
