@@ -1,8 +1,9 @@
 """The command line: which commands there are, and what an error turns into.
 
 A command's module is imported only when that command is called, so ``--help`` answers at once. To add a command, write
-``harness/commands/<name>.py`` with a function ``command`` in typer's manner and add one line to ``COMMANDS``. The
-function's docstring is its help: lines of at most 78 characters, examples indented by two under a line "Examples:".
+``harness/commands/<name>.py`` with a function ``command(options)`` of one table of options (see
+``harness.config.options``) and add one line to ``COMMANDS``. The function may return an exit code. Its docstring is its
+help: lines of at most 78 characters, examples indented by two under a line "Examples:".
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typer.core import TyperGroup, TyperOption
 from typer.exceptions import TyperException
 from typer.main import get_group
 
+from harness.commands.from_options import typer_command
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
@@ -122,7 +124,7 @@ def _application(called: str | None) -> typer.Typer:
         if not entry.exists():
             continue
         if entry.name == called:
-            command = importlib.import_module(entry.module).command
+            command = typer_command(importlib.import_module(entry.module).command)
             application.command(entry.name, rich_help_panel=entry.panel)(command)
         else:
             application.command(entry.name, help=entry.help, rich_help_panel=entry.panel)(_not_called)
@@ -150,7 +152,7 @@ def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
     parameters = command.params if command is not None else []
     # An argument's name is what the usage line shows, for example RUN.
     typed = {
-        (one.name or "").rstrip("_"): one.opts[0] if isinstance(one, TyperOption) else one.metavar or one.name or ""
+        one.name or "": one.opts[0] if isinstance(one, TyperOption) else one.metavar or one.name or ""
         for one in parameters
     }
     return re.sub(r"`([a-z_]+)`", lambda match: typed.get(match[1], match[1]), message)

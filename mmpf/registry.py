@@ -1,16 +1,19 @@
-"""A name-to-factory table that refuses duplicates and answers an unknown name with the known ones."""
+"""A name-to-factory table that refuses duplicates, finds what packages add, and answers a wrong name with the names."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 
 
 class UnknownNameError(KeyError):
-    """A name that no entry of the registry has; its message lists the names that exist."""
+    """A name that no entry of the registry has, or whose entry can't be had; its message says which and why."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -20,11 +23,17 @@ class UnknownNameError(KeyError):
 class Registry(Generic[T]):
     """Named things of one kind, for example the motion models.
 
+    Beside those that register themselves there are those that installed packages declare as entry points; these are
+    looked up where a name is not registered, never replace one that is, and are imported when they are asked for.
+    ``module:attribute`` is a name as well, for one that no package declares.
+
     Attributes:
         kind: What the entries are, in the singular, for messages ("motion model").
+        group: The group of entry points; without one, entries are registered and nothing else.
     """
 
     kind: str
+    group: str | None = None
     _entries: dict[str, T] = field(default_factory=dict)
 
     def register(self, name: str) -> Callable[[T], T]:
@@ -48,15 +57,44 @@ class Registry(Generic[T]):
         Raises:
             UnknownNameError: There is none.
         """
-        try:
+        if name in self._entries:
             return self._entries[name]
-        except KeyError:
-            known = ", ".join(sorted(self._entries))
-            raise UnknownNameError(f"unknown {self.kind} {name!r}; known are: {known}") from None
+        declared = [point for point in self._declared() if point.name == name]
+        if len(declared) > 1:
+            packages = " and ".join(sorted(_package(point) for point in declared))
+            raise UnknownNameError(f"the {self.kind} {name!r} is declared by {packages}; uninstall all but one")
+        if declared:
+            return self._loaded(declared[0], f"of {_package(declared[0])}")
+        if ":" in name and self.group is not None:
+            from importlib.metadata import EntryPoint  # noqa: PLC0415
+
+            return self._loaded(EntryPoint(name, name, self.group), "is it on PYTHONPATH or installed?")
+        raise UnknownNameError(f"unknown {self.kind} {name!r}; known are: {', '.join(self)}")
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted(self._entries))
+        return iter(sorted({*self._entries, *(point.name for point in self._declared())}))
 
     def in_order(self) -> dict[str, T]:
         """Return the entries by name in the order of their registration."""
         return dict(self._entries)
+
+    def _declared(self) -> Iterable[EntryPoint]:
+        if self.group is None:
+            return ()
+        from importlib.metadata import entry_points  # noqa: PLC0415  (slow, and seldom needed)
+
+        return entry_points(group=self.group)
+
+    def _loaded(self, point: EntryPoint, remark: str) -> T:
+        try:
+            entry = point.load()
+        except Exception as error:
+            problem = f"{type(error).__name__}: {error}"
+            raise UnknownNameError(f"can't import the {self.kind} {point.value!r} ({problem}), {remark}") from None
+        if not callable(entry):
+            raise UnknownNameError(f"the {self.kind} {point.value!r} is not callable, {remark}")
+        return cast("T", entry)
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else "a package"

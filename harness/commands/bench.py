@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    vehicles: Annotated[
-        str, typer.Option(help="Numbers of vehicles in range, with commas between.")
-    ] = "10,25,50,100,200",
+
+class Options(TypedDict):
+    """The options of ``bench``."""
+
+    vehicles: Annotated[str, Option("Numbers of vehicles in range, with commas between.", default="10,25,50,100,200")]
     trackers: Annotated[
         str | None,
-        typer.Option(
-            help="Trackers with commas between: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
+        Option(
+            "Trackers with commas between: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
             "(default: mmpf with gmm and cvm, and Stone Soup's)"
         ),
-    ] = None,
-    particles: Annotated[int, typer.Option(help="Particles per vehicle.", min=10)] = 1000,
-    steps: Annotated[int, typer.Option(help="Scans of each scene.", min=8)] = 40,
+    ]
+    particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10)]
+    steps: Annotated[int, Option("Scans of each scene.", default=40, least=8)]
     budget: Annotated[
-        float, typer.Option(help="Processor seconds that a tracker has for each number of vehicles.", min=0.1)
-    ] = 10.0,
-    seed: Annotated[int, typer.Option(help="Root of all randomness.", min=0)] = 0,
-    out: Annotated[Path, typer.Option(help="Folder of bench.json and bench.png.")] = Path("results/bench"),
-    as_json: Annotated[bool, typer.Option("--json", help="Print bench.json on stdout, nothing else there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")] = False,
-) -> None:
+        float, Option("Processor seconds that a tracker has for each number of vehicles.", default=10.0, least=0.1)
+    ]
+    seed: Annotated[int, Option("Root of all randomness.", default=0, least=0)]
+    out: Annotated[Path, Option("Folder of bench.json and bench.png.", default=Path("results/bench"))]
+    json: Annotated[bool, Option("Print bench.json on stdout, nothing else there.", default=False)]
+    quiet: Annotated[bool, Option("No progress bar and no table.", default=False)]
+
+
+def command(options: Options) -> None:
     """Measure how long a step takes by stage, over more and more vehicles.
 
     All trackers take in the same detections in turns, in one process.
@@ -46,13 +50,14 @@ def command(
     from harness.writing.numbers import without_nan  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
+    out, quiet = options["out"], options["quiet"]
     plan = BenchPlan(
-        vehicles=_counts(vehicles),
-        trackers=tuple(name.strip() for name in trackers.split(",")) if trackers else (),
-        particles=particles,
-        steps=steps,
-        seed=seed,
-        budget_s=budget,
+        vehicles=_counts(options["vehicles"]),
+        trackers=tuple(name.strip() for name in (options["trackers"] or "").split(",") if name.strip()),
+        particles=options["particles"],
+        steps=options["steps"],
+        seed=options["seed"],
+        budget_s=options["budget"],
     )
     with progress_bar("bench", len(plan.vehicles) * plan.steps, quiet) as advance:
         result = without_nan(run_bench(plan, advance))
@@ -63,7 +68,7 @@ def command(
     if not quiet:
         print_tables(result, Console(stderr=True))
         typer.echo(f"written to {out}", err=True)
-    if as_json:
+    if options["json"]:
         typer.echo(text, nl=False)
 
 

@@ -4,47 +4,56 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    net: Annotated[str, typer.Option(help="Network by name, or a folder with a network.toml.")] = "us101",
+
+class Options(TypedDict):
+    """The options of ``calibrate``."""
+
+    net: Annotated[str, Option("Network by name, or a folder with a network.toml.", default="us101")]
     fields: Annotated[
         Path | None,
-        typer.Option(help="Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
-    ] = None,
+        Option("Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
+    ]
     demand: Annotated[
-        str | None, typer.Option(help="Only this demand; the drivers then stay as they are. (default: all measured)")
-    ] = None,
-    trials: Annotated[int, typer.Option(help="Candidates that are simulated.", min=1, max=1000)] = 8,
+        str | None, Option("Only this demand; the drivers then stay as they are. (default: all measured)")
+    ]
+    trials: Annotated[int, Option("Candidates that are simulated.", default=8, least=1, most=1000)]
     seeds: Annotated[
-        str, typer.Option(help="Seeds A:B of the first candidate's runs, B excluded; each further takes the next.")
-    ] = "1000:1001",
+        str,
+        Option(
+            "Seeds A:B of the first candidate's runs, B excluded; each further takes the next.", default="1000:1001"
+        ),
+    ]
     minutes: Annotated[
-        float, typer.Option(help="Simulated minutes of a run; the schedule is compressed to them.", min=2.0, max=60.0)
-    ] = 15.0,
+        float,
+        Option("Simulated minutes of a run; the schedule is compressed to them.", default=15.0, least=2.0, most=60.0),
+    ]
     step: Annotated[
         float,
-        typer.Option(
-            help="Share of what is missing that the first step makes up for; less to go on.", min=0.1, max=1.0
+        Option(
+            "Share of what is missing that the first step makes up for; less to go on.",
+            default=0.9,
+            least=0.1,
+            most=1.0,
         ),
-    ] = 0.9,
-    keep_drivers: Annotated[
-        bool, typer.Option("--keep-drivers", help="Fit the demands only: models that were trained stay valid.")
-    ] = False,
+    ]
+    keep_drivers: Annotated[bool, Option("Fit the demands only: models that were trained stay valid.", default=False)]
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Begin with the measurements, not with the calibration that is there.")
-    ] = False,
-    workers: Annotated[int, typer.Option(help="Runs at a time, each a process.", min=1)] = 1,
-    write: Annotated[bool, typer.Option("--write", help="Write the outcome into the network's folder.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("results/calibration"),
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print calibration.json on stdout, nothing else there.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no tables.")] = False,
-) -> None:
+        bool, Option("Begin with the measurements, not with the calibration that is there.", default=False)
+    ]
+    workers: Annotated[int, Option("Runs at a time, each a process.", default=1, least=1)]
+    write: Annotated[bool, Option("Write the outcome into the network's folder.", default=False)]
+    out: Annotated[Path, Option("Folder to write.", default=Path("results/calibration"))]
+    json: Annotated[bool, Option("Print calibration.json on stdout, nothing else there.", default=False)]
+    quiet: Annotated[bool, Option("No progress bar and no tables.", default=False)]
+
+
+def command(options: Options) -> None:
     """Fit drivers and demands to measured speed, flow, density and waves.
 
     A fixed-point search: each trial simulates all demands, and every
@@ -66,24 +75,25 @@ def command(
     from harness.truth.network.network import load_network  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
+    net, write, out, quiet = options["net"], options["write"], options["out"], options["quiet"]
     network = load_network(net)
     if network.calibration_file is None and write:
         raise InputError(f"`write`: {net} names no calibration_file in its network.toml")
     request = CalibrationRequest(
-        fields=fields,
-        demand=demand,
-        trials=trials,
-        seeds=tuple(seed_values(seeds)),
-        duration_s=60.0 * minutes,
-        keep_drivers=keep_drivers,
-        fresh=fresh,
-        workers=workers,
-        first_step=step,
+        fields=options["fields"],
+        demand=options["demand"],
+        trials=options["trials"],
+        seeds=tuple(seed_values(options["seeds"])),
+        duration_s=60.0 * options["minutes"],
+        keep_drivers=options["keep_drivers"],
+        fresh=options["fresh"],
+        workers=options["workers"],
+        first_step=options["step"],
     )
     with progress_bar("calibrate", request.runs(network), quiet) as advance:
         result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))
     result.write(out, network if write else None)
-    if as_json:
+    if options["json"]:
         import json  # noqa: PLC0415
 
         typer.echo(json.dumps(result.as_json(), indent=2))

@@ -4,37 +4,43 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    context: typer.Context,
+if TYPE_CHECKING:
+    from harness.comparison.sources import Source
+
+
+class Options(TypedDict):
+    """The options of ``compare``."""
+
     folders: Annotated[
         list[str] | None,
-        typer.Argument(metavar="A [B]", help="Folders of runs or stress tests; one tracker of a grid as FOLDER@LABEL."),
-    ] = None,
-    baseline: Annotated[
-        str | None, typer.Option(help="Compare the one folder with this one. (with --suite: results/reference)")
-    ] = None,
-    suite: Annotated[str | None, typer.Option(help="Run this suite first and compare it: standard.")] = None,
-    record: Annotated[
-        bool, typer.Option("--record", help="Keep the suite's result as the baseline, compare nothing.")
-    ] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the suite's runs.")] = Path("results/suite"),
-    resume: Annotated[bool, typer.Option("--resume", help="Keep the suite's runs that --out holds.")] = False,
-    workers: Annotated[
-        int | None, typer.Option(help="Worker processes for the suite. (default: one per core)", min=1)
-    ] = None,
+        Option(
+            "Folders of runs or stress tests; one tracker of a grid as FOLDER@LABEL.",
+            metavar="A [B]",
+            is_argument=True,
+        ),
+    ]
+    baseline: Annotated[str | None, Option("Compare the one folder with this one. (with --suite: results/reference)")]
+    suite: Annotated[str | None, Option("Run this suite first and compare it: standard.")]
+    record: Annotated[bool, Option("Keep the suite's result as the baseline, compare nothing.", default=False)]
+    out: Annotated[Path, Option("Folder for the suite's runs.", default=Path("results/suite"))]
+    resume: Annotated[bool, Option("Keep the suite's runs that --out holds.", default=False)]
+    workers: Annotated[int | None, Option("Worker processes for the suite. (default: one per core)", least=1)]
     tolerance: Annotated[
-        float, typer.Option(help="Share of a's value by which b may be worse.", min=0.0, max=1.0)
-    ] = 0.02,
-    markdown: Annotated[Path | None, typer.Option(help="Write the tables to this Markdown file.")] = None,
-    html: Annotated[Path | None, typer.Option(help="Write them as a page to this file.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no tables.")] = False,
-) -> None:
+        float, Option("Share of a's value by which b may be worse.", default=0.02, least=0.0, most=1.0)
+    ]
+    markdown: Annotated[Path | None, Option("Write the tables to this Markdown file.")]
+    html: Annotated[Path | None, Option("Write them as a page to this file.")]
+    json: Annotated[bool, Option("Print the result as JSON on stdout.", default=False)]
+    quiet: Annotated[bool, Option("No progress bar and no tables.", default=False)]
+
+
+def command(options: Options) -> int:
     """Tell whether B is better or worse than A, metric by metric.
 
     Runs are paired by seed and setting; two single runs, by vehicle. Verdicts
@@ -49,35 +55,16 @@ def command(
       python -m harness compare --suite standard --record
     """
     from harness.comparison.compare import compare  # noqa: PLC0415
-    from harness.comparison.sources import open_source  # noqa: PLC0415
-    from harness.comparison.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
-    from harness.errors import InputError, RunError  # noqa: PLC0415
 
-    given = list(folders or ())
-    if record and (suite is None or given):
-        raise InputError("`record`: only a suite makes a baseline; for example `suite` standard with `record`")
-    if suite is not None and not given:
-        before = None if record else open_source(baseline or str(BASELINE), "baseline")
-        ran = run_suite(suite, out, workers=workers or os.cpu_count() or 1, resume=resume, quiet=quiet)
-        if ran.failures:
-            raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
-        if before is None:
-            kept = keep_as_baseline(ran, suite, Path(baseline or BASELINE))
-            typer.echo(f"baseline: {kept}", err=True)
-            return
-        after = open_source(str(ran.folder), "out")
-    elif suite is None and len(given) == 1 and baseline is not None:
-        before, after = open_source(baseline, "baseline"), open_source(given[0], "folders")
-    elif suite is None and len(given) == 2 and baseline is None:
-        before, after = (open_source(folder, "folders") for folder in given)
-    else:
-        raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")
-
-    comparison = compare(before, after, tolerance)
-    if not quiet:
+    sides = _sides(options)
+    if sides is None:
+        return 0
+    comparison = compare(*sides, options["tolerance"])
+    if not options["quiet"]:
         from harness.comparison.written import print_comparison  # noqa: PLC0415
 
         print_comparison(comparison)
+    markdown, html = options["markdown"], options["html"]
     if markdown is not None:
         from harness.comparison.written import as_markdown  # noqa: PLC0415
 
@@ -87,9 +74,35 @@ def command(
         from harness.report.folderpage import text_page  # noqa: PLC0415
 
         html.write_text(text_page(as_markdown(comparison)), encoding="utf-8")
-    if as_json:
+    if options["json"]:
         import json  # noqa: PLC0415
 
         typer.echo(json.dumps(comparison.as_table(), indent=2))
-    if comparison.regression:
-        context.exit(1)
+    return 1 if comparison.regression else 0
+
+
+def _sides(options: Options) -> tuple[Source, Source] | None:
+    """Return what is compared; None where a suite was run to be kept as the baseline."""
+    from harness.comparison.sources import open_source  # noqa: PLC0415
+    from harness.comparison.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
+    from harness.errors import InputError, RunError  # noqa: PLC0415
+
+    given, baseline, suite = list(options["folders"] or ()), options["baseline"], options["suite"]
+    if options["record"] and (suite is None or given):
+        raise InputError("`record`: only a suite makes a baseline; for example `suite` standard with `record`")
+    if suite is not None and not given:
+        before = None if options["record"] else open_source(baseline or str(BASELINE), "baseline")
+        workers = options["workers"] or os.cpu_count() or 1
+        ran = run_suite(suite, options["out"], workers=workers, resume=options["resume"], quiet=options["quiet"])
+        if ran.failures:
+            raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
+        if before is None:
+            kept = keep_as_baseline(ran, suite, Path(baseline or BASELINE))
+            typer.echo(f"baseline: {kept}", err=True)
+            return None
+        return before, open_source(str(ran.folder), "out")
+    if suite is None and len(given) == 1 and baseline is not None:
+        return open_source(baseline, "baseline"), open_source(given[0], "folders")
+    if suite is None and len(given) == 2 and baseline is None:
+        return open_source(given[0], "folders"), open_source(given[1], "folders")
+    raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")

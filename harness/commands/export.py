@@ -5,21 +5,25 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
-    to: Annotated[str | None, typer.Option(help="mot, fcd, csv, rerun or osi.")] = None,
-    video: Annotated[Path | None, typer.Option(help="MP4 file to write: the road from above.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder to write. (default: RUN/export/FORMAT)")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the written files as JSON on stdout, nothing else there.")
-    ] = False,
-) -> None:
+
+class Options(TypedDict):
+    """The options of ``export``."""
+
+    folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
+    to: Annotated[str | None, Option("mot, fcd, csv, rerun or osi.")]
+    video: Annotated[Path | None, Option("MP4 file to write: the road from above.")]
+    out: Annotated[Path | None, Option("Folder to write. (default: RUN/export/FORMAT)")]
+    force: Annotated[bool, Option("Replace what is there.", default=False)]
+    json: Annotated[bool, Option("Print the written files as JSON on stdout, nothing else there.", default=False)]
+
+
+def command(options: Options) -> None:
     """Turn a run into another program's format.
 
     mot: MOTChallenge text, as TrackEval reads it. fcd: SUMO floating-car
@@ -33,14 +37,15 @@ def command(
     from harness.errors import InputError  # noqa: PLC0415
     from harness.export.formats import FORMATS, export_run  # noqa: PLC0415
 
+    folder, to, video, force = options["folder"], options["to"], options["video"], options["force"]
     if to is None and video is None:
         raise InputError(f"`to`: say which format: {', '.join(FORMATS)}; or give `video`, for example run.mp4")
-    files = export_run(folder, to, out, force) if to is not None else []
+    files = export_run(folder, to, options["out"], force) if to is not None else []
     if video is not None:
         from harness.export.video import write_video  # noqa: PLC0415
 
         files.append(write_video(folder, video, force))
-    if as_json:
+    if options["json"]:
         typer.echo(json.dumps({"files": [str(file) for file in files]}))
         return
     for file in files:

@@ -4,31 +4,34 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    net: Annotated[str, typer.Option(help="Network by name, or a folder with a network.toml.")] = "us101",
-    demand: Annotated[
-        str | None, typer.Option(help="Demands by name, with commas between. (default: all that were measured)")
-    ] = None,
-    seeds: Annotated[str, typer.Option(help="How many seeds, or seeds A:B, B excluded.")] = "0:5",
-    minutes: Annotated[float, typer.Option(help="Simulated minutes of each run.", min=1.0, max=600.0)] = 15.0,
+
+class Options(TypedDict):
+    """The options of ``fidelity``."""
+
+    net: Annotated[str, Option("Network by name, or a folder with a network.toml.", default="us101")]
+    demand: Annotated[str | None, Option("Demands by name, with commas between. (default: all that were measured)")]
+    seeds: Annotated[str, Option("How many seeds, or seeds A:B, B excluded.", default="0:5")]
+    minutes: Annotated[float, Option("Simulated minutes of each run.", default=15.0, least=1.0, most=600.0)]
     fields: Annotated[
         Path | None,
-        typer.Option(help="Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
-    ] = None,
+        Option("Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
+    ]
     recordings: Annotated[
-        list[Path] | None,
-        typer.Option(help="File or folder of recorded vehicles, as for run --replay; repeatable."),
-    ] = None,
-    workers: Annotated[int, typer.Option(help="Runs at a time, each a process.", min=1)] = 1,
-    out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("results/fidelity"),
-    as_json: Annotated[bool, typer.Option("--json", help="Print fidelity.json on stdout, nothing else there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")] = False,
-) -> None:
+        list[Path] | None, Option("File or folder of recorded vehicles, as for run --replay; repeatable.")
+    ]
+    workers: Annotated[int, Option("Runs at a time, each a process.", default=1, least=1)]
+    out: Annotated[Path, Option("Folder to write.", default=Path("results/fidelity"))]
+    json: Annotated[bool, Option("Print fidelity.json on stdout, nothing else there.", default=False)]
+    quiet: Annotated[bool, Option("No progress bar and no table.", default=False)]
+
+
+def command(options: Options) -> None:
     """Tell how real the simulated traffic is, beside what was measured.
 
     Mean speed, flow, density, speed along the road, share of slow cells and
@@ -49,21 +52,22 @@ def command(
     from harness.truth.network.network import load_network  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
-    network = load_network(net)
+    demand, out, quiet = options["demand"], options["out"], options["quiet"]
+    network = load_network(options["net"])
     request = FidelityRequest(
         demands=names(demand, "--demand", "us101-0805") if demand is not None else (),
-        seeds=tuple(seed_values(seeds)),
-        duration_s=60.0 * minutes,
-        fields=fields,
-        recordings=tuple(recordings or ()),
-        workers=workers,
+        seeds=tuple(seed_values(options["seeds"])),
+        duration_s=60.0 * options["minutes"],
+        fields=options["fields"],
+        recordings=tuple(options["recordings"] or ()),
+        workers=options["workers"],
     )
     with progress_bar("fidelity", request.runs(network), quiet) as advance:
         result = compare_traffic(network, request, advance)
     write_fidelity(result, out)
     if not quiet:
         print_fidelity(result)
-    if as_json:
+    if options["json"]:
         import json  # noqa: PLC0415
 
         typer.echo(json.dumps(result.as_json(), indent=2))

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON on stdout.")] = False,
-) -> None:
+
+class Options(TypedDict):
+    """The options of ``nets``."""
+
+    json: Annotated[bool, Option("Print the list as JSON on stdout.", default=False)]
+
+
+def command(options: Options) -> None:
     """List the road networks that travel with the package, and their named demands.
 
     A network of your own, a folder or a .sumocfg file, goes straight to --net.
@@ -21,7 +27,7 @@ def command(
     from harness.truth.network.network import available_networks  # noqa: PLC0415
 
     networks = available_networks()
-    if as_json:
+    if options["json"]:
         import json  # noqa: PLC0415
         from dataclasses import asdict  # noqa: PLC0415
 

@@ -5,19 +5,31 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
+
+class Options(TypedDict):
+    """The options of ``report``."""
+
     folder: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Folder of a run, or of a study, stress grid or comparison.")
-    ],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the page's path and size as JSON on stdout, nothing else there.")
-    ] = False,
-) -> None:
+        Path,
+        Option(
+            "Folder of a run, or of a study, stress grid or comparison.",
+            default=...,
+            metavar="RUN",
+            is_argument=True,
+        ),
+    ]
+    json: Annotated[
+        bool, Option("Print the page's path and size as JSON on stdout, nothing else there.", default=False)
+    ]
+
+
+def command(options: Options) -> None:
     """Write RUN/report.html: one file that opens without a network.
 
     A run's page has a summary in words, numbers with intervals, figures, the
@@ -29,9 +41,9 @@ def command(
     """
     from harness.report.folderpage import write_page  # noqa: PLC0415
 
-    page = write_page(folder)
+    page = write_page(options["folder"])
     size_mb = page.stat().st_size / 1e6
-    if as_json:
+    if options["json"]:
         typer.echo(json.dumps({"page": str(page), "size_mb": round(size_mb, 3)}))
     else:
         print(f"{page} ({size_mb:.1f} MB)", file=sys.stderr)  # noqa: T201

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
+
+from harness.config.options import Option
 
 ABLATION_S = 30.0
 
@@ -19,37 +21,31 @@ if TYPE_CHECKING:
     from harness.truth.network.network import Network
 
 
-def command(
-    case: Annotated[str, typer.Argument(help="lane-keeping, lane-change, transfer or ablation.")],
-    net: Annotated[str, typer.Option(help="Network by name, or your own: a folder or .sumocfg file.")] = "us101",
-    models: Annotated[
-        str | None, typer.Option(help="Models by name, with commas between. (default: all that suit the case)")
-    ] = None,
-    model_file: Annotated[
-        Path | None, typer.Option(help="A fitted model of your own in place of the gmm that comes along.")
-    ] = None,
-    cases: Annotated[int, typer.Option(help="Held-out cases.", min=2)] = 240,
-    particles: Annotated[
-        int | None, typer.Option(help="Particles per case. (default: 1000; transfer: 200)", min=2)
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Root of all randomness.", min=0)] = 0,
+class Options(TypedDict):
+    """The options of ``study``."""
+
+    case: Annotated[str, Option("lane-keeping, lane-change, transfer or ablation.", default=..., is_argument=True)]
+    net: Annotated[str, Option("Network by name, or your own: a folder or .sumocfg file.", default="us101")]
+    models: Annotated[str | None, Option("Models by name, with commas between. (default: all that suit the case)")]
+    model_file: Annotated[Path | None, Option("A fitted model of your own in place of the gmm that comes along.")]
+    cases: Annotated[int, Option("Held-out cases.", default=240, least=2)]
+    particles: Annotated[int | None, Option("Particles per case. (default: 1000; transfer: 200)", least=2)]
+    seed: Annotated[int, Option("Root of all randomness.", default=0, least=0)]
     seeds: Annotated[
         str | None,
-        typer.Option(
-            help="Seeds A:B of the traffic, B excluded; below 100 none was trained on. (default: 0:16; ablation: 0:4)"
-        ),
-    ] = None,
-    cache: Annotated[
-        Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET-...)")
-    ] = None,
+        Option("Seeds A:B of the traffic, B excluded; below 100 none was trained on. (default: 0:16; ablation: 0:4)"),
+    ]
+    cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
     real_data: Annotated[
         Path | None,
-        typer.Option(help="transfer: folder of real recordings. (default: $MMPF_REALDATA, or shared/realdata beside)"),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder to write. (default: results/study-CASE)")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print results.json on stdout, nothing else there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
-) -> None:
+        Option("transfer: folder of real recordings. (default: $MMPF_REALDATA, or shared/realdata beside)"),
+    ]
+    out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
+    json: Annotated[bool, Option("Print results.json on stdout, nothing else there.", default=False)]
+    quiet: Annotated[bool, Option("No progress bar.", default=False)]
+
+
+def command(options: Options) -> None:
     """Predict through occlusion with every motion model: the paper's two cases, and transfer to real roads.
 
     transfer: models trained on SUMO, on real pairs and on both, tested on
@@ -69,34 +65,53 @@ def command(
     from harness.config.lists import seed_range  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
-    first, count = seed_range(seeds or ("0:4" if case == "ablation" else "0:16"))
-    folder = out or Path("results") / f"study-{case}"
+    case, net, quiet = options["case"], options["net"], options["quiet"]
+    first, count = seed_range(options["seeds"] or ("0:4" if case == "ablation" else "0:16"))
+    folder = options["out"] or Path("results") / f"study-{case}"
 
     def say(line: str) -> None:
         if not quiet:
             typer.echo(line, err=True)
 
     if case == "ablation":
-        _refuse_for("the ablation study", {"models": models, "model_file": model_file, "real_data": real_data})
+        _refuse(options, ("models", "model_file", "real_data"), "the ablation study")
         told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
     elif case == "transfer":
         from harness.driving.realdata import real_data_folder  # noqa: PLC0415
         from harness.study.transfer.transfer import TransferPlan  # noqa: PLC0415
 
-        _refuse_for("the transfer study", {"models": models, "model_file": model_file})
-        transfer = TransferPlan(real_data_folder(real_data), cases, particles or 200, seed, first, count, cache=cache)
+        _refuse(options, ("models", "model_file"), "the transfer study")
+        transfer = TransferPlan(
+            real_data_folder(options["real_data"]),
+            options["cases"],
+            options["particles"] or 200,
+            options["seed"],
+            first,
+            count,
+            cache=options["cache"],
+        )
         told = _make_transfer(transfer, load_network(net), folder, say, quiet)
     else:
         from harness.study.published import StudyPlan  # noqa: PLC0415
 
-        _refuse_for("a study of simulated traffic", {"--real-data": real_data})
-        chosen = tuple(name.strip() for name in models.split(",")) if models else ()
-        published = StudyPlan(case, chosen, model_file, cases, particles or 1000, seed, first, count, cache)
+        _refuse(options, ("real_data",), "a study of simulated traffic")
+        chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
+        published = StudyPlan(
+            case,
+            chosen,
+            options["model_file"],
+            options["cases"],
+            options["particles"] or 1000,
+            options["seed"],
+            first,
+            count,
+            options["cache"],
+        )
         told = _make_published(published, load_network(net), folder, say, quiet)
     from harness.report.folderpage import write_page  # noqa: PLC0415
 
     write_page(folder)
-    typer.echo(json.dumps(told.numbers) if as_json else told.text)
+    typer.echo(json.dumps(told.numbers) if options["json"] else told.text)
     print(f"written to {folder}", file=sys.stderr)  # noqa: T201
 
 
@@ -108,11 +123,11 @@ class _Told:
     text: str
 
 
-def _refuse_for(study: str, options: Mapping[str, object]) -> None:
+def _refuse(options: Options, parameters: tuple[str, ...], study: str) -> None:
     from harness.errors import InputError  # noqa: PLC0415
 
-    for parameter, value in options.items():
-        if value is not None:
+    for parameter in parameters:
+        if options.get(parameter) is not None:
             raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
 
 

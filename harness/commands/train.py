@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
-    net: Annotated[str, typer.Option(help="Network by name, or your own: a folder or .sumocfg file.")] = "us101",
-    case: Annotated[str, typer.Option(help="lane-keeping or lane-change.")] = "lane-keeping",
-    components: Annotated[
-        int | None, typer.Option(help="Components of the mixture. (default: the paper's 28 or 60)", min=1)
-    ] = None,
+
+class Options(TypedDict):
+    """The options of ``train``."""
+
+    net: Annotated[str, Option("Network by name, or your own: a folder or .sumocfg file.", default="us101")]
+    case: Annotated[str, Option("lane-keeping or lane-change.", default="lane-keeping")]
+    components: Annotated[int | None, Option("Components of the mixture. (default: the paper's 28 or 60)", least=1)]
     seeds: Annotated[
         str | None,
-        typer.Option(
-            help="Seeds A:B of the training traffic, B excluded. (default: 1000:1032; lane-change, which is rarer, "
+        Option(
+            "Seeds A:B of the training traffic, B excluded. (default: 1000:1032; lane-change, which is rarer, "
             "1000:1040)"
         ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of sampling and of the fit.", min=0)] = 0,
-    sweep: Annotated[bool, typer.Option(help="Score other numbers of components by BIC, for the card.")] = True,
-    cache: Annotated[
-        Path | None, typer.Option(help="Folder of recorded traffic. (default: results/cache/traffic/NET-...)")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Folder of the model files and cards.")] = Path("results/models"),
-    as_json: Annotated[bool, typer.Option("--json", help="Print the files as JSON on stdout.")] = False,
-) -> None:
+    ]
+    seed: Annotated[int, Option("Seed of sampling and of the fit.", default=0, least=0)]
+    sweep: Annotated[
+        bool,
+        Option("Score other numbers of components by BIC, for the card.", default=True, flag="--sweep/--no-sweep"),
+    ]
+    cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
+    out: Annotated[Path, Option("Folder of the model files and cards.", default=Path("results/models"))]
+    json: Annotated[bool, Option("Print the files as JSON on stdout.", default=False)]
+
+
+def command(options: Options) -> None:
     """Record SUMO traffic, fit the Gaussian mixtures, and write model files with their cards.
 
     Recordings are kept: an interrupted training goes on where it stopped.
@@ -43,16 +48,19 @@ def command(
     from harness.training.train import TrainingPlan, train  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
-    seeds = seeds or ("1000:1040" if case == "lane-change" else "1000:1032")
+    case = options["case"]
+    seeds = options["seeds"] or ("1000:1040" if case == "lane-change" else "1000:1032")
     first, count = seed_range(seeds)
     if first < FIRST_TRAINING_SEED:
         raise InputError(
             f"`seeds` {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "
             f"give {FIRST_TRAINING_SEED} and up"
         )
-    plan = TrainingPlan(case, components, first, count, seed, sweep, cache, out)
-    paths = train(plan, load_network(net), lambda line: typer.echo(line, err=True))
-    if as_json:
+    plan = TrainingPlan(
+        case, options["components"], first, count, options["seed"], options["sweep"], options["cache"], options["out"]
+    )
+    paths = train(plan, load_network(options["net"]), lambda line: typer.echo(line, err=True))
+    if options["json"]:
         import json  # noqa: PLC0415
 
         typer.echo(json.dumps({"models": [str(path) for path in paths]}))

@@ -15,29 +15,11 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 
 from harness.config.model import DEFAULT_TRACKER, RunConfig
+from harness.config.options import keys_of_options
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 
 Table = dict[str, Any]
-
-# Which parameter sets a key.
-PARAMETER_OF_KEY = {
-    "seed": "seed",
-    "replay": "replay",
-    "traffic.net": "net",
-    "traffic.demand": "demand",
-    "traffic.density": "density",
-    "traffic.duration_s": "duration",
-    "traffic.recording.format": "format",
-    "traffic.recording.ego": "ego",
-    "sensor.profile": "sensor",
-    "tracker.name": "tracker",
-    "tracker.model": "model",
-    "tracker.update": "update",
-    "tracker.particles": "particles",
-    "tracker.model_file": "model_file",
-}
-KEY_OF_PARAMETER = {parameter: key for key, parameter in PARAMETER_OF_KEY.items()}
 
 # Of these keys at most one can hold; a later layer's choice replaces an earlier layer's other.
 EXCLUSIVE = ("demand", "density")
@@ -103,7 +85,7 @@ def _table_of_options(options: Mapping[str, object]) -> Table:
     table: Table = {}
     for name, value in options.items():
         if value is not None:
-            _put(table, KEY_OF_PARAMETER[name].split("."), value)
+            _put(table, keys_of_options()[name].split("."), value)
     return table
 
 
@@ -159,12 +141,17 @@ def _first_problem(error: ValidationError) -> str:
     key = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
         return f"unknown key {key!r}{_nearest(key)}"
-    parameter = PARAMETER_OF_KEY.get(key)
+    parameter = _parameter_of(key)
     place = f"`{parameter}` ({key})" if parameter else key or "configuration"
     message = problem["msg"].removeprefix("Value error, ")
     if isinstance(problem["input"], dict):
         return f"{place}: {message}"
     return f"{place}: {message[0].lower()}{message[1:]}, not {problem['input']!r}"
+
+
+def _parameter_of(key: str) -> str | None:
+    """Return the option that sets a key, if one does."""
+    return next((name for name, sets in keys_of_options().items() if sets == key), None)
 
 
 def _nearest(key: str) -> str:
@@ -228,7 +215,7 @@ def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     part = {name: recorded[name] for name in ("traffic", "sensor")}
     for key, value in _leaves({name: asked[name] for name in part if name in asked}):
         if value != dict(_leaves(part)).get(key):
-            parameter = PARAMETER_OF_KEY.get(key, key)
+            parameter = _parameter_of(key) or key
             raise InputError(f"`{parameter}`: a replay takes traffic and sensor from the recording; leave it out")
     return part | {"seed": asked.get("seed", recorded["seed"])}
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 
 from harness.truth.network.demand import DEFAULT_DENSITY, DENSITY_RANGE
 from harness.truth.network.network import default_demand
@@ -103,6 +104,12 @@ class TrackerConfig(_Strict):
     """File of a fitted behaviour model to use in place of the one that travels with the package."""
     options: dict[str, Any] = Field(default_factory=dict)
     """The tracker's own settings by name."""
+    _factory: Callable[..., Any] | None = PrivateAttr(default=None)
+
+    @property
+    def maker(self) -> str | Callable[..., Any]:
+        """What builds the tracker: its name, or the function that Python handed over in its place."""
+        return self.name if self._factory is None else self._factory
 
     @model_validator(mode="after")
     def _defaults_of_the_own_tracker(self) -> Self:
@@ -137,6 +144,12 @@ class RunConfig(_Strict):
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
         return self.model_dump(exclude_none=True)
+
+    def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:
+        """Return the same configuration with a function that builds the tracker; no file can hold one."""
+        tracker = self.tracker.model_copy()
+        tracker._factory = factory
+        return self.model_copy(update={"tracker": tracker})
 
     def title(self) -> str:
         """Return what is run in a few words."""

@@ -78,7 +78,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
     return RecordedRun(
         folder=folder,
         config=config,
-        metrics=_read_metrics(folder, parameter),
+        metrics=read_metrics(folder, parameter),
         manifest=manifest,
         road=read_road(folder / runfolder.ROAD, parameter),
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
@@ -91,7 +91,12 @@ def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
     )
 
 
-def _read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
+def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
+    """Return the content of a run's ``metrics.json``.
+
+    Raises:
+        InputError: It is missing or broken.
+    """
     path = folder / runfolder.METRICS
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))

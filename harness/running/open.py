@@ -128,7 +128,7 @@ def tracker_builder(config: RunConfig) -> TrackerBuilder:
 
     def build(setting: TrackerSetting) -> AnyTracker:
         try:
-            return build_tracker(config.tracker.name, setting, config.tracker.all_options())
+            return build_tracker(config.tracker.maker, setting, config.tracker.all_options())
         except UnknownNameError as error:
             raise InputError(f"`model`: {error}") from None
         except (ValueError, TypeError) as error:

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import cast
 
 from pydantic import ValidationError
 
 from harness.errors import InputError
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
+from mmpf.registry import UnknownNameError
 from mmpf.settings import Settings, fields_of
 
 
@@ -87,33 +87,41 @@ def tracker_options(name: str) -> type[Settings]:
     return cast(type[Settings], getattr(importlib.import_module(module), options))
 
 
-def build_tracker(name: str, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
+def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
     """Build a fresh tracker for one episode.
 
     Args:
-        name: A name from ``available_trackers``, one that was registered with ``protocol.trackers``, or
-            ``package.module:factory`` for a tracker of one's own.
+        maker: A name from ``available_trackers``, one that was registered with ``protocol.trackers`` or that an
+            installed package declares as an entry point of ``harness.trackers``, or ``package.module:factory`` for a
+            tracker of one's own; or the factory itself.
         setting: What the tracker may know.
         options: The tracker's own options; they override its tuned ones.
 
     Raises:
         InputError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
     """
-    factory = _import_factory(name) if ":" in name else _registered_factory(name)
+    if isinstance(maker, str):
+        factory = _factory(maker)
+        options = {**tuned_options(maker), **options}
+    else:
+        factory = maker
     try:
-        return factory(setting, {**tuned_options(name), **options})
+        return factory(setting, options)
     except ValidationError as error:
-        raise InputError(_first_option_error(name, error)) from None
+        raise InputError(_first_option_error(str(maker), error)) from None
 
 
-def _registered_factory(name: str) -> TrackerFactory:
+def _factory(name: str) -> TrackerFactory:
     entry = _CATALOGUE.get(name)
     if entry is not None:
         _import_entry(name, entry)
-    if name not in set(trackers):
+    elif ":" not in name and name not in set(trackers):
         known = ", ".join(sorted({*_CATALOGUE, *trackers}))
         raise InputError(f"`tracker` {name}: unknown; choose one of {known}, or package.module:factory for your own")
-    return trackers[name]
+    try:
+        return trackers[name]
+    except UnknownNameError as error:
+        raise InputError(f"`tracker` {name}: {error}") from None
 
 
 def _import_entry(name: str, entry: _Entry) -> None:
@@ -126,20 +134,6 @@ def _import_entry(name: str, entry: _Entry) -> None:
         raise InputError(
             f"`tracker` {name} needs {package}, which is not installed: pip install 'mmpf-harness[{extra}]'"
         ) from None
-
-
-def _import_factory(path: str) -> TrackerFactory:
-    module_name, _, attribute = path.partition(":")
-    try:
-        module = importlib.import_module(module_name)
-    except (ImportError, ValueError) as error:
-        raise InputError(
-            f"`tracker` {path}: can't import {module_name!r} ({error}); is it on PYTHONPATH or installed?"
-        ) from None
-    factory = getattr(module, attribute, None)
-    if not callable(factory):
-        raise InputError(f"`tracker` {path}: {module_name} has no callable {attribute!r}")
-    return cast(TrackerFactory, factory)
 
 
 def _first_option_error(tracker: str, error: ValidationError) -> str:

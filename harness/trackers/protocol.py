@@ -71,4 +71,4 @@ class TrackerFactory(Protocol):
         ...
 
 
-trackers: Registry[TrackerFactory] = Registry("tracker")
+trackers: Registry[TrackerFactory] = Registry("tracker", "harness.trackers")

@@ -199,4 +199,4 @@ class MotionModelFactory(Protocol):
         ...
 
 
-motion_models: Registry[MotionModelFactory] = Registry("motion model")
+motion_models: Registry[MotionModelFactory] = Registry("motion model", "mmpf.motion_models")

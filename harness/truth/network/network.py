@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 
 from harness.errors import InputError
@@ -166,8 +165,14 @@ def default_demand(name_or_path: str) -> str | None:
 
 
 def _network_folders() -> list[Path]:
-    root = Path(str(files("networks")))
-    return sorted(entry.parent for entry in root.glob(f"*/{METADATA_FILE}"))
+    return sorted(entry.parent for entry in shipped_networks().glob(f"*/{METADATA_FILE}"))
+
+
+def shipped_networks() -> Path:
+    """Return the folder of the networks that come with the project: within the package, or beside it in a checkout."""
+    package = Path(__file__).parents[2]
+    installed = package / "networks"
+    return installed if installed.is_dir() else package.parent / "networks"
 
 
 def _from_folder(folder: Path) -> Network:

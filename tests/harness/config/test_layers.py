@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
 from harness.errors import InputError
+from harness.truth.network.network import shipped_networks
 
 
 def test_later_layers_win(tmp_path):
@@ -143,7 +143,7 @@ def test_where_no_traffic_is_asked_for_the_networks_default_demand_is_driven():
 
 
 def test_a_network_that_names_no_default_demand_is_driven_at_thirty_vehicles_per_km_and_lane(tmp_path):
-    source = Path(str(files("networks"))) / "us101"
+    source = shipped_networks() / "us101"
     text = (source / "network.toml").read_text()
     (tmp_path / "network.toml").write_text(text.replace('default_demand = "us101-0805"', ""))
     traffic = resolve_run_config(options={"net": str(tmp_path)}).traffic

@@ -1,0 +1,309 @@
+"""The harness from Python: ``run``, ``stress`` and ``compare``, and what they return.
+
+The keywords are the commands' options: ``harness.config.options.RunOptions`` and ``harness.grid.options.GridOptions``.
+Wrong input raises ``InputError``: one sentence that names the keyword and how to mend it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+from harness.config.options import RunOptions, checked, keys_of_options, setting_words
+from harness.errors import InputError
+from harness.grid.options import GridOptions, request_of
+from mmpf.registry import UnknownNameError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from harness.comparison import compare as comparison
+    from harness.config.model import RunConfig
+    from harness.grid.stress import FinishedGrid, RunCells
+    from harness.running.run import FinishedRun
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run; its tables are read from its folder when they are asked for.
+
+    Attributes:
+        folder: Where its files lie.
+    """
+
+    folder: Path
+
+    @cached_property
+    def metrics(self) -> pd.DataFrame:
+        """Every number of ``metrics.json`` in the column ``value``, by its name with dots; nan where there is none.
+
+        An interval ends in ``.low`` and ``.high``, an entry of a list in its place from 0.
+        """
+        import pandas as pd  # noqa: PLC0415
+
+        from harness.grid.rows import flattened  # noqa: PLC0415
+        from harness.runfolder.finished import read_metrics  # noqa: PLC0415
+
+        flat = flattened(read_metrics(self.folder, "folder"))
+        numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
+        return pd.DataFrame({"value": pd.Series(numbers, dtype="float64")}).rename_axis("metric")
+
+    @cached_property
+    def truth(self) -> pd.DataFrame:
+        """One row per vehicle and step: where it was, and how much of it the sensor could see."""
+        return self._table("truth.parquet")
+
+    @cached_property
+    def detections(self) -> pd.DataFrame:
+        """One row per detection; ``truth_id`` is empty for clutter."""
+        return self._table("detections.parquet")
+
+    @cached_property
+    def tracks(self) -> pd.DataFrame:
+        """One row per track and step."""
+        return self._table("tracks.parquet")
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """One row per vehicle that has been detected and step: its track, and how far off that is."""
+        return self._table("errors.parquet")
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """One row per occlusion: when, how long, and whether the track lasted."""
+        return self._table("events.parquet")
+
+    def report(self) -> Path:
+        """Return the run's page, ``report.html``; it is written if it is not there."""
+        page = self.folder / "report.html"
+        if not page.is_file():
+            from harness.report.folderpage import write_page  # noqa: PLC0415
+
+            return write_page(self.folder)
+        return page
+
+    def _table(self, name: str) -> pd.DataFrame:
+        from harness.runfolder.folder import read_table  # noqa: PLC0415
+
+        return read_table(self.folder, name, "folder", ())
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A finished stress test.
+
+    Attributes:
+        folder: Where its files lie.
+    """
+
+    folder: Path
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """One row per run, failed ones too: ``succeeded``, ``error``, its settings, and every metric by its name."""
+        from harness.runfolder.folder import read_table  # noqa: PLC0415
+
+        return read_table(self.folder, "runs.parquet", "folder", ())
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Content of ``summary.json``: the grid, its curves, and where each tracker breaks."""
+        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
+        return summary
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A comparison of b with a.
+
+    Attributes:
+        regression: Whether anything is worse by more than the tolerance.
+        notes: What a reader must know beside.
+        verdicts: One row for each tracker and metric: both values, the difference with its interval, the verdict.
+    """
+
+    regression: bool
+    notes: tuple[str, ...]
+    verdicts: pd.DataFrame
+
+
+def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:
+    """Drive, sense, track and score once, and leave a run folder.
+
+    Args:
+        quiet: Whether to leave out the progress bar.
+        options: As for the command ``run``; ``settings`` is also a dictionary, ``{"sensor.range_m": 80}``, and
+            ``tracker`` also a function that builds one.
+
+    Raises:
+        InputError: The input is wrong; nothing is left behind.
+        RunError: The run failed part-way; its finished steps lie in a folder that says so.
+        RunInterruptedError: It was stopped; likewise.
+    """
+    return Run(make_run(options, _call("run", options), quiet).folder)
+
+
+def open_run(folder: Path | str) -> Run:
+    """Open the folder that a run has left.
+
+    Raises:
+        InputError: It is no finished run's folder.
+    """
+    from harness.runfolder.folder import read_manifest  # noqa: PLC0415
+
+    read_manifest(Path(folder), "folder")
+    return Run(Path(folder))
+
+
+def stress(*, quiet: bool = True, **options: Unpack[GridOptions]) -> Grid:
+    """Run many densities, trackers, models and seeds in worker processes, and leave a folder.
+
+    A run that fails is a row of ``Grid.runs`` that says so, and raises nothing.
+
+    Args:
+        quiet: Whether to leave out the progress bar.
+        options: As for the command ``stress``; lists are lists too, ``densities=[20, 45]``, ``seeds=range(3)``. A
+            tracker given as a function must be one that other processes can import by its name.
+
+    Raises:
+        InputError: The grid or the folder is wrong; no run was made.
+        RunInterruptedError: It was stopped; finished runs are kept.
+    """
+    return Grid(make_grid(options, _call("stress", options), quiet).folder)
+
+
+def compare(a: Run | Grid | Path | str, b: Run | Grid | Path | str, *, tolerance: float = 0.02) -> Comparison:
+    """Tell whether b is better or worse than a, metric by metric.
+
+    Args:
+        a: A run, a stress test, or the folder of one; one tracker of a stress test as ``FOLDER@LABEL``.
+        b: Likewise.
+        tolerance: A worse value is a regression if the difference exceeds this share of a.
+
+    Raises:
+        InputError: A folder is not there, or the two have nothing in common that could be compared.
+    """
+    import pandas as pd  # noqa: PLC0415
+
+    compared = make_comparison(a, b, tolerance)
+    table = compared.as_table()
+    return Comparison(compared.regression, compared.notes, pd.DataFrame(table["verdicts"]))
+
+
+def make_run(options: Mapping[str, object], command: str, quiet: bool) -> FinishedRun:
+    """Do what ``run`` does.
+
+    Args:
+        options: Keywords of ``run``.
+        command: What the manifest says of how it was called.
+        quiet: Whether to leave out the progress bar.
+    """
+    with _input_errors():
+        values = checked(RunOptions, options, "run")
+        config = _run_config(values)
+        # Only now: what is wrong with the input is told before anything heavy is imported.
+        from harness.report.figures import draw_figures  # noqa: PLC0415
+        from harness.report.page import write_run_page  # noqa: PLC0415
+        from harness.running import run as running  # noqa: PLC0415
+        from harness.running.open import check_gui, open_looks  # noqa: PLC0415
+
+        if values["video"] is not None:
+            from harness.export.video import check_film, write_video  # noqa: PLC0415
+
+            check_film(values["video"], values["force"])
+        if values["gui"]:
+            check_gui(config)
+        finished = running.run(
+            config,
+            out=values["out"],
+            force=values["force"],
+            command=command,
+            quiet=quiet,
+            draw=running.Drawing(draw_figures, write_run_page),
+            open_looks=partial(open_looks, gui=values["gui"]),
+        )
+        if values["video"] is not None:
+            write_video(finished.folder, values["video"], values["force"])
+        return finished
+
+
+def _run_config(values: Mapping[str, Any]) -> RunConfig:
+    from harness.config.layers import resolve_run_config  # noqa: PLC0415
+
+    chosen = {name: values[name] for name in keys_of_options()}
+    chosen["replay"] = None if values["replay"] is None else str(values["replay"])
+    factory = values["tracker"] if callable(values["tracker"]) else None
+    if factory is not None:
+        chosen["tracker"] = f"{factory.__module__}:{getattr(factory, '__qualname__', type(factory).__name__)}"
+    config = resolve_run_config(values["config"], chosen, setting_words(values["settings"]))
+    return config if factory is None else config.tracked_by(factory)
+
+
+def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> FinishedGrid:
+    """Do what ``stress`` does; arguments as for ``make_run``."""
+    with _input_errors():
+        values = checked(GridOptions, options, "stress")
+        request = request_of(values)
+        if values["scheduler"] is not None and values["workers"] is not None:
+            raise InputError("`workers`: the cluster has its own workers; leave it out with `scheduler`")
+        from harness.grid.stress import run_stress  # noqa: PLC0415
+        from harness.report.folderpage import write_page  # noqa: PLC0415
+
+        with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
+            finished = run_stress(
+                request,
+                values["out"],
+                execute,
+                resume=values["resume"] or values["retry_failed"],
+                retry_failed=values["retry_failed"],
+                quiet=quiet,
+                warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
+                tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+                command=command,
+            )
+        write_page(finished.folder)
+        return finished
+
+
+@contextmanager
+def _execution(scheduler: str | None, workers: int | None, timeout_s: float | None) -> Iterator[RunCells]:
+    """Yield what runs the cells: processes of this machine, or a cluster."""
+    from harness.grid.cluster import connect, run_cells_on_cluster  # noqa: PLC0415
+    from harness.grid.pool import run_cells  # noqa: PLC0415
+
+    if scheduler is None:
+        yield lambda cells, on_row: run_cells(cells, workers or os.cpu_count() or 1, timeout_s, on_row)
+        return
+    with connect(scheduler) as client:
+        yield lambda cells, on_row: run_cells_on_cluster(client, cells, timeout_s, on_row)
+
+
+def make_comparison(a: Run | Grid | Path | str, b: Run | Grid | Path | str, tolerance: float) -> comparison.Comparison:
+    """Do what ``compare`` does."""
+    from harness.comparison.compare import compare as compare_sources  # noqa: PLC0415
+    from harness.comparison.sources import open_source  # noqa: PLC0415
+
+    first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
+    return compare_sources(open_source(first, "a"), open_source(second, "b"), tolerance)
+
+
+@contextmanager
+def _input_errors() -> Iterator[None]:
+    """Turn a name that no registry has into wrong input."""
+    try:
+        yield
+    except UnknownNameError as error:
+        raise InputError(str(error)) from None
+
+
+def _call(name: str, options: Mapping[str, object]) -> str:
+    """Return a call as it stands in Python, for the manifest."""
+    words = ", ".join(f"{key}={getattr(value, '__qualname__', None) or repr(value)}" for key, value in options.items())
+    return f"harness.{name}({words})"

@@ -1,0 +1,258 @@
+"""The options of a run, each declared once: for the configuration, for the command line and for Python.
+
+A table of options is a ``TypedDict`` whose entries carry an ``Option``. The first of an entry's types is what the
+command line reads; the others are what Python may give as well.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from numbers import Integral, Real
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_type_hints
+
+from harness.errors import InputError
+
+TRAFFIC, TRACKING, RESULT = "Traffic and sensor", "Tracker", "Configuration and result"
+
+
+@dataclass(frozen=True)
+class Option:
+    """What is said of an option beside its name and type.
+
+    Attributes:
+        help: The line of ``--help``.
+        key: The configuration's key that it sets; None of an option that does not decide a run's results.
+        panel: Heading of ``--help`` under which it stands.
+        default: Value where it is not given; ``...`` if it must be.
+        flag: How it is typed, where that is not its name with dashes.
+        metavar: What stands for its value in ``--help``.
+        least: Smallest value.
+        most: Largest value.
+        is_argument: Whether its value is typed without its name.
+    """
+
+    help: str
+    key: str | None = None
+    panel: str | None = None
+    default: Any = None
+    flag: str | None = None
+    metavar: str | None = None
+    least: float | None = None
+    most: float | None = None
+    is_argument: bool = False
+
+
+class RunOptions(TypedDict, total=False):
+    """The keywords of ``harness.run``."""
+
+    net: Annotated[
+        str | Path | None,
+        Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", "traffic.net", TRAFFIC),
+    ]
+    density: Annotated[
+        float | None,
+        Option("Vehicles per km and main lane, 5 to 65, in place of --demand.", "traffic.density", TRAFFIC),
+    ]
+    demand: Annotated[
+        str | None,
+        Option("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand", TRAFFIC),
+    ]
+    duration: Annotated[
+        float | None, Option("Scored seconds; warm-up comes on top. (default: 60)", "traffic.duration_s", TRAFFIC)
+    ]
+    sensor: Annotated[str | None, Option("lidar, radar or camera. (default: lidar)", "sensor.profile", TRAFFIC)]
+    replay: Annotated[
+        Path | str | None,
+        Option(
+            "A run folder, whose truth and detections are used again; or a file of recorded traffic: CommonRoad "
+            "XML, NGSIM CSV or text, highD folder, SUMO FCD. No SUMO.",
+            "replay",
+            TRAFFIC,
+        ),
+    ]
+    format: Annotated[
+        str | None,
+        Option(
+            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd. (default: by its content)",
+            "traffic.recording.format",
+            TRAFFIC,
+        ),
+    ]
+    ego: Annotated[
+        str | None,
+        Option(
+            "Recorded vehicle that carries the sensor: its ID, auto, each in turn, or each:N. (default: auto)",
+            "traffic.recording.ego",
+            TRAFFIC,
+        ),
+    ]
+    gui: Annotated[
+        bool,
+        Option(
+            "Watch the traffic in a window of sumo-gui while it runs; same results. Close it to stop. "
+            "(extra: networks)",
+            panel=TRAFFIC,
+            default=False,
+        ),
+    ]
+    tracker: Annotated[
+        str | Callable[..., Any] | None, Option("Tracker by name. (default: mmpf)", "tracker.name", TRACKING)
+    ]
+    model: Annotated[
+        str | None, Option("Motion model by name, e.g. idm, cam, cvm. (default: gmm)", "tracker.model", TRACKING)
+    ]
+    update: Annotated[
+        str | None, Option("Measurement update by name, e.g. joint, max_likelihood.", "tracker.update", TRACKING)
+    ]
+    particles: Annotated[int | None, Option("Particles per vehicle.", "tracker.particles", TRACKING)]
+    model_file: Annotated[
+        str | Path | None,
+        Option("Model of your own from 'train' (npz), for --model gmm or gmm-short.", "tracker.model_file", TRACKING),
+    ]
+    seed: Annotated[int | None, Option("Root of all randomness: same seed, same results. (default: 0)", "seed", RESULT)]
+    config: Annotated[
+        Path | str | None, Option("TOML file of settings, e.g. an earlier run's config.toml.", panel=RESULT)
+    ]
+    settings: Annotated[
+        list[str] | Mapping[str, object] | None,
+        Option("Any setting by its name in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
+    ]
+    out: Annotated[
+        Path | str | None,
+        Option(
+            "Run folder to write. (default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... where taken)",
+            panel=RESULT,
+        ),
+    ]
+    force: Annotated[bool, Option("Replace an earlier run in --out.", panel=RESULT, default=False)]
+    video: Annotated[Path | str | None, Option("MP4 file to write: the road from above.", panel=RESULT)]
+
+
+@dataclass(frozen=True)
+class Declared:
+    """One entry of a table of options.
+
+    Attributes:
+        types: The types that a value may have, None left out; the first is the command line's.
+        option: What is said of it.
+    """
+
+    types: tuple[Any, ...]
+    option: Option
+
+
+@cache
+def declared(table: type) -> dict[str, Declared]:
+    """Return the entries of a table of options by name, in the table's order."""
+    entries = {}
+    for name, hint in get_type_hints(table, include_extras=True).items():
+        kind, option = get_args(hint)
+        union = get_args(kind) if get_origin(kind) not in _KINDS else (kind,)
+        entries[name] = Declared(tuple(one for one in union or (kind,) if one is not NoneType), option)
+    return entries
+
+
+@cache
+def keys_of_options() -> dict[str, str]:
+    """Return the configuration's key that each of a run's options sets, by the option's name."""
+    options = {name: entry.option for name, entry in declared(RunOptions).items()}
+    return {name: option.key for name, option in options.items() if option.key is not None}
+
+
+_KINDS: dict[Any, tuple[Any, str]] = {
+    str: (str, "a text"),
+    Path: (os.PathLike, "a path"),
+    float: (Real, "a number"),
+    int: (Integral, "a whole number"),
+    bool: (bool, "True or False"),
+    range: (range, "a range"),
+    list: ((list, tuple), "a list"),
+    Sequence: (Sequence, "a list"),
+    Mapping: (Mapping, "a dictionary"),
+    Callable: (Callable, "a function"),
+}
+
+
+def checked(table: type, options: Mapping[str, object], call: str) -> dict[str, Any]:
+    """Return options as the rest of the package takes them: plain Python values, paths as the table has them.
+
+    Args:
+        table: The table of options.
+        options: Values by name; None where not given.
+        call: What was called, for the message.
+
+    Raises:
+        InputError: There is no such option, or a value has the wrong type or is out of range.
+    """
+    entries = declared(table)
+    for name in options:
+        if name not in entries:
+            near = difflib.get_close_matches(name, entries, n=1)
+            hint = f"did you mean `{near[0]}`?" if near else f"there are {', '.join(entries)}"
+            raise InputError(f"`{name}`: {call} has no such parameter; {hint}")
+    given = {name: value for name, value in options.items() if value is not None}
+    return {name: entry.option.default for name, entry in entries.items()} | {
+        name: _checked_value(name, value, entries[name]) for name, value in given.items()
+    }
+
+
+def _checked_value(name: str, value: object, entry: Declared) -> object:
+    # Arrays and numbers of NumPy become lists and numbers of Python.
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    kinds = [_KINDS[get_origin(one) or one] for one in entry.types]
+    if not any(_is_a(plain, kind) for kind, _ in kinds):
+        words = " or ".join(dict.fromkeys(word for _, word in kinds))
+        raise InputError(f"`{name}`: give {words}, not {_short(value)}")
+    least, most = entry.option.least, entry.option.most
+    if isinstance(plain, int | float) and not ((least is None or plain >= least) and (most is None or plain <= most)):
+        bounds = f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
+        raise InputError(f"`{name}` {plain} is out of range: give {bounds}")
+    if entry.types[0] is Path:
+        return Path(cast("os.PathLike[str]", plain))
+    return os.fspath(plain) if isinstance(plain, os.PathLike) else plain
+
+
+def _is_a(value: object, kind: Any) -> bool:  # noqa: ANN401  a class or several
+    if isinstance(value, bool):
+        return kind is bool
+    return isinstance(value, kind) and not (kind is Sequence and isinstance(value, str))
+
+
+def _short(value: object) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def setting_words(settings: Sequence[str] | Mapping[str, object] | None, parameter: str = "settings") -> list[str]:
+    """Return settings as ``KEY=VALUE`` words, whose values are written as in TOML.
+
+    Raises:
+        InputError: A key is no text, or TOML has no such value.
+    """
+    if not isinstance(settings, Mapping):
+        return list(settings or ())
+    words: list[str] = []
+    for key, value in settings.items():
+        if not isinstance(key, str):
+            raise InputError(f"`{parameter}`: {_short(key)} is no name of a setting, for example 'sensor.range_m'")
+        if isinstance(value, Mapping):
+            words += setting_words({f"{key}.{name}": inner for name, inner in value.items()}, parameter)
+        else:
+            words.append(f"{key}={_as_toml(key, value, parameter)}")
+    return words
+
+
+def _as_toml(key: str, value: object, parameter: str) -> str:
+    import tomli_w  # noqa: PLC0415
+
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    try:
+        return tomli_w.dumps({"value": os.fspath(plain) if isinstance(plain, os.PathLike) else plain})[8:].strip()
+    except TypeError:
+        raise InputError(f"`{parameter}`: {key} can't be set to {_short(value)}; give a number, text or list") from None

@@ -1,1 +1,0 @@
-"""SUMO networks that travel with the package, one folder each."""

@@ -1,0 +1,248 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import harness
+from harness.config.layers import resolve_run_config
+from harness.config.model import RunConfig
+from harness.config.options import RunOptions, checked, declared, keys_of_options, setting_words
+from harness.grid.options import GridOptions, request_of
+from tests.harness.stand_ins import EchoTracker, echo_tracker
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> harness.Run:
+    folder = tmp_path_factory.mktemp("api") / "run"
+    return harness.run(net="us101", density=20, seed=3, duration=1.0, tracker=echo_tracker, out=folder)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"densty": 20}, "`densty`: run has no such parameter; did you mean `density`"),
+        ({"nonsense_at_all": 1}, "`nonsense_at_all`"),
+        ({"density": 70}, "`density`.*65"),
+        ({"density": float("nan")}, "`density`"),
+        ({"density": "many"}, "`density`: give a number, not 'many'"),
+        ({"density": True}, "`density`: give a number, not True"),
+        ({"density": [20]}, "`density`: give a number"),
+        ({"density": 20, "demand": "us101-0805"}, "demand or a density"),
+        ({"demand": "nosuch"}, "`demand` nosuch"),
+        ({"duration": -3.0}, "`duration`"),
+        ({"seed": 1.5}, "`seed`: give a whole number, not 1.5"),
+        ({"seed": -1}, "`seed`"),
+        ({"particles": 0}, "`particles`"),
+        ({"net": "nosuch"}, "`net` nosuch"),
+        ({"net": 3}, "`net`: give a text or a path, not 3"),
+        ({"net": Path("nosuch.sumocfg")}, "`net` nosuch.sumocfg"),
+        ({"sensor": "sonar"}, "`sensor`.*sonar"),
+        ({"tracker": "nosuch"}, "`tracker` nosuch"),
+        ({"tracker": 3}, "`tracker`: give a text or a function, not 3"),
+        ({"tracker": "no_such_module:make"}, "no_such_module"),
+        ({"model": "nosuch"}, "`model`.*nosuch"),
+        ({"update": "nosuch"}, "update"),
+        ({"model_file": "nosuch.npz"}, "nosuch.npz"),
+        ({"replay": "nosuch"}, "`replay`: .*nosuch"),
+        ({"format": "ngsim"}, "`format`"),
+        ({"ego": "auto"}, "`ego`"),
+        ({"config": "nosuch.toml"}, "`config`: can't read nosuch.toml"),
+        ({"settings": {"sensor.rnge_m": 80}}, "sensor.rnge_m"),
+        ({"settings": {"sensor.range_m": object()}}, "`settings`: sensor.range_m"),
+        ({"settings": {3: 4}}, "`settings`: 3"),
+        ({"settings": ["nonsense"]}, "`settings`: 'nonsense'"),
+        ({"settings": 5}, "`settings`: give a list or a dictionary"),
+        ({"settings": {"tracker.options.gate": 3}}, "gate"),
+        ({"out": 7}, "`out`: give a path or a text"),
+        ({"out": "/dev/null/run"}, "`out`"),
+        ({"out": "."}, "`out`"),
+        ({"force": 1}, "`force`: give True or False, not 1"),
+        ({"video": "film.avi"}, "`video`.*mp4"),
+    ],
+)
+def test_wrong_input_to_a_run_is_one_sentence_and_leaves_nothing(options, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(harness.InputError, match=words) as told:
+        harness.run(**options)
+    assert "\n" not in str(told.value)
+    assert "--" not in str(told.value)
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"densitys": 20}, "did you mean `densities`"),
+        ({"densities": [20, "many"]}, "`densities`.*'many'"),
+        ({"densities": [3]}, "`densities`"),
+        ({"densities": "5:65"}, "`densities`"),
+        ({"densities": [20], "demands": ["us101-0805"]}, "`demands`"),
+        ({"seeds": []}, "`seeds`"),
+        ({"seeds": [1, 3]}, "`seeds`: give seeds that follow each other"),
+        ({"seeds": 0}, "`seeds`"),
+        ({"seeds": 1.5}, "`seeds`: give"),
+        ({"trackers": []}, "`trackers`"),
+        ({"trackers": ["nosuch"]}, "nosuch"),
+        ({"trackers": [lambda setting, options: None]}, "`trackers`: worker processes"),
+        ({"models": ["gmm", "gmm"]}, "`models`"),
+        ({"models": ["nosuch"]}, "nosuch"),
+        ({"vary": {"sensor.range_m": "far"}}, "`vary`"),
+        ({"vary": {"seed": [1, 2]}}, "`vary` seed"),
+        ({"workers": 0}, "`workers` 0 is out of range: give 1 or more"),
+        ({"workers": 2, "scheduler": "tcp://nowhere:1"}, "`workers`"),
+        ({"replay": "nosuch.csv"}, "nosuch.csv"),
+        ({"timeout_per_run": 0.0}, "`timeout_per_run`"),
+        ({"net": "nosuch"}, "`net` nosuch"),
+    ],
+)
+def test_wrong_input_to_a_stress_test_is_one_sentence(options, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(harness.InputError, match=words) as told:
+        harness.stress(**options)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("call", [lambda: harness.open_run("nosuch"), lambda: harness.compare("nosuch", "neither")])
+def test_a_folder_that_is_not_there_is_named(call):
+    with pytest.raises(harness.InputError, match="nosuch"):
+        call()
+
+
+def test_every_option_of_the_configuration_names_a_key_that_there_is():
+    def keys(model, prefix=""):
+        for name, field in model.model_fields.items():
+            inner = [kind for kind in (field.annotation, *getattr(field.annotation, "__args__", ())) if kind]
+            models = [kind for kind in inner if hasattr(kind, "model_fields")]
+            yield from keys(models[0], f"{prefix}{name}.") if models else [f"{prefix}{name}"]
+
+    assert set(keys_of_options().values()) <= set(keys(RunConfig))
+
+
+def test_numbers_and_paths_of_any_kind_become_plain_ones():
+    values = checked(RunOptions, {"seed": np.int64(3), "density": np.float32(20.0), "net": Path("here")}, "run")
+    assert values["seed"] == 3
+    assert type(values["seed"]) is int
+    assert type(values["density"]) is float
+    assert values["net"] == "here"
+
+
+def test_a_dictionary_of_settings_says_what_the_command_line_says():
+    told = {
+        "sensor.range_m": 80,
+        "tracker.options": {"joint": {"gate_std": 4.0}},
+        "sensor.word": "b c",
+        "sensor.on": True,
+    }
+    words = ["sensor.range_m=80", "tracker.options.joint.gate_std=4.0", 'sensor.word="b c"', "sensor.on=true"]
+    assert resolve_run_config(settings=setting_words(told)) == resolve_run_config(settings=words)
+
+
+@pytest.mark.parametrize(
+    ("given", "typed"),
+    [
+        ({"densities": [20, 45], "seeds": range(0, 3)}, {"densities": "20,45", "seeds": "0:3"}),
+        ({"densities": 20, "seeds": 4}, {"densities": "20", "seeds": "4"}),
+        ({"densities": np.array([20.0, 45.0]), "seeds": [5, 6]}, {"densities": "20.0,45.0", "seeds": "5:7"}),
+        ({"densities": "5:65:10", "models": ["gmm", "cvm"]}, {"densities": "5:65:10", "models": "gmm,cvm"}),
+        ({"vary": {"sensor.range_m": [40, 60]}}, {"vary": ["sensor.range_m=40,60"]}),
+        ({"trackers": ["mmpf", echo_tracker]}, {"trackers": "mmpf,tests.harness.stand_ins:echo_tracker"}),
+        ({"settings": {"sensor.range_m": 80}}, {"settings": ["sensor.range_m=80"]}),
+    ],
+)
+def test_lists_of_python_are_the_lists_of_the_command_line(given, typed):
+    def request(options):
+        return request_of(checked(GridOptions, options, "stress"))
+
+    assert request(given) == request(typed)
+
+
+def test_tables_of_options_hold_what_the_functions_take():
+    assert {"net", "density", "settings", "out"} <= set(declared(RunOptions))
+    assert {"densities", "seeds", "trackers", "workers"} <= set(declared(GridOptions))
+
+
+@pytest.mark.parametrize("package", ["harness", "mmpf"])
+def test_importing_loads_neither_sumo_nor_figures(package):
+    script = (
+        f"import sys, {package}; [getattr({package}, name) for name in {package}.__all__];"
+        "print([name for name in ('libsumo', 'matplotlib') if name in sys.modules])"
+    )
+    answer = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "[]"
+
+
+def test_a_name_that_the_package_does_not_have_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="nosuch"):
+        _ = harness.nosuch
+
+
+def test_a_run_leaves_its_folder_and_tables(run):
+    assert {"episode", "step", "vehicle_id", "is_ego"} <= set(run.truth)
+    assert run.tracks["step"].max() == run.truth["step"].max()
+    assert len(run.detections)
+    assert set(run.errors["outcome"])
+    assert "outcome" in run.events
+    assert run.report() == run.folder / "report.html"
+    assert run.report().is_file()
+
+
+def test_metrics_are_the_numbers_of_the_file_by_dotted_name(run):
+    content = json.loads((run.folder / "metrics.json").read_text())
+    assert run.metrics.loc["mot.hota", "value"] == content["mot"]["hota"]
+    assert run.metrics.index.is_unique
+    assert run.metrics["value"].dtype == float
+
+
+def test_a_folder_is_opened_again(run):
+    opened = harness.open_run(run.folder)
+    pd.testing.assert_frame_equal(opened.metrics, run.metrics)
+
+
+def test_the_manifest_tells_the_call(run):
+    manifest = json.loads((run.folder / "manifest.json").read_text())
+    assert manifest["command"].startswith(
+        "harness.run(net='us101', density=20, seed=3, duration=1.0, tracker=echo_tracker"
+    )
+
+
+def test_a_tracker_handed_over_is_one_named_by_its_place(run, tmp_path):
+    named = harness.run(
+        net="us101",
+        density=20,
+        seed=3,
+        duration=1.0,
+        tracker="tests.harness.stand_ins:echo_tracker",
+        out=tmp_path / "named",
+    )
+    pd.testing.assert_frame_equal(named.tracks, run.tracks)
+    assert (named.folder / "config.toml").read_text() == (run.folder / "config.toml").read_text()
+
+
+def test_a_tracker_that_no_module_has_by_name_runs_too(tmp_path):
+    handed = harness.run(
+        density=20, duration=0.5, tracker=lambda setting, options: EchoTracker(setting), out=tmp_path / "run"
+    )
+    assert len(handed.tracks)
+
+
+def test_a_run_that_breaks_part_way_says_so(tmp_path):
+    class Breaking(EchoTracker):
+        def step(self, scan):
+            if scan.time_s > 0.25:
+                raise RuntimeError("enough")
+            return super().step(scan)
+
+    with pytest.raises(harness.RunError, match="enough"):
+        harness.run(density=20, duration=1.0, tracker=lambda setting, options: Breaking(setting), out=tmp_path / "run")
+
+
+def test_a_run_is_no_worse_than_itself(run):
+    compared = harness.compare(run, run.folder)
+    assert not compared.regression
+    assert {"metric", "verdict"} <= set(compared.verdicts)

@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import shutil
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import harness
+from harness.cli import run_command_line
+from harness.trackers.catalogue import build_tracker
+from harness.trackers.protocol import TrackerSetting
+from mmpf import SensorModel, highway, motion_model, motion_models
+from mmpf.registry import UnknownNameError
+
+EXAMPLE = Path(__file__).parents[1] / "plugin_example"
+
+
+def install(folder: Path, name: str, entry_points: dict[str, dict[str, str]]) -> None:
+    """Leave what an installer leaves of a package: its name and its entry points."""
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = [
+        line
+        for group, points in entry_points.items()
+        for line in (f"[{group}]", *(f"{key} = {value}" for key, value in points.items()))
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def example(tmp_path, monkeypatch):
+    folder = tmp_path / "site"
+    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]
+    install(folder, project["name"], project["entry-points"])
+    shutil.copy(EXAMPLE / "plugin_example.py", folder)
+    monkeypatch.syspath_prepend(folder)
+    yield folder
+    sys.modules.pop("plugin_example", None)
+
+
+@pytest.fixture
+def setting():
+    return TrackerSetting(road=highway(), sensor=SensorModel(), rng=np.random.default_rng(0))
+
+
+def test_a_tracker_of_another_package_is_found_by_its_name(example, setting):
+    assert type(build_tracker("echo", setting, {})).__name__ == "EchoTracker"
+
+
+def test_a_motion_model_of_another_package_is_found_by_its_name_and_is_listed(example):
+    assert "standstill" in set(motion_models)
+    state = np.ones((6, 3))
+    model = motion_model("standstill")
+    moved, _ = model.propagate(state, np.empty((0, 3)), None, 0.1, np.random.default_rng(0))
+    np.testing.assert_array_equal(moved, state)
+
+
+def test_a_motion_model_that_no_package_declares_is_named_by_its_place(example):
+    assert motion_model("plugin_example:Standstill").name == "standstill"
+    with pytest.raises(UnknownNameError, match="nowhere_at_all"):
+        motion_model("nowhere_at_all:Model")
+
+
+def test_an_unknown_name_is_answered_with_the_plug_ins_too(example, setting):
+    with pytest.raises(harness.InputError, match=r"choose one of echo, mmpf"):
+        build_tracker("ecko", setting, {})
+
+
+def test_a_broken_plug_in_is_told_in_one_line_and_breaks_no_other(example, setting, capsys, tmp_path, monkeypatch):
+    install(example, "broken-one", {"harness.trackers": {"broken": "no_such_module_at_all:Tracker"}})
+    monkeypatch.chdir(tmp_path)
+    assert build_tracker("echo", setting, {})
+    assert run_command_line(["run", "--tracker", "broken"]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 1
+    assert "broken-one" in told[0]
+    assert "no_such_module_at_all" in told[0]
+
+
+def test_a_name_that_two_packages_declare_is_refused_with_both(example, setting):
+    install(example, "twin", {"harness.trackers": {"echo": "plugin_example:EchoTracker"}})
+    with pytest.raises(harness.InputError, match="plugin-example and twin"):
+        build_tracker("echo", setting, {})
+
+
+def test_no_plug_in_takes_the_place_of_a_built_in_tracker(example, setting):
+    install(example, "usurper", {"harness.trackers": {"mmpf": "plugin_example:EchoTracker"}})
+    assert type(build_tracker("mmpf", setting, {"particles": 50})).__name__ == "MixtureTracker"
+
+
+@pytest.mark.slow
+def test_plug_ins_work_in_the_worker_processes_of_a_stress_test(example, tmp_path):
+    grid = harness.stress(
+        densities=[20],
+        seeds=1,
+        duration=1.0,
+        particles=50,
+        trackers=["echo", "mmpf+model=standstill"],
+        workers=1,
+        out=tmp_path / "grid",
+    )
+    assert list(grid.runs["succeeded"]) == [True, True], list(grid.runs["error"])
