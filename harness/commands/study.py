@@ -57,8 +57,8 @@ def command(
     ablation: the tracker with one of its departures from the paper taken
     back at a time, in dense traffic.
 
-    Writes results.json, results.md (tables with 95 % intervals, targets met
-    and missed), figures, and all of it as one page, report.html.
+    Writes results.json, results.md (tables with 95 % intervals), figures,
+    and all of it as one page, report.html.
 
     Examples:
       python -m harness study lane-keeping
@@ -160,8 +160,8 @@ def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callab
 
     try:
         with progress_bar(f"study {plan.study}", plan.runs if plan.study in MODELS else 1, quiet) as advance:
-            result, targets, setting = make_study(plan, network, say, advance)
+            result, setting = make_study(plan, network, say, advance)
     except ValueError as error:
         raise UserError(f"--model-file {plan.model_file}: {error}") from error
-    write_study(result, targets, setting, folder)
-    return _Told(as_json(result, targets, setting), as_markdown(result, targets, setting))
+    write_study(result, setting, folder)
+    return _Told(as_json(result, setting), as_markdown(result, setting))

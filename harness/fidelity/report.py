@@ -14,6 +14,7 @@ from harness.errors import UserError
 from harness.fidelity.comparison import Distance, Fidelity, Period
 from harness.fidelity.figures import draw_figures
 from harness.fidelity.targets import Target
+from harness.writing.markdown import markdown_table
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "target")
 DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
@@ -43,7 +44,7 @@ def as_markdown(result: Fidelity) -> str:
         f"{result.setting['minutes']:g} simulated minutes on each of {len(result.setting['seeds'])} seeds a period; "
         f"the first minutes that the recording undercounts are left out on both sides. Measured: {result.source}.",
         "",
-        *_markdown(TARGET_HEADINGS, target_rows(result)),
+        *markdown_table(TARGET_HEADINGS, target_rows(result)),
         "",
         summary(result),
         "",
@@ -57,7 +58,7 @@ def as_markdown(result: Fidelity) -> str:
             + ", ".join(result.setting["recordings"])
             + ".",
             "",
-            *_markdown(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
+            *markdown_table(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
             "",
         ]
     if result.left_out:
@@ -115,14 +116,6 @@ def _distance_row(entry: Distance) -> tuple[str, ...]:
 
 def _digits(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
-
-
-def _markdown(headings: tuple[str, ...], rows: Iterator[tuple[str, ...]] | list[tuple[str, ...]]) -> list[str]:
-    return [
-        f"| {' | '.join(headings)} |",
-        f"|{'---|' * len(headings)}",
-        *(f"| {' | '.join(row)} |" for row in rows),
-    ]
 
 
 def _table(title: str, headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:

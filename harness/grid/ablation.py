@@ -12,9 +12,9 @@ import pandas as pd
 
 from harness.grid.grid import GridRequest
 from harness.writing.markdown import markdown_table
+from harness.writing.results import write_results
 from mmpf.compute.arrays import FloatArray
 
-RESULTS, PAGE = "results.json", "results.md"
 DEFAULT = "mmpf"
 DRAWS = 2000
 
@@ -132,11 +132,8 @@ def as_markdown(rows: Sequence[dict[str, Any]], setting: str) -> str:
 
 def write_ablation(rows: Sequence[dict[str, Any]], setting: str, folder: Path) -> dict[str, Any]:
     """Write ``results.json`` and ``results.md`` and return what the former holds."""
-    from harness.writing.numbers import as_json  # noqa: PLC0415
-
     content = {"study": "ablation", "setting": setting, "results": list(rows)}
-    (folder / RESULTS).write_text(as_json(content), encoding="utf-8")
-    (folder / PAGE).write_text(as_markdown(rows, setting), encoding="utf-8")
+    write_results(folder, content, as_markdown(rows, setting))
     return content
 
 

@@ -1,4 +1,4 @@
-"""The two studies with their traffic, models and targets put together."""
+"""The two studies with their traffic and models put together."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from harness.driving.scenarios import (
 )
 from harness.errors import UserError
 from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
-from harness.study.targets import Target, lane_change_targets, lane_keeping_targets
 from harness.truth.network.network import Network
 from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, without_lane_changes
 from mmpf.motion.protocol import MotionModel, motion_models
@@ -35,7 +34,6 @@ MODELS = {
     LANE_CHANGE: ("gmm", "gmm-lane-change", "cvm", "cam", "csav", "csaa"),
 }
 OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
-TARGETS = {LANE_KEEPING: lane_keeping_targets, LANE_CHANGE: lane_change_targets}
 STEPS, STEP_S = 101, 0.1
 
 
@@ -92,8 +90,8 @@ class StudyPlan:
 
 def make_study(
     plan: StudyPlan, network: Network, say: Callable[[str], None], progress: Callable[[], None]
-) -> tuple[StudyResult, list[Target], dict[str, Any]]:
-    """Record the traffic where needed, run the study and check its targets.
+) -> tuple[StudyResult, dict[str, Any]]:
+    """Record the traffic where needed and run the study.
 
     Args:
         plan: What to do.
@@ -102,7 +100,7 @@ def make_study(
         progress: Called after each model and occlusion.
 
     Returns:
-        Numbers, targets and the setting.
+        Numbers and the setting.
 
     Raises:
         UserError: An unknown study or model.
@@ -120,9 +118,7 @@ def make_study(
         seed=plan.seed,
         progress=progress,
     )
-    whole = set(MODELS[plan.study]) <= set(models)
-    targets = TARGETS[plan.study](result.rows) if whole else []
-    return result, targets, plan.setting(network, cases.count)
+    return result, plan.setting(network, cases.count)
 
 
 def _cases(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:

@@ -98,14 +98,14 @@ class TransferResult:
         outcomes: In the order of the table.
         rows: What ``--json`` prints under ``results``.
         inputs: How the test traffic lies in the ranges that the learned drivers were trained on.
-        targets: The models trained on simulated traffic held against the others.
+        comparisons: The models trained on simulated traffic held against the others.
         setting: How the study was made.
     """
 
     outcomes: Sequence[Outcome]
     rows: Sequence[Mapping[str, Any]]
     inputs: Sequence[Mapping[str, Any]]
-    targets: Sequence[Comparison]
+    comparisons: Sequence[Comparison]
     setting: Mapping[str, Any]
 
 

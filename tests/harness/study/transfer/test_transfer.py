@@ -106,9 +106,9 @@ def test_where_a_simulated_model_loses_the_study_says_so(windows):
         outcome(windows, "gmm", ON_SUMO, ConstantAcceleration(STILL)),
         outcome(windows, "cvm", ON_NOTHING, ConstantVelocity(STILL)),
     ]
-    targets = compare_transfer(outcomes)
-    assert [target.met for target in targets] == [True, False]
-    (line,) = [line for line in summary_lines(targets) if "LOSES" in line]
+    comparisons = compare_transfer(outcomes)
+    assert [comparison.better for comparison in comparisons] == [True, False]
+    (line,) = [line for line in summary_lines(comparisons) if "LOSES" in line]
     assert line.startswith("- on real pairs, gmm, sumo LOSES to cvm at 10 s")
 
 
@@ -117,10 +117,9 @@ def test_a_model_held_against_itself_is_neither_better_nor_clearly_worse(windows
         outcome(windows, "gmm", ON_SUMO, ConstantVelocity(STILL)),
         outcome(windows, "cvm", ON_NOTHING, ConstantVelocity(STILL)),
     ]
-    for target in compare_transfer(outcomes):
-        assert not target.met
-        assert not target.clear
-        assert "not clear" in target.as_target().measured
+    for comparison in compare_transfer(outcomes):
+        assert not comparison.better
+        assert not comparison.clear
 
 
 def test_inputs_beyond_the_training_range_are_counted(windows):
