@@ -29,7 +29,7 @@ def open_scenario(network: Network, scenario: Scenario) -> TruthSource:
 
     return open_traffic(
         network,
-        density=scenario.density_veh_per_km_lane,
+        demand=scenario.density_veh_per_km_lane,
         duration_s=scenario.duration_s,
         seed=scenario.seed,
         ego=False,

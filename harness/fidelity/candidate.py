@@ -13,8 +13,7 @@ import numpy as np
 from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics
 from harness.fidelity.targets import targets
-from harness.truth.network.demand import DENSITY_RANGE, Equilibrium
-from harness.truth.network.drivers import Drivers
+from harness.truth.network.demand import DENSITY_RANGE, Drivers, Equilibrium
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
 

@@ -84,8 +84,7 @@ def _open_live(config: RunConfig, streams: Streams, gui: bool) -> RunInputs:
         raise UserError(f"--density: {network.name} brings its own demand; leave --density out")
     truth = open_traffic(
         network,
-        density=traffic.density,
-        demand=traffic.demand,
+        demand=traffic.density if traffic.demand is None else traffic.demand,
         duration_s=traffic.duration_s,
         seed=streams.truth,
         gui=gui,

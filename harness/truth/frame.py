@@ -14,6 +14,9 @@ from mmpf.road import Road
 
 StringArray = npt.NDArray[np.str_]
 
+STEP_S = 0.1
+"""Time between the frames of every source, seconds."""
+
 EVERYWHERE = (-np.inf, np.inf)
 # Columns of the truth table that hold a frame's window; absent where it is everywhere.
 WINDOW_COLUMNS = ("window_start_m", "window_end_m")

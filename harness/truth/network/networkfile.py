@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import UserError
-from harness.truth.network.demand import DENSITY_RANGE
-from harness.truth.network.drivers import Drivers
+from harness.truth.network.demand import DENSITY_RANGE, Drivers
 
 METADATA_FILE = "network.toml"
 

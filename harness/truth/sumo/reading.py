@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.truth.frame import Frame
-from harness.truth.sumo.ego import NO_EGO_INDEX
 from harness.truth.sumo.session import Sumo
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE, Road
 
+NO_EGO_INDEX = -1
 BESIDE_SECTION_M = 150.0
 OFF_ROAD_WITHIN_M = 15.0
 
