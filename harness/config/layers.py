@@ -17,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.errors import UserError
 from harness.runfolder import folder as runfolder
+from harness.writing.problems import first_problem
 
 Table = dict[str, Any]
 
@@ -155,16 +156,12 @@ def _merge_into(merged: Table, layer: Table) -> None:
 
 
 def _first_problem(error: ValidationError) -> str:
-    problem = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in problem["loc"])
-    if problem["type"] == "extra_forbidden":
+    key, message, given, unknown = first_problem(error)
+    if unknown:
         return f"unknown key {key!r}{_nearest(key)}"
     option = OPTION_OF_KEY.get(key)
     place = f"{option} ({key})" if option else key or "configuration"
-    message = problem["msg"].removeprefix("Value error, ")
-    if isinstance(problem["input"], dict):
-        return f"{place}: {message}"
-    return f"{place}: {message[0].lower()}{message[1:]}, not {problem['input']!r}"
+    return f"{place}: {message}" if isinstance(given, dict) else f"{place}: {message}, not {given!r}"
 
 
 def _nearest(key: str) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from harness.grid.grid import GridRequest
+from harness.writing.files import write_results
 from harness.writing.markdown import markdown_table
-from harness.writing.results import write_results
 from mmpf.compute.arrays import FloatArray
 
 DEFAULT = "mmpf"

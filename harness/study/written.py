@@ -9,9 +9,9 @@ from typing import Any
 
 from harness.study.figures import draw_study
 from harness.study.study import StudyResult
+from harness.writing.files import write_results
 from harness.writing.markdown import markdown_table
 from harness.writing.numbers import rounded
-from harness.writing.results import write_results
 
 Row = Mapping[str, Any]
 DECIMALS = 5

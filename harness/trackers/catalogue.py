@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from harness.errors import UserError
 from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker, trackers
+from harness.writing.problems import first_problem
 
 
 @dataclass(frozen=True)
@@ -116,9 +117,8 @@ def _import_factory(path: str) -> TrackerFactory:
 
 
 def _first_option_error(tracker: str, error: ValidationError) -> str:
-    first = error.errors()[0]
-    option = ".".join(str(part) for part in first["loc"])
-    return f"tracker option {option!r} of {tracker}: {first['msg']}"
+    problem = first_problem(error)
+    return f"tracker option {problem.key!r} of {tracker}: {problem.message}"
 
 
 TUNED_FILE = Path(__file__).with_name("tuned.toml")

@@ -32,8 +32,7 @@ from harness.training.driver_fit import (
     following_records,
     short_samples,
 )
-from harness.training.idm_fit import adaptive_toml, fit_adaptive, fit_idm, idm_toml
-from harness.training.noise_fit import fit_noise, noise_toml
+from harness.training.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.truth.network.network import Network
 from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import SizeScore, sweep_sizes
@@ -119,12 +118,10 @@ def _fit_rivals(
     """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
     say("fitting the rivals' parameters and noise")
     driver = fit_idm(windows, plan.seed, STEP_S)
-    (plan.out / "idm_fitted.toml").write_text(idm_toml(driver), encoding="utf-8")
     every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
     adaptive = fit_adaptive(windows, plan.seed, STEP_S)
-    (plan.out / "idm_adaptive.toml").write_text(adaptive_toml(adaptive), encoding="utf-8")
     noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver, adaptive)
-    (plan.out / "process_noise.toml").write_text(noise_toml(noise), encoding="utf-8")
+    write_rivals(plan.out, driver, adaptive, noise)
 
 
 def _train_keeping(

@@ -11,7 +11,7 @@ import numpy as np
 from harness.driving.following import Following
 from harness.study.transfer.traffic import STEP_S, HeldOutSet, Say, as_one_vehicle_each
 from harness.training.driver_fit import fit_follower, fit_short
-from harness.training.idm_fit import fit_idm
+from harness.training.rival_fit import fit_idm
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import IntelligentDriver
 from mmpf.motion.kinematics import process_noise

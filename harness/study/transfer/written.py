@@ -16,9 +16,9 @@ from harness.study.transfer.models import ON_BOTH, ON_REAL
 from harness.study.transfer.transfer import TransferResult
 from harness.study.transfer.verdicts import Comparison
 from harness.study.written import DECIMALS, error_cell, setting_line
+from harness.writing.files import write_results
 from harness.writing.markdown import markdown_table
 from harness.writing.numbers import rounded
-from harness.writing.results import write_results
 
 if TYPE_CHECKING:
     from harness.study.transfer.traffic import HeldOutPart

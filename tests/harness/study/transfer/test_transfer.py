@@ -161,7 +161,7 @@ def little(monkeypatch, windows, tmp_path) -> TransferPlan:
     for name, value in (("FOLLOWING_SAMPLES", 3000), ("SHORT_SAMPLES", 3000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
     monkeypatch.setattr(transfer_models, "COMPONENTS", 3)
-    monkeypatch.setattr("harness.training.idm_fit.GENERATIONS", 1)
+    monkeypatch.setattr("harness.training.rival_fit.GENERATIONS", 1)
     monkeypatch.setattr(transfer, "_simulated_windows", lambda *arguments: windows)
     cars = tuple(Car(k, 40.0 + 30.0 * k, 9.0, 8.0, to_s=11.0) for k in range(1, 5))
     (tmp_path / "ngsim").mkdir()
