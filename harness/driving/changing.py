@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
-from harness.driving.neighbours import NOBODY, Ordering, order_by_lane, row_ahead, row_behind
-from harness.driving.recording import Recording
+from harness.driving.neighbours import NOBODY, Ordering, Others, order_by_lane, row_ahead, row_behind
+from harness.driving.recording import Recording, load_all
+from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import NO_LANE, Road
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 HALF_WINDOW_S = 5.0
-
-
-@dataclass(frozen=True)
-class Others:
-    """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
-
-    lon_m: FloatArray
-    speed_mps: FloatArray
-    accel_mps2: FloatArray
-    length_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -96,6 +88,11 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
         follower=_others(recording, _behind(ordering, step, on_target, lon)),
         target_leader=_others(recording, _ahead(ordering, step, on_target, lon)),
     )
+
+
+def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
+    """Cut recordings that lie in files into windows around lane changes."""
+    return join_changes([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)])
 
 
 def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:

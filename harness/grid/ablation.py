@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from harness.grid.grid import GridRequest
+from harness.scoring.statistics import independent_ci
 from harness.writing.files import write_results
 from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
@@ -152,9 +153,8 @@ def _cell(row: dict[str, Any], measure: Measure) -> str:
 def _interval(differences: FloatArray) -> tuple[float, float] | None:
     if len(differences) < 2:
         return None
-    draws = np.random.default_rng(0).choice(differences, (DRAWS, len(differences))).mean(axis=1)
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return round(float(low), 4), round(float(high), 4)
+    interval = independent_ci(differences, np.random.default_rng(0), DRAWS)
+    return round(interval.low, 4), round(interval.high, 4)
 
 
 def _number(value: float) -> float | None:
