@@ -127,7 +127,7 @@ def command(
     from harness.config.model import brings_its_own_demand  # noqa: PLC0415
     from harness.errors import RunError, UserError  # noqa: PLC0415
     from harness.grid.grid import GridRequest  # noqa: PLC0415
-    from harness.grid.stress import run_stress  # noqa: PLC0415
+    from harness.grid.stress import Telling, run_stress  # noqa: PLC0415
 
     files = _files_of(replay or [])
     given = densities is not None or demands is not None or bool(files)
@@ -156,9 +156,11 @@ def command(
             execute,
             resume=resume or retry_failed,
             retry_failed=retry_failed,
-            quiet=quiet,
-            warn=lambda line: typer.echo(f"warning: {line}", err=True),
-            tell=lambda text: None if quiet else typer.echo(text, err=True),
+            user=Telling(
+                quiet,
+                warn=lambda line: typer.echo(f"warning: {line}", err=True),
+                tell=lambda text: None if quiet else typer.echo(text, err=True),
+            ),
             command=shlex.join(["harness", *sys.argv[1:]]),
         )
     from harness.report.folderpage import write_page  # noqa: PLC0415

@@ -123,7 +123,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
 
     from harness.grid.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
     from harness.grid.pool import run_cells  # noqa: PLC0415
-    from harness.grid.stress import RUNS, run_stress  # noqa: PLC0415
+    from harness.grid.stress import RUNS, Telling, run_stress  # noqa: PLC0415
 
     request = ablation_request(net, seeds, ABLATION_S)
     finished = run_stress(
@@ -131,7 +131,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
         folder,
         lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
         resume=(folder / RUNS).exists() or (folder / "grid.json").exists(),
-        quiet=quiet,
+        user=Telling(quiet),
         command="harness study ablation",
     )
     rows = ablation_rows(pd.read_parquet(finished.folder / RUNS))
