@@ -7,7 +7,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from harness.runfolder.finished import RecordedRun
+from harness.report.finished import RecordedRun
 
 FILE = "fcd.xml"
 

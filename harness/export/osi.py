@@ -18,7 +18,8 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 
-from harness.runfolder.finished import RecordedRun
+from harness.report.finished import RecordedRun
+from harness.runfolder.tables import floats
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Road
@@ -61,14 +62,14 @@ def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
     truth = run.truth
     x, y, heading = _in_plane(truth, run.road)
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
-    speed, lat_speed, accel, length, width = (_floats(truth, name) for name in names)
-    along = run.road.heading_at(_floats(truth, "lon_m"))
+    speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
+    along = run.road.heading_at(floats(truth, "lon_m"))
     velocity_x = speed * np.cos(along) - lat_speed * np.sin(along)
     velocity_y = speed * np.sin(along) + lat_speed * np.cos(along)
     is_ego = truth["is_ego"].to_numpy(dtype=bool)
     for rows in _steps(truth).values():
         message = GroundTruth()
-        _stamp(message, float(_floats(truth, "time_s")[rows.start]))
+        _stamp(message, float(floats(truth, "time_s")[rows.start]))
         for i in range(rows.start, rows.stop):
             vehicle = message.moving_object.add(type=MovingObject.TYPE_VEHICLE)
             vehicle.id.value = int(number[i])
@@ -145,9 +146,9 @@ def _place(base: Any, x: float, y: float, z: float, yaw: float, size: tuple[floa
 
 def _in_plane(table: pd.DataFrame, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, y and heading in the plane; what has no heading of its own points along the road."""
-    lon, lat = _floats(table, "lon_m"), _floats(table, "lat_m")
+    lon, lat = floats(table, "lon_m"), floats(table, "lat_m")
     x, y = road.to_cartesian(lon, lat)
-    turn = _floats(table, "heading_rad") if "heading_rad" in table else np.zeros(len(table))
+    turn = floats(table, "heading_rad") if "heading_rad" in table else np.zeros(len(table))
     return x, y, road.heading_at(lon) + turn
 
 
@@ -155,7 +156,3 @@ def _steps(table: pd.DataFrame) -> dict[int, slice]:
     steps, first = np.unique(table["step"].to_numpy(dtype=np.int64), return_index=True)
     ends = np.append(first[1:], len(table))
     return {int(step): slice(int(begin), int(end)) for step, begin, end in zip(steps, first, ends, strict=True)}
-
-
-def _floats(table: pd.DataFrame, column: str) -> FloatArray:
-    return table[column].to_numpy(dtype=np.float64)

@@ -224,8 +224,7 @@ class _Attempt:
         write_run_page(self.folder)
 
     def _draw(self, scored: ScoredRun) -> None:
-        from harness.report.diagnostics_figure import FILE, diagnostics_figure  # noqa: PLC0415
-        from harness.report.figures import draw_figures  # noqa: PLC0415
+        from harness.report.figures import DIAGNOSTICS, diagnostics_figure, draw_figures  # noqa: PLC0415
 
         assert self.inputs is not None
         folder = self.folder / runfolder.FIGURES
@@ -235,7 +234,7 @@ class _Attempt:
         )
         diagnostics = self.diagnostics.table()
         if diagnostics is not None:
-            diagnostics_figure(diagnostics, self.config.title()).savefig(folder / FILE)
+            diagnostics_figure(diagnostics, self.config.title()).savefig(folder / DIAGNOSTICS)
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:
