@@ -66,10 +66,11 @@ def command(
       python -m harness study transfer --real-data ../shared/realdata
       python -m harness study ablation
     """
-    from harness.config.lists import seed_range  # noqa: PLC0415
+    from harness.config.lists import seed_values  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
-    first, count = seed_range(seeds or ("0:4" if case == "ablation" else "0:16"))
+    traffic = seed_values(seeds or ("0:4" if case == "ablation" else "0:16"))
+    first, count = traffic.start, len(traffic)
     folder = out or Path("results") / f"study-{case}"
 
     def say(line: str) -> None:

@@ -37,14 +37,15 @@ def command(
       python -m harness train --net us101 --case lane-keeping
       python -m harness train --case lane-change --components 40 --no-sweep
     """
-    from harness.config.lists import seed_range  # noqa: PLC0415
+    from harness.config.lists import seed_values  # noqa: PLC0415
     from harness.driving.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
     from harness.errors import UserError  # noqa: PLC0415
     from harness.training.train import TrainingPlan, train  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     seeds = seeds or ("1000:1040" if case == "lane-change" else "1000:1032")
-    first, count = seed_range(seeds)
+    traffic = seed_values(seeds)
+    first, count = traffic.start, len(traffic)
     if first < FIRST_TRAINING_SEED:
         raise UserError(
             f"--seeds {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -43,18 +43,7 @@ class LaneChanges:
 
     def take(self, chosen: IntArray) -> LaneChanges:
         """Return some of the windows."""
-
-        def some(others: Others) -> Others:
-            return Others(**{column.name: getattr(others, column.name)[chosen] for column in fields(Others)})
-
-        return LaneChanges(
-            self.state[:, chosen],
-            self.length_m[chosen],
-            self.lane_width_m[chosen],
-            some(self.leader),
-            some(self.follower),
-            some(self.target_leader),
-        )
+        return _made_of([self], lambda columns, axis: columns[0].take(chosen, axis))
 
 
 def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
@@ -114,22 +103,21 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
 
 def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:
     """Put the windows of several recordings together."""
+    return _made_of(parts, np.concatenate)
 
-    def all_of(name: str) -> Others:
-        return Others(
-            **{
-                column.name: np.concatenate([getattr(getattr(part, name), column.name) for part in parts])
-                for column in fields(Others)
-            }
-        )
+
+def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
+    """Return windows whose every column is made of the parts' columns, given which of its axes runs over windows."""
+
+    def others(name: str) -> Others:
+        sides = [getattr(part, name) for part in parts]
+        return Others(*(make([getattr(side, column.name) for side in sides], 0) for column in fields(Others)))
 
     return LaneChanges(
-        np.concatenate([part.state for part in parts], axis=1),
-        np.concatenate([part.length_m for part in parts]),
-        np.concatenate([part.lane_width_m for part in parts]),
-        all_of("leader"),
-        all_of("follower"),
-        all_of("target_leader"),
+        make([part.state for part in parts], 1),
+        make([part.length_m for part in parts], 0),
+        make([part.lane_width_m for part in parts], 0),
+        *(others(name) for name in ("leader", "follower", "target_leader")),
     )
 
 

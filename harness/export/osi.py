@@ -21,8 +21,7 @@ from osi3.osi_sensordata_pb2 import SensorData
 from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import Road
+from mmpf.compute.arrays import IntArray
 
 Columns = dict[str, list[Any]]
 Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]
@@ -60,7 +59,7 @@ def _write_trace(path: Path, messages: Iterable[Any]) -> None:
 
 def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
     truth = run.truth
-    x, y, heading = _in_plane(truth, run.road)
+    x, y, heading = run.in_plane(truth)
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
     speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
     along = run.road.heading_at(floats(truth, "lon_m"))
@@ -87,8 +86,8 @@ def _sensor_data(
     run: RecordedRun, table: pd.DataFrame, describe: Describe, numbers: Mapping[str, int]
 ) -> Iterator[SensorData]:
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
-    ego_x, ego_y, ego_heading = _in_plane(egos, run.road)
-    x, y, heading = _in_plane(table, run.road)
+    ego_x, ego_y, ego_heading = run.in_plane(egos)
+    x, y, heading = run.in_plane(table)
     rows_of = _steps(table)
     columns = {str(name): table[name].tolist() for name in table}
     for k, (step, time_s) in enumerate(zip(egos["step"].tolist(), egos["time_s"].tolist(), strict=True)):
@@ -142,14 +141,6 @@ def _place(base: Any, x: float, y: float, z: float, yaw: float, size: tuple[floa
     base.position.x, base.position.y, base.position.z = x, y, z
     base.orientation.yaw = (yaw + np.pi) % (2.0 * np.pi) - np.pi
     base.dimension.length, base.dimension.width, base.dimension.height = *size, HEIGHT_M
-
-
-def _in_plane(table: pd.DataFrame, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x, y and heading in the plane; what has no heading of its own points along the road."""
-    lon, lat = floats(table, "lon_m"), floats(table, "lat_m")
-    x, y = road.to_cartesian(lon, lat)
-    turn = floats(table, "heading_rad") if "heading_rad" in table else np.zeros(len(table))
-    return x, y, road.heading_at(lon) + turn
 
 
 def _steps(table: pd.DataFrame) -> dict[int, slice]:

@@ -11,7 +11,6 @@ import rerun as rr
 
 from harness.report.finished import RecordedRun
 from harness.report.scene import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
-from harness.runfolder.tables import floats
 from mmpf.compute.arrays import FloatArray
 
 FILE = "run.rrd"
@@ -94,15 +93,13 @@ def _lanes(run: RecordedRun) -> Any:  # noqa: ANN401
 
 
 def _places(run: RecordedRun, table: pd.DataFrame, height_m: float) -> FloatArray:
-    x, y = run.road.to_cartesian(floats(table, "lon_m"), floats(table, "lat_m"))
+    x, y, _ = run.in_plane(table)
     return np.column_stack([x, y, np.full(len(x), height_m)])
 
 
 def _turns(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
     """Return quaternions (x, y, z, w) about the vertical, shape (n, 4)."""
-    heading = run.road.heading_at(floats(table, "lon_m"))
-    if "heading_rad" in table:
-        heading = heading + floats(table, "heading_rad")
+    _, _, heading = run.in_plane(table)
     zero = np.zeros_like(heading)
     return np.column_stack([zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading)])
 

@@ -5,12 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from harness.config.lists import seed_range
 from harness.driving.cases import Cases, following_cases
 from harness.driving.filtering import MeasurementNoise, follow, measure
 from harness.driving.following import following_windows
 from harness.driving.scores import mean_with_interval, score, weighted_crps
-from harness.errors import UserError
 from harness.study.study import COMPLETE, PARTIAL, run_study
 from harness.study.written import as_json, as_markdown, write_study
 from mmpf.motion.kinematic import ConstantAcceleration, ConstantVelocity
@@ -123,13 +121,3 @@ def test_a_study_leaves_numbers_a_page_and_pictures(result, tmp_path):
     assert stored == json.loads(json.dumps(as_json(result, {"seed": 0})))
     names = {path.name for path in tmp_path.iterdir()}
     assert {f"lane-keeping-{o}-{k}.png" for o in (PARTIAL, COMPLETE) for k in ("errors", "particles")} <= names
-
-
-@pytest.mark.parametrize("text", ["", "5", "5:5", "7:3", "a:b", "-1:3"])
-def test_a_range_of_seeds_that_is_none_is_refused(text):
-    with pytest.raises(UserError, match="--seeds"):
-        seed_range(text)
-
-
-def test_a_range_of_seeds_leaves_its_end_out():
-    assert seed_range("3:10") == (3, 7)

@@ -18,7 +18,7 @@ from mmpf.motion.learned.short_driver import load_short_driver
     [
         (["--case", "parking"], "--case parking"),
         (["--seeds", "0:5"], "kept for tuning and reporting"),
-        (["--seeds", "5"], "give a range"),
+        (["--seeds", "5:5"], "a range A:B"),
         (["--net", "nowhere"], "nowhere"),
     ],
 )
