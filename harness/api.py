@@ -49,7 +49,7 @@ class Run:
         import pandas as pd  # noqa: PLC0415
 
         from harness.grid.rows import flattened  # noqa: PLC0415
-        from harness.runfolder.finished import read_metrics  # noqa: PLC0415
+        from harness.report.finished import read_metrics  # noqa: PLC0415
 
         flat = flattened(read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
@@ -253,7 +253,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
         request = request_of(values)
         if values["scheduler"] is not None and values["workers"] is not None:
             raise InputError("`workers`: the cluster has its own workers; leave it out with `scheduler`")
-        from harness.grid.stress import run_stress  # noqa: PLC0415
+        from harness.grid.stress import Telling, run_stress  # noqa: PLC0415
         from harness.report.folderpage import write_page  # noqa: PLC0415
 
         with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
@@ -263,9 +263,11 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 execute,
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                quiet=quiet,
-                warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
-                tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+                user=Telling(
+                    quiet,
+                    warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
+                    tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+                ),
                 command=command,
             )
         write_page(finished.folder)

@@ -10,11 +10,12 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from harness.bench.scene import STEP_S, BenchScene
+from harness.bench.scene import BenchScene
 from harness.running.memory import keep_freed_memory
 from harness.running.watchers import DiagnosedTracker
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
+from harness.truth.frame import STEP_S
 from mmpf.scan import Scan
 from mmpf.tracks import TENTATIVE, Tracks
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
@@ -18,7 +19,6 @@ from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 LANES = 5
 SPACING_M = 22.0
 SPEED_MPS = 15.0
-STEP_S = 0.1
 STD_LON_M, STD_LAT_M = 0.3, 0.2
 JITTER_M = 4.0
 

@@ -75,19 +75,23 @@ def _name(row: dict[str, Any]) -> str:
 
 
 def _times(rows: Sequence[dict[str, Any]], title: str, cell: Callable[[dict[str, Any]], str]) -> Table:
-    table = Table(title=title)
     counts = sorted({row["vehicles"] for row in rows})
-    table.add_column("tracker")
-    table.add_column("particles", justify="right")
-    for count in counts:
-        table.add_column(f"{count} vehicles", justify="right")
-    table.add_column("peak MB", justify="right")
+    table = _table(title, ["tracker"], ["particles", *(f"{count} vehicles" for count in counts), "peak MB"])
     for name in dict.fromkeys(_name(row) for row in rows):
         own = {row["vehicles"]: row for row in rows if _name(row) == name}
         particles = next(iter(own.values()))["particles"]
         cells = [cell(own[count]) for count in counts]
         peak = max(row["peak_mb"] for row in own.values())
         table.add_row(name, "" if particles is None else str(particles), *cells, f"{peak:.0f}")
+    return table
+
+
+def _table(title: str, words: Sequence[str], numbers: Sequence[str]) -> Table:
+    table = Table(title=title)
+    for heading in words:
+        table.add_column(heading)
+    for heading in numbers:
+        table.add_column(heading, justify="right")
     return table
 
 
@@ -107,13 +111,10 @@ def _busyness(rows: Sequence[dict[str, Any]]) -> float:
 
 
 def _stages(rows: Sequence[dict[str, Any]]) -> Table:
-    table = Table(title="Stages of this project's tracker, median ms")
     told = [row for row in rows if row["stages_ms_p50"]]
     counts = sorted({row["vehicles"] for row in told})
-    table.add_column("tracker")
-    table.add_column("stage")
-    for count in counts:
-        table.add_column(f"{count} vehicles", justify="right")
+    heads = [f"{count} vehicles" for count in counts]
+    table = _table("Stages of this project's tracker, median ms", ["tracker", "stage"], heads)
     for name in dict.fromkeys(_name(row) for row in told):
         own = {row["vehicles"]: row["stages_ms_p50"] for row in told if _name(row) == name}
         for stage in dict.fromkeys(stage for stages in own.values() for stage in stages):
@@ -124,21 +125,16 @@ def _stages(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _slopes(slopes: Sequence[dict[str, Any]]) -> Table:
-    table = Table(title="Slope of the log-log plot")
-    for column in ("tracker", "from", "to", "slope", "by processor time"):
-        table.add_column(column, justify="left" if column == "tracker" else "right")
+    table = _table("Slope of the log-log plot", ["tracker"], ["from", "to", "slope", "by processor time"])
     for row in slopes:
         table.add_row(_name(row), str(row["from"]), str(row["to"]), f"{row['slope']:.2f}", f"{row['slope_cpu']:.2f}")
     return table
 
 
 def _mixtures(rows: Sequence[dict[str, Any]]) -> Table:
-    table = Table(title="Sampling from a conditional Gaussian mixture")
-    for column in ("components", "inputs", "particles", "ms", "bare matrix product, ms"):
-        table.add_column(column, justify="right")
+    heads = ["components", "inputs", "particles", "ms", "bare matrix product, ms"]
+    table = _table("Sampling from a conditional Gaussian mixture", [], heads)
     for row in rows:
-        table.add_row(
-            str(row["components"]), str(row["inputs"]), str(row["particles"]), f"{row['ms']:.2f}",
-            f"{row['matrix_product_ms']:.2f}",
-        )  # fmt: skip
+        sizes = (str(row[name]) for name in ("components", "inputs", "particles"))
+        table.add_row(*sizes, f"{row['ms']:.2f}", f"{row['matrix_product_ms']:.2f}")
     return table

@@ -53,8 +53,8 @@ def command(options: Options) -> None:
     ablation: the tracker with one of its departures from the paper taken
     back at a time, in dense traffic.
 
-    Writes results.json, results.md (tables with 95 % intervals, targets met
-    and missed), figures, and all of it as one page, report.html.
+    Writes results.json, results.md (tables with 95 % intervals), figures,
+    and all of it as one page, report.html.
 
     Examples:
       python -m harness study lane-keeping
@@ -62,11 +62,12 @@ def command(options: Options) -> None:
       python -m harness study transfer --real-data ../shared/realdata
       python -m harness study ablation
     """
-    from harness.config.lists import seed_range  # noqa: PLC0415
+    from harness.config.lists import seed_values  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     case, net, quiet = options["case"], options["net"], options["quiet"]
-    first, count = seed_range(options["seeds"] or ("0:4" if case == "ablation" else "0:16"))
+    traffic = seed_values(options["seeds"] or ("0:4" if case == "ablation" else "0:16"))
+    first, count = traffic.start, len(traffic)
     folder = options["out"] or Path("results") / f"study-{case}"
 
     def say(line: str) -> None:
@@ -138,7 +139,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
 
     from harness.grid.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
     from harness.grid.pool import run_cells  # noqa: PLC0415
-    from harness.grid.stress import RUNS, run_stress  # noqa: PLC0415
+    from harness.grid.stress import RUNS, Telling, run_stress  # noqa: PLC0415
 
     request = ablation_request(net, seeds, ABLATION_S)
     finished = run_stress(
@@ -146,7 +147,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
         folder,
         lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
         resume=(folder / RUNS).exists() or (folder / "grid.json").exists(),
-        quiet=quiet,
+        user=Telling(quiet),
         command="harness study ablation",
     )
     rows = ablation_rows(pd.read_parquet(finished.folder / RUNS))
@@ -175,8 +176,8 @@ def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callab
 
     try:
         with progress_bar(f"study {plan.study}", plan.runs if plan.study in MODELS else 1, quiet) as advance:
-            result, targets, setting = make_study(plan, network, say, advance)
+            result, setting = make_study(plan, network, say, advance)
     except ValueError as error:
         raise InputError(f"`model_file` {plan.model_file}: {error}") from error
-    write_study(result, targets, setting, folder)
-    return _Told(as_json(result, targets, setting), as_markdown(result, targets, setting))
+    write_study(result, setting, folder)
+    return _Told(as_json(result, setting), as_markdown(result, setting))

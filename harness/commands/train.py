@@ -42,7 +42,7 @@ def command(options: Options) -> None:
       python -m harness train --net us101 --case lane-keeping
       python -m harness train --case lane-change --components 40 --no-sweep
     """
-    from harness.config.lists import seed_range  # noqa: PLC0415
+    from harness.config.lists import seed_values  # noqa: PLC0415
     from harness.driving.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
     from harness.errors import InputError  # noqa: PLC0415
     from harness.training.train import TrainingPlan, train  # noqa: PLC0415
@@ -50,7 +50,8 @@ def command(options: Options) -> None:
 
     case = options["case"]
     seeds = options["seeds"] or ("1000:1040" if case == "lane-change" else "1000:1032")
-    first, count = seed_range(seeds)
+    traffic = seed_values(seeds)
+    first, count = traffic.start, len(traffic)
     if first < FIRST_TRAINING_SEED:
         raise InputError(
             f"`seeds` {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "

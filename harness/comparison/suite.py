@@ -9,7 +9,7 @@ from harness.comparison.sources import STANDARD
 from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.pool import run_cells
-from harness.grid.stress import GRID, RUNS, TABLE, FinishedGrid, run_stress
+from harness.grid.stress import GRID, RUNS, TABLE, FinishedGrid, Telling, run_stress
 from harness.runfolder import folder as runfolder
 
 SUITES = {
@@ -52,6 +52,6 @@ def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) 
         out,
         lambda cells, on_row: run_cells(cells, workers, None, on_row),
         resume=resume,
-        quiet=quiet,
+        user=Telling(quiet),
         command=f"harness compare --suite {name}",
     )

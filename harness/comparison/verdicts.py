@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import Interval, PairedDifference, paired_difference
+from harness.scoring.statistics import Interval, PairedDifference, paired_difference, resampled_means
 from mmpf.compute.arrays import FloatArray, IntArray
 
 LEVEL = 0.05
@@ -141,9 +141,7 @@ def unpaired_difference(
         pool = np.tile(np.concatenate([left, right]), (draws, 1))
         mixed = rng.permuted(pool, axis=1)
         permuted += mixed[:, len(left) :].mean(axis=1) - mixed[:, : len(left)].mean(axis=1)
-        resampled += rng.choice(right, (draws, len(right))).mean(axis=1) - rng.choice(left, (draws, len(left))).mean(
-            axis=1
-        )
+        resampled += resampled_means(right, rng, draws) - resampled_means(left, rng, draws)
     if not len(common):
         return PairedDifference(np.nan, Interval(np.nan, np.nan), np.nan)
     low, high = np.quantile(resampled, (0.025, 0.975)) / len(common)

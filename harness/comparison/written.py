@@ -10,6 +10,7 @@ from rich.text import Text
 
 from harness.comparison.compare import Comparison
 from harness.comparison.verdicts import BETTER, WORSE, Verdict, compared_quantities
+from harness.writing.markdown import markdown_table
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")
@@ -29,12 +30,8 @@ def as_markdown(comparison: Comparison) -> str:
     """Return the comparison as Markdown."""
     lines = [f"## {conclusion(comparison)}", "", f"a: `{comparison.a}`, b: `{comparison.b}`", ""]
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
-        lines += [f"### {label}", "", _line(HEADINGS), _line(["---"] * len(HEADINGS))]
-        lines += [
-            _line([*cells[:-1], f"**{cells[-1]}**" if strong else cells[-1]])
-            for cells, strong in _rows(comparison, label)
-        ]
-        lines.append("")
+        verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
+        lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
     return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
 
 
@@ -67,9 +64,9 @@ def _screen_table(comparison: Comparison, label: str) -> Table:
     return table
 
 
-def _rows(comparison: Comparison, label: str) -> list[tuple[list[str], bool]]:
-    verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
-    return [(_cells(verdict), verdict.verdict in COLOURS) for verdict in verdicts]
+def _marked_cells(verdict: Verdict) -> list[str]:
+    *cells, word = _cells(verdict)
+    return [*cells, f"**{word}**" if verdict.verdict in COLOURS else word]
 
 
 def _cells(verdict: Verdict) -> list[str]:
@@ -98,7 +95,3 @@ def _percent(verdict: Verdict) -> str:
     if not verdict.a or math.isnan(verdict.difference):
         return ""
     return f" ({100.0 * verdict.difference / abs(verdict.a):+.1f} %)"
-
-
-def _line(cells: list[str] | tuple[str, ...]) -> str:
-    return "| " + " | ".join(cells) + " |"

@@ -18,6 +18,7 @@ from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
+from harness.writing.problems import first_problem
 
 Table = dict[str, Any]
 
@@ -137,16 +138,12 @@ def _merge_into(merged: Table, layer: Table) -> None:
 
 
 def _first_problem(error: ValidationError) -> str:
-    problem = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in problem["loc"])
-    if problem["type"] == "extra_forbidden":
+    key, message, given, unknown = first_problem(error)
+    if unknown:
         return f"unknown key {key!r}{_nearest(key)}"
     parameter = _parameter_of(key)
     place = f"`{parameter}` ({key})" if parameter else key or "configuration"
-    message = problem["msg"].removeprefix("Value error, ")
-    if isinstance(problem["input"], dict):
-        return f"{place}: {message}"
-    return f"{place}: {message[0].lower()}{message[1:]}, not {problem['input']!r}"
+    return f"{place}: {message}" if isinstance(given, dict) else f"{place}: {message}, not {given!r}"
 
 
 def _parameter_of(key: str) -> str | None:

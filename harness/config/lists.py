@@ -88,15 +88,3 @@ def _number(word: str, text: str, parameter: str, example: str) -> Decimal:
         what = f"{word.strip()!r} is not a number" if word.strip() else "a number is missing"
         raise InputError(f"`{parameter}` {text!r}: {what}; for example `{parameter}` {example}")
     return value
-
-
-def seed_range(text: str, parameter: str = "seeds") -> tuple[int, int]:
-    """Return first seed and count of a range ``A:B``, B excluded.
-
-    Raises:
-        InputError: The text is no such range.
-    """
-    first, colon, end = text.partition(":")
-    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
-        raise InputError(f"`{parameter}` {text}: give a range A:B with A below B, for example 0:16")
-    return int(first), int(end) - int(first)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
-from harness.driving.changing import LaneChanges, Others
+from harness.driving.changing import LaneChanges
 from harness.driving.following import Following
+from harness.driving.neighbours import Others
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
@@ -89,16 +90,13 @@ def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.r
 
 def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden: bool) -> Surroundings:
     """Return what particles know, each by the lane that it is in itself."""
-    count = state.shape[1]
-    particles = count // len(changes)
+    particles = state.shape[1] // len(changes)
     width, own_length = np.repeat(changes.lane_width_m, particles), np.repeat(changes.length_m, particles)
     crossed = state[LAT] > 0.5 * width
     leader = _neighbour(changes.leader, state, step, own_length, 1.0)
     follower = _neighbour(changes.follower, state, step, own_length, -1.0)
     target_leader = _neighbour(changes.target_leader, state, step, own_length, 1.0)
-    nobody = Neighbour(
-        np.zeros(count, dtype=np.bool_), np.full(count, np.inf), state[SPEED], np.zeros(count), own_length
-    )
+    nobody = _nobody(state, own_length)
     centre = np.where(crossed, width, 0.0)
     return Surroundings(
         length_m=own_length,
@@ -111,8 +109,8 @@ def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden:
         left_follower=_where(crossed, nobody, follower),
         right_leader=_where(crossed, leader, nobody),
         right_follower=nobody,
-        flow_speed_mps=np.full(count, np.nan),
-        is_hidden=np.full(count, hidden),
+        flow_speed_mps=np.full(len(crossed), np.nan),
+        is_hidden=np.full(len(crossed), hidden),
     )
 
 
@@ -124,23 +122,17 @@ def _neighbour(others: Others, state: FloatArray, step: int, own_length: FloatAr
     )
     exists = np.isfinite(lon)
     gap = ahead * (lon - state[LON]) - 0.5 * (own_length + length)
-    return Neighbour(
-        exists=exists,
-        gap_m=np.where(exists, gap, np.inf),
-        speed_mps=np.where(exists, speed, state[SPEED]),
-        accel_mps2=np.where(exists, accel, 0.0),
-        length_m=np.where(exists, length, own_length),
-    )
+    return _where(exists, Neighbour(exists, gap, speed, accel, length), _nobody(state, own_length))
+
+
+def _nobody(state: FloatArray, own_length: FloatArray) -> Neighbour:
+    count = state.shape[1]
+    return Neighbour(np.zeros(count, dtype=np.bool_), np.full(count, np.inf), state[SPEED], np.zeros(count), own_length)
 
 
 def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> Neighbour:
-    return Neighbour(
-        exists=np.where(condition, yes.exists, no.exists),
-        gap_m=np.where(condition, yes.gap_m, no.gap_m),
-        speed_mps=np.where(condition, yes.speed_mps, no.speed_mps),
-        accel_mps2=np.where(condition, yes.accel_mps2, no.accel_mps2),
-        length_m=np.where(condition, yes.length_m, no.length_m),
-    )
+    columns = (column.name for column in fields(Neighbour))
+    return Neighbour(*(np.where(condition, getattr(yes, name), getattr(no, name)) for name in columns))
 
 
 def states_at(windows: Following, step: int) -> FloatArray:
@@ -162,37 +154,19 @@ def surroundings_at(windows: Following, state: FloatArray, step: int, hidden: bo
         hidden: Whether the vehicles count as unseen.
     """
     particles = state.shape[1] // len(windows)
-
-    def each(values: FloatArray) -> FloatArray:
-        return np.repeat(values, particles)
-
-    count = state.shape[1]
-    exists = np.repeat(windows.has_leader, particles)
-    own_length, leader_length = each(windows.length_m), each(windows.leader_length_m)
-    gap = each(windows.leader_lon_m[:, step]) - state[LON] - 0.5 * (own_length + leader_length)
-    leader = Neighbour(
-        exists=exists,
-        gap_m=np.where(exists, gap, np.inf),
-        speed_mps=np.where(exists, each(windows.leader_speed_mps[:, step]), state[SPEED]),
-        accel_mps2=np.where(exists, each(windows.leader_accel_mps2[:, step]), 0.0),
-        length_m=np.where(exists, leader_length, own_length),
-    )
-    nobody = Neighbour(
-        np.zeros(count, dtype=np.bool_), np.full(count, np.inf), state[SPEED], np.zeros(count), own_length
-    )
-    half_width = 0.5 * each(windows.lane_width_m)
-    none = np.zeros(count, dtype=np.bool_)
+    own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)
+    nobody, no_lane = _nobody(state, own_length), np.zeros(state.shape[1], dtype=np.bool_)
     return Surroundings(
         length_m=own_length,
         lane_right_m=-half_width,
         lane_left_m=half_width,
-        has_left_lane=none,
-        has_right_lane=none,
-        leader=leader,
+        has_left_lane=no_lane,
+        has_right_lane=no_lane,
+        leader=_neighbour(windows.leader, state, step, own_length, 1.0),
         left_leader=nobody,
         left_follower=nobody,
         right_leader=nobody,
         right_follower=nobody,
-        flow_speed_mps=np.full(count, np.nan),
-        is_hidden=np.full(count, hidden),
+        flow_speed_mps=np.full(len(no_lane), np.nan),
+        is_hidden=np.full(len(no_lane), hidden),
     )

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
-from harness.driving.neighbours import NOBODY, Ordering, order_by_lane, row_ahead, row_behind
-from harness.driving.recording import Recording
+from harness.driving.neighbours import NOBODY, Ordering, Others, order_by_lane, row_ahead, row_behind
+from harness.driving.recording import Recording, load_all
+from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import NO_LANE, Road
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 HALF_WINDOW_S = 5.0
-
-
-@dataclass(frozen=True)
-class Others:
-    """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
-
-    lon_m: FloatArray
-    speed_mps: FloatArray
-    accel_mps2: FloatArray
-    length_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -51,18 +43,7 @@ class LaneChanges:
 
     def take(self, chosen: IntArray) -> LaneChanges:
         """Return some of the windows."""
-
-        def some(others: Others) -> Others:
-            return Others(**{column.name: getattr(others, column.name)[chosen] for column in fields(Others)})
-
-        return LaneChanges(
-            self.state[:, chosen],
-            self.length_m[chosen],
-            self.lane_width_m[chosen],
-            some(self.leader),
-            some(self.follower),
-            some(self.target_leader),
-        )
+        return _made_of([self], lambda columns, axis: columns[0].take(chosen, axis))
 
 
 def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
@@ -98,6 +79,11 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
     )
 
 
+def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
+    """Cut recordings that lie in files into windows around lane changes."""
+    return join_changes([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)])
+
+
 def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
     """Return how often a driver on a lane of the road changes to the one side, and as often to the other, per second.
 
@@ -117,22 +103,21 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
 
 def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:
     """Put the windows of several recordings together."""
+    return _made_of(parts, np.concatenate)
 
-    def all_of(name: str) -> Others:
-        return Others(
-            **{
-                column.name: np.concatenate([getattr(getattr(part, name), column.name) for part in parts])
-                for column in fields(Others)
-            }
-        )
+
+def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
+    """Return windows whose every column is made of the parts' columns, given which of its axes runs over windows."""
+
+    def others(name: str) -> Others:
+        sides = [getattr(part, name) for part in parts]
+        return Others(*(make([getattr(side, column.name) for side in sides], 0) for column in fields(Others)))
 
     return LaneChanges(
-        np.concatenate([part.state for part in parts], axis=1),
-        np.concatenate([part.length_m for part in parts]),
-        np.concatenate([part.lane_width_m for part in parts]),
-        all_of("leader"),
-        all_of("follower"),
-        all_of("target_leader"),
+        make([part.state for part in parts], 1),
+        make([part.length_m for part in parts], 0),
+        make([part.lane_width_m for part in parts], 0),
+        *(others(name) for name in ("leader", "follower", "target_leader")),
     )
 
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
-from harness.driving.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead
-from harness.driving.recording import Recording
+from harness.driving.neighbours import NOBODY, Others, clear_gap_m, order_by_lane, row_ahead
+from harness.driving.recording import Recording, load_all
+from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.road import NO_LANE, Road
 
+STEPS = 101
+"""States of a window of 10 s."""
 LANE_CHANGE_MARGIN_S = 5.0
 FURTHEST_LEADER_M = 100.0
 CUT_IN_LEAST_M = 2.0
@@ -60,6 +64,12 @@ class Following:
         return np.isfinite(self.leader_length_m)
 
     @property
+    def leader(self) -> Others:
+        """The leaders."""
+        length_m = np.broadcast_to(self.leader_length_m[:, None], self.leader_lon_m.shape)
+        return Others(self.leader_lon_m, self.leader_speed_mps, self.leader_accel_mps2, length_m)
+
+    @property
     def gap_m(self) -> FloatArray:
         """Clear distance to the leader, shape (windows, steps)."""
         half_lengths = 0.5 * (self.length_m + self.leader_length_m)[:, None]
@@ -96,6 +106,11 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
     nearer = np.concatenate([[False], gap[1:] < gap[:-1] - CUT_IN_LEAST_M])
     new_leader = ~_unchanged(leader_vehicle) & _unchanged(vehicle) & _unchanged(lane) & nearer
     return _gather(recording, road, by_vehicle[rows], leader[rows], new_leader[start])
+
+
+def load_following(paths: Sequence[Path], road: Road) -> Following:
+    """Cut recordings that lie in files into windows of 10 s."""
+    return join([following_windows(recording, road, STEPS, STEP_S) for recording in load_all(paths)])
 
 
 def join(parts: Sequence[Following]) -> Following:

@@ -28,6 +28,16 @@ class Ordering:
     row: IntArray
 
 
+@dataclass(frozen=True)
+class Others:
+    """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
+
+    lon_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    length_m: FloatArray
+
+
 def order_by_lane(recording: Recording) -> Ordering:
     """Sort the recording's rows by step, lane and longitudinal position."""
     key = _key(recording.step, recording.lane, recording.lon_m)

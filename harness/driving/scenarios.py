@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from harness.driving.recording import Scenario
+from harness.driving.recording import Scenario, record_all
 from harness.truth.frame import TruthSource
 from harness.truth.network.network import Network
 
@@ -29,11 +31,25 @@ def open_scenario(network: Network, scenario: Scenario) -> TruthSource:
 
     return open_traffic(
         network,
-        density=scenario.density_veh_per_km_lane,
+        demand=scenario.density_veh_per_km_lane,
         duration_s=scenario.duration_s,
         seed=scenario.seed,
         ego=False,
     )
+
+
+def record_scenarios(
+    network: Network, wanted: Sequence[Scenario], cache: Path | None, say: Callable[[str], None]
+) -> list[Path]:
+    """Record what is not recorded yet and return the files.
+
+    Args:
+        network: Where the traffic runs.
+        wanted: What is to be recorded.
+        cache: Folder of the recordings; none for the usual one.
+        say: Told one line a recording.
+    """
+    return record_all(wanted, cache or default_cache(network), partial(open_scenario, network), say)
 
 
 def default_cache(network: Network) -> Path:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from harness.driving.cases import Cases
 from harness.driving.filtering import Cloud
-from harness.scoring.statistics import bootstrap_ci
+from harness.scoring.statistics import bootstrap_ci, independent_ci
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
@@ -81,9 +81,8 @@ def mean_with_interval(
         rng: Source of the resamples.
         vehicle: Vehicle of each case, shape (m,), where several cases are of one: whole vehicles are resampled then.
     """
-    if vehicle is not None:
+    if vehicle is None:
+        interval = independent_ci(values, rng, RESAMPLES)
+    else:
         interval = bootstrap_ci(values, rng, vehicle, draws=RESAMPLES)
-        return float(values.mean()), (interval.low, interval.high)
-    resampled = rng.choice(values, size=(RESAMPLES, len(values))).mean(axis=1)
-    low, high = np.quantile(resampled, INTERVAL)
-    return float(values.mean()), (float(low), float(high))
+    return float(values.mean()), (interval.low, interval.high)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import csv
 
-from harness.runfolder.finished import RecordedRun
+from harness.report.finished import RecordedRun
 
 TABLES = ("truth", "detections", "tracks", "errors", "events")
 

@@ -7,7 +7,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from harness.runfolder.finished import RecordedRun
+from harness.report.finished import RecordedRun
+from harness.runfolder.tables import floats
 
 FILE = "fcd.xml"
 
@@ -24,10 +25,9 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 
 def _lines(run: RecordedRun) -> list[str]:
     truth = run.truth
-    columns = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
-    lon, lat, in_lane, speed, lat_speed, accel, length, width = (truth[name].to_numpy(np.float64) for name in columns)
-    heading = in_lane + run.road.heading_at(lon)
-    centre_x, centre_y = run.road.to_cartesian(lon, lat)
+    columns = ("heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
+    in_lane, speed, lat_speed, accel, length, width = (floats(truth, name) for name in columns)
+    centre_x, centre_y, heading = run.in_plane(truth)
     numbers = np.stack(
         [
             centre_x + 0.5 * length * np.cos(heading),

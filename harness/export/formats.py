@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.errors import InputError
-from harness.runfolder.finished import RecordedRun, read_recorded_run
+from harness.report.finished import RecordedRun, read_recorded_run
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
 EXPORTS = "export"

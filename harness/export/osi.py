@@ -18,10 +18,10 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 
-from harness.runfolder.finished import RecordedRun
+from harness.report.finished import RecordedRun
+from harness.runfolder.tables import floats
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import Road
+from mmpf.compute.arrays import IntArray
 
 Columns = dict[str, list[Any]]
 Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]
@@ -59,16 +59,16 @@ def _write_trace(path: Path, messages: Iterable[Any]) -> None:
 
 def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
     truth = run.truth
-    x, y, heading = _in_plane(truth, run.road)
+    x, y, heading = run.in_plane(truth)
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
-    speed, lat_speed, accel, length, width = (_floats(truth, name) for name in names)
-    along = run.road.heading_at(_floats(truth, "lon_m"))
+    speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
+    along = run.road.heading_at(floats(truth, "lon_m"))
     velocity_x = speed * np.cos(along) - lat_speed * np.sin(along)
     velocity_y = speed * np.sin(along) + lat_speed * np.cos(along)
     is_ego = truth["is_ego"].to_numpy(dtype=bool)
     for rows in _steps(truth).values():
         message = GroundTruth()
-        _stamp(message, float(_floats(truth, "time_s")[rows.start]))
+        _stamp(message, float(floats(truth, "time_s")[rows.start]))
         for i in range(rows.start, rows.stop):
             vehicle = message.moving_object.add(type=MovingObject.TYPE_VEHICLE)
             vehicle.id.value = int(number[i])
@@ -86,8 +86,8 @@ def _sensor_data(
     run: RecordedRun, table: pd.DataFrame, describe: Describe, numbers: Mapping[str, int]
 ) -> Iterator[SensorData]:
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
-    ego_x, ego_y, ego_heading = _in_plane(egos, run.road)
-    x, y, heading = _in_plane(table, run.road)
+    ego_x, ego_y, ego_heading = run.in_plane(egos)
+    x, y, heading = run.in_plane(table)
     rows_of = _steps(table)
     columns = {str(name): table[name].tolist() for name in table}
     for k, (step, time_s) in enumerate(zip(egos["step"].tolist(), egos["time_s"].tolist(), strict=True)):
@@ -143,19 +143,7 @@ def _place(base: Any, x: float, y: float, z: float, yaw: float, size: tuple[floa
     base.dimension.length, base.dimension.width, base.dimension.height = *size, HEIGHT_M
 
 
-def _in_plane(table: pd.DataFrame, road: Road) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x, y and heading in the plane; what has no heading of its own points along the road."""
-    lon, lat = _floats(table, "lon_m"), _floats(table, "lat_m")
-    x, y = road.to_cartesian(lon, lat)
-    turn = _floats(table, "heading_rad") if "heading_rad" in table else np.zeros(len(table))
-    return x, y, road.heading_at(lon) + turn
-
-
 def _steps(table: pd.DataFrame) -> dict[int, slice]:
     steps, first = np.unique(table["step"].to_numpy(dtype=np.int64), return_index=True)
     ends = np.append(first[1:], len(table))
     return {int(step): slice(int(begin), int(end)) for step, begin, end in zip(steps, first, ends, strict=True)}
-
-
-def _floats(table: pd.DataFrame, column: str) -> FloatArray:
-    return table[column].to_numpy(dtype=np.float64)

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import rerun as rr
 
+from harness.report.finished import RecordedRun
 from harness.report.scene import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
-from harness.runfolder.finished import RecordedRun
 from mmpf.compute.arrays import FloatArray
 
 FILE = "run.rrd"
@@ -93,15 +93,13 @@ def _lanes(run: RecordedRun) -> Any:  # noqa: ANN401
 
 
 def _places(run: RecordedRun, table: pd.DataFrame, height_m: float) -> FloatArray:
-    x, y = run.road.to_cartesian(_floats(table, "lon_m"), _floats(table, "lat_m"))
+    x, y, _ = run.in_plane(table)
     return np.column_stack([x, y, np.full(len(x), height_m)])
 
 
 def _turns(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
     """Return quaternions (x, y, z, w) about the vertical, shape (n, 4)."""
-    heading = run.road.heading_at(_floats(table, "lon_m"))
-    if "heading_rad" in table:
-        heading = heading + _floats(table, "heading_rad")
+    _, _, heading = run.in_plane(table)
     zero = np.zeros_like(heading)
     return np.column_stack([zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading)])
 
@@ -110,7 +108,3 @@ def _rgb(names: Any) -> Any:  # noqa: ANN401
     """Return colours given as #rrggbb as bytes, shape (n, 3)."""
     table = {name: [int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in set(names)}
     return np.array([table[name] for name in names], dtype=np.uint8).reshape(-1, 3)
-
-
-def _floats(table: pd.DataFrame, column: str) -> FloatArray:
-    return table[column].to_numpy(dtype=np.float64)

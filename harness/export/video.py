@@ -12,6 +12,7 @@ import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
 from harness.errors import InputError
+from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.scene import (
     ELLIPSE_SCALE,
     GREEN,
@@ -21,11 +22,11 @@ from harness.report.scene import (
     SEEN_GROUND,
     SHADOW,
     VERMILION,
-    in_road_frame,
+    corners,
+    shadow_outlines,
+    view_outline,
 )
-from harness.runfolder.finished import RecordedRun, read_recorded_run
-from harness.runfolder.tables import detections_of, frame_of
-from harness.sensor.shadows import sensor_position, shadow_polygons
+from harness.runfolder.tables import detections_of, floats, frame_of
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
@@ -133,18 +134,16 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
         _draw_road_and_vehicles(strip, run, truth, ego)
         _draw_detections_and_tracks(strip, detections, tracks)
         picture.paste(stretch, (0, SMOOTH * (HEAD + place * (half + GAP))))
-    title = f"{run.config.title()}: {_floats(truth, 'time_s')[0]:.1f} s   (above: ahead, below: behind)"
+    title = f"{run.config.title()}: {floats(truth, 'time_s')[0]:.1f} s   (above: ahead, below: behind)"
     _draw_words(ImageDraw.Draw(picture), title)
     return picture.reduce(SMOOTH)
 
 
 def _draw_ground(strip: _Strip, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame) -> None:
-    bearings = np.linspace(-np.pi, np.pi, 181)
-    sensor = sensor_position(pose, run.road)
-    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * run.sensor.range_m + sensor
-    strip.draw.polygon(strip.place(in_road_frame(rim, run.road, 0.0)), fill=SEEN_GROUND)
-    for outline in shadow_polygons(detections_of(detections), pose, run.road, run.sensor.range_m):
-        strip.draw.polygon(strip.place(in_road_frame(outline, run.road, 0.0)), fill=SHADOW)
+    range_m = run.sensor.range_m
+    strip.draw.polygon(strip.place(view_outline(pose, run.road, range_m, 0.0)), fill=SEEN_GROUND)
+    for outline in shadow_outlines(detections_of(detections), pose, run.road, range_m, 0.0):
+        strip.draw.polygon(strip.place(outline), fill=SHADOW)
 
 
 def _draw_road_and_vehicles(strip: _Strip, run: RecordedRun, truth: pd.DataFrame, ego: int) -> None:
@@ -154,29 +153,23 @@ def _draw_road_and_vehicles(strip: _Strip, run: RecordedRun, truth: pd.DataFrame
         for side in (lane.right_m, lane.left_m):
             if start < end:
                 strip.draw.line(strip.place(np.array([[start, side], [end, side]])), fill="#a0a0a0", width=SMOOTH)
-    lon, lat, heading, length, width = (
-        _floats(truth, name) for name in ("lon_m", "lat_m", "heading_rad", "length_m", "width_m")
-    )
+    lon, outlines = floats(truth, "lon_m"), corners(truth)
     states = truth["state"].to_numpy(dtype=object)
     for i in np.flatnonzero((lon > window[0] - 20.0) & (lon < window[1] + 20.0)):
-        along = 0.5 * length[i] * np.array([1.0, -1.0, -1.0, 1.0])
-        across = 0.5 * width[i] * np.array([1.0, 1.0, -1.0, -1.0])
-        cosine, sine = np.cos(heading[i]), np.sin(heading[i])
-        corners = np.stack([lon[i] + along * cosine - across * sine, lat[i] + along * sine + across * cosine], axis=-1)
         fill = "#000000" if i == ego else FILLED.get(states[i])
         edge = None if fill else OUTLINED[states[i]]
-        strip.draw.polygon(strip.place(corners), fill=fill, outline=edge, width=2 * SMOOTH)
+        strip.draw.polygon(strip.place(outlines[i]), fill=fill, outline=edge, width=2 * SMOOTH)
 
 
 def _draw_detections_and_tracks(strip: _Strip, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
     arm = 4 * SMOOTH
-    places = np.stack([_floats(detections, "lon_m"), _floats(detections, "lat_m")], axis=-1)
+    places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
     for x, y in strip.place(places):
         for slope in (1, -1):
             strip.draw.line((x - arm, y - slope * arm, x + arm, y + slope * arm), fill="#000000", width=SMOOTH)
     shown = tracks[(tracks["state"] != "tentative").to_numpy()]
-    places = np.stack([_floats(shown, "lon_m"), _floats(shown, "lat_m")], axis=-1)
-    sizes = ELLIPSE_SCALE * strip.scale * np.stack([_floats(shown, "std_lon_m"), _floats(shown, "std_lat_m")], axis=-1)
+    places = np.stack([floats(shown, "lon_m"), floats(shown, "lat_m")], axis=-1)
+    sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(shown, "std_lon_m"), floats(shown, "std_lat_m")], axis=-1)
     hidden = (shown["state"] == "hidden").to_numpy()
     font = ImageFont.load_default(11 * SMOOTH)
     for (x, y), (along, across), dim, number in zip(
@@ -200,7 +193,3 @@ def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
 
 def _by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
     return {int(str(step)): rows for step, rows in table.groupby("step", sort=True)}
-
-
-def _floats(table: pd.DataFrame, column: str) -> FloatArray:
-    return table[column].to_numpy(dtype=np.float64)

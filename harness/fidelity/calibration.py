@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from harness.errors import InputError
 from harness.fidelity import candidate as outcome
-from harness.fidelity.candidate import Candidate, first_candidate
+from harness.fidelity.candidate import Candidate, averaged, first_candidate, improved, misfit
 from harness.fidelity.fields import read_fields
 from harness.fidelity.measured import MeasuredSite, measure, read_measured, write_measured
-from harness.fidelity.search import Trial, search
-from harness.fidelity.statistics import PeriodStatistics
+from harness.fidelity.simulate import RunJob, simulate_all
+from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
+from harness.truth.network.networkfile import DemandFile
+
+# The first steps go almost all the way; later ones follow less what differs from seed to seed.
+LAST_STEP = 0.3
+SKIP_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,11 @@ class CalibrationRequest:
     workers: int
     first_step: float
 
+    @property
+    def leaves_drivers(self) -> bool:
+        """Whether drivers stay as they are, since other demands or fitted models depend on them."""
+        return self.keep_drivers or self.demand is not None
+
     def names(self, site: MeasuredSite) -> tuple[str, ...]:
         """Return the demands to be calibrated."""
         if self.demand is None:
@@ -54,6 +64,21 @@ class CalibrationRequest:
     def runs(self, network: Network) -> int:
         """Return how many runs there will be."""
         return self.trials * len(self.seeds) * len(self.names(read_measured(network)))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate and what it led to.
+
+    Attributes:
+        candidate: The candidate.
+        simulated: Its figures by demand.
+        misfit: How far it is off; see ``harness.fidelity.candidate.misfit``.
+    """
+
+    candidate: Candidate
+    simulated: Mapping[str, PeriodStatistics]
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -102,8 +127,7 @@ def calibrate(
     if request.fields is not None:
         site = measure(site, read_fields(request.fields), network.corridor.main_lanes)
     names = request.names(site)
-    keep_drivers = request.keep_drivers or request.demand is not None
-    first = first_candidate(network, site, names, keep_drivers)
+    first = first_candidate(network, site, names, request.leaves_drivers)
     if not request.fresh and set(names) <= set(network.calibrated):
         first = Candidate(network.drivers, {name: network.demand_files[name] for name in names})
     trials: list[Trial] = []
@@ -112,20 +136,71 @@ def calibrate(
         trials.append(trial)
         say(_line(len(trials), trial))
 
-    found = search(
-        network,
-        site,
-        first,
-        request.trials,
-        request.seeds,
-        request.duration_s,
-        request.workers,
-        keep,
-        on_run,
-        keep_drivers=keep_drivers,
-        first_step=request.first_step,
-    )
+    found = search(network, site, first, request, keep, on_run)
     return CalibrationResult(site, tuple(trials), found, request.fields is not None)
+
+
+def search(
+    network: Network,
+    site: MeasuredSite,
+    first: Candidate,
+    request: CalibrationRequest,
+    on_trial: Callable[[Trial], None],
+    on_run: Callable[[], None],
+) -> Candidate:
+    """Return the mean of the later half of the candidates that a fixed-point iteration goes through.
+
+    Figures differ from seed to seed, so that the trial with the least misfit is the luckiest rather than the best.
+    Candidates circle about what fits on the mean of all seeds, and their average comes nearer to it than any of them
+    (Polyak and Juditsky, Acceleration of stochastic approximation by averaging, 1992). The candidate that the last
+    trial leads to is averaged with the others.
+
+    Args:
+        network: The network that is calibrated.
+        site: The measured figures.
+        first: The candidate to begin with.
+        request: How many trials of which runs.
+        on_trial: Called after each trial.
+        on_run: Called after each run.
+    """
+    candidates = [first]
+    for number in range(request.trials):
+        candidate = candidates[-1]
+        seeds = [seed + number * len(request.seeds) for seed in request.seeds]
+        simulated = _simulate(candidate.on(network), site, tuple(first.demands), seeds, request, on_run)
+        on_trial(Trial(candidate, simulated, misfit(simulated, site)))
+        step = max(LAST_STEP, request.first_step / (1.0 + 0.3 * number))
+        candidates.append(improved(candidate, simulated, site, step, request.leaves_drivers))
+    return averaged(candidates[len(candidates) // 2 :])
+
+
+def _simulate(
+    network: Network,
+    site: MeasuredSite,
+    names: Sequence[str],
+    seeds: Sequence[int],
+    request: CalibrationRequest,
+    on_run: Callable[[], None],
+) -> dict[str, PeriodStatistics]:
+    """Make the runs of one trial, each demand's schedule compressed to their duration."""
+    duration_s, jobs = request.duration_s, []
+    for name in names:
+        compressed = _compressed(network.demand_files[name], duration_s / site.periods[name].duration_s)
+        shortened = network.with_demand(name, compressed)
+        jobs += [RunJob(shortened, name, duration_s, seed) for seed in seeds]
+    runs = iter(simulate_all(jobs, request.workers, on_run))
+    figures = {}
+    for name in names:
+        period = site.periods[name]
+        skip_s = max(SKIP_S, duration_s / period.duration_s * period.skip_s)
+        kept = [next(runs).fields.between(skip_s, duration_s) for _ in seeds]
+        figures[name] = period_statistics(kept, network.corridor.main_lanes)
+    return figures
+
+
+def _compressed(demand: DemandFile, compression: float) -> DemandFile:
+    schedule = tuple((from_s * compression, density, waves) for from_s, density, waves in demand.schedule)
+    return demand.model_copy(update={"schedule": schedule})
 
 
 def _line(number: int, trial: Trial) -> str:

@@ -11,12 +11,11 @@ from typing import Any, cast
 import numpy as np
 
 from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
-from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics
-from harness.fidelity.targets import targets
-from harness.truth.network.demand import DENSITY_RANGE, Equilibrium
-from harness.truth.network.drivers import Drivers
+from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics, targets
+from harness.truth.network.demand import DENSITY_RANGE, Drivers, Equilibrium
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
+from harness.writing.files import write_toml
 
 WAVE_PERIOD_S = 120.0
 FIRST_AMPLITUDE = 0.7
@@ -255,10 +254,9 @@ def _profile_places(network: Network) -> list[float]:
     return [*middles, end_m + BACK_WITHIN_M]
 
 
-HEADER = """\
-# Made by `python -m harness calibrate --write`; the procedure is in docs/traffic.md.
-# It takes the place of what network.toml says about drivers and about demands of these names.
-"""
+COMMENT = """\
+Made by `python -m harness calibrate --write`; the procedure is in docs/traffic.md.
+It takes the place of what network.toml says about drivers and about demands of these names."""
 
 
 def as_table(candidate: Candidate) -> dict[str, Any]:
@@ -273,6 +271,4 @@ def as_table(candidate: Candidate) -> dict[str, Any]:
 
 def write_candidate(path: Path, candidate: Candidate) -> None:
     """Write a candidate as ``calibration.toml``."""
-    import tomli_w  # noqa: PLC0415
-
-    path.write_text(HEADER + "\n" + tomli_w.dumps(as_table(candidate)), encoding="utf-8")
+    write_toml(path, as_table(candidate), COMMENT)

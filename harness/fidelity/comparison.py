@@ -15,8 +15,7 @@ from harness.fidelity.fields import Fields, read_fields
 from harness.fidelity.measured import MeasuredSite, measure, read_measured
 from harness.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged, recorded_samples, recording_files
 from harness.fidelity.simulate import Run, RunJob, simulate_all
-from harness.fidelity.statistics import PeriodStatistics, period_statistics
-from harness.fidelity.targets import Target, targets
+from harness.fidelity.statistics import PeriodStatistics, Target, period_statistics, targets
 from harness.truth.network.network import Network
 
 

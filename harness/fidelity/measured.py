@@ -5,19 +5,20 @@ The fields that they come from do not; ``measure`` makes the figures from them a
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from harness.errors import InputError
 from harness.fidelity.fields import Fields
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
+from harness.truth.network.networkfile import read_toml
+from harness.writing.files import write_toml
+from harness.writing.numbers import rounded
 
 PART_S = 300.0
+MEASURED_COMMENT = "Made from the recorded fields by `python -m harness calibrate --fields ... --write`."
 
 
 class _Strict(BaseModel):
@@ -73,13 +74,7 @@ def read_measured(network: Network) -> MeasuredSite:
     path = network.measured_file
     if path is None:
         raise InputError(f"`net` {network.name}: it has no measured_file in its network.toml to be compared with")
-    try:
-        return MeasuredSite.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(f"{path}: {'.'.join(str(part) for part in first['loc'])}: {first['msg']}") from error
+    return read_toml(path, MeasuredSite)
 
 
 def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
@@ -97,28 +92,8 @@ def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
 
 
 def write_measured(path: Path, site: MeasuredSite) -> None:
-    """Write a site as ``measured.toml``."""
-    import tomli_w  # noqa: PLC0415
-
-    header = "# Made from the recorded fields by `python -m harness calibrate --fields ... --write`.\n\n"
-    path.write_text(header + tomli_w.dumps(as_table(site)), encoding="utf-8")
-
-
-def as_table(site: MeasuredSite) -> dict[str, Any]:
-    """Return the site as the tables of ``measured.toml``, figures rounded to four digits after the point."""
-    return {
-        "source": site.source,
-        "periods": {
-            name: {
-                "start_s": period.start_s,
-                "duration_s": period.duration_s,
-                "skip_s": period.skip_s,
-                "statistics": _rounded(period.statistics),
-                "parts": [_rounded(part) for part in period.parts],
-            }
-            for name, period in site.periods.items()
-        },
-    }
+    """Write a site as ``measured.toml``, figures rounded to four digits after the point."""
+    write_toml(path, rounded(site.model_dump(), 4), MEASURED_COMMENT)
 
 
 def _measure_period(period: MeasuredPeriod, fields: Fields, lanes: int) -> MeasuredPeriod:
@@ -129,10 +104,3 @@ def _measure_period(period: MeasuredPeriod, fields: Fields, lanes: int) -> Measu
         parts.append(period_statistics([part], lanes))
     statistics = period_statistics([fields.between(begin, end)], lanes)
     return period.model_copy(update={"statistics": statistics, "parts": tuple(parts)})
-
-
-def _rounded(statistics: PeriodStatistics) -> dict[str, Any]:
-    def digits(value: float | tuple[float, ...]) -> float | list[float]:
-        return [round(entry, 4) for entry in value] if isinstance(value, tuple) else round(value, 4)
-
-    return {name: digits(value) for name, value in asdict(statistics).items()}

@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
 from harness.errors import InputError
 from harness.fidelity.comparison import Distance, Fidelity, Period
-from harness.fidelity.figures import draw_figures
-from harness.fidelity.targets import Target
+from harness.fidelity.fields import Fields
+from harness.fidelity.samples import UNITS
+from harness.fidelity.statistics import QUARTERS, Target
+from harness.writing.markdown import markdown_table
+from harness.writing.plots import strip
+from mmpf.compute.arrays import FloatArray
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "target")
 DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
+# Okabe and Ito's blue and vermilion.
+SIMULATED, RECORDED = "#0072B2", "#D55E00"
+FASTEST_SHOWN_MPS = 20.0
+BINS = 40
+LABELS = {name: name.replace("_", " ") for name in UNITS}
 
 
 def write_fidelity(result: Fidelity, folder: Path) -> None:
@@ -43,7 +55,7 @@ def as_markdown(result: Fidelity) -> str:
         f"{result.setting['minutes']:g} simulated minutes on each of {len(result.setting['seeds'])} seeds a period; "
         f"the first minutes that the recording undercounts are left out on both sides. Measured: {result.source}.",
         "",
-        *_markdown(TARGET_HEADINGS, target_rows(result)),
+        *markdown_table(TARGET_HEADINGS, target_rows(result)),
         "",
         summary(result),
         "",
@@ -57,7 +69,7 @@ def as_markdown(result: Fidelity) -> str:
             + ", ".join(result.setting["recordings"])
             + ".",
             "",
-            *_markdown(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
+            *markdown_table(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
             "",
         ]
     if result.left_out:
@@ -117,14 +129,6 @@ def _digits(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
 
 
-def _markdown(headings: tuple[str, ...], rows: Iterator[tuple[str, ...]] | list[tuple[str, ...]]) -> list[str]:
-    return [
-        f"| {' | '.join(headings)} |",
-        f"|{'---|' * len(headings)}",
-        *(f"| {' | '.join(row)} |" for row in rows),
-    ]
-
-
 def _table(title: str, headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
     table = Table(title=title, box=None, title_justify="left", padding=(0, 2, 0, 0))
     for place, heading in enumerate(headings):
@@ -132,3 +136,92 @@ def _table(title: str, headings: tuple[str, ...], rows: list[tuple[str, ...]]) -
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def draw_figures(result: Fidelity) -> dict[str, Figure]:
+    """Return the figures by file name; those that lack recorded data are not among them."""
+    figures = {"speed_along_the_road": along_the_road(result.periods)}
+    for period in result.periods:
+        simulated, recorded = period.fields
+        if recorded is not None:
+            figures[f"speed_field_{period.demand}"] = speed_fields(period.demand, simulated, recorded)
+    if result.samples is not None:
+        simulated_samples, recorded_samples = result.samples
+        figures["distributions"] = distributions(simulated_samples.values, recorded_samples.values)
+    return figures
+
+
+def speed_fields(demand: str, simulated: Fields, recorded: Fields) -> Figure:
+    """Return both speed fields of a period side by side, on one colour scale."""
+    figure = Figure(figsize=(12.0, 4.0), dpi=120, layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, fields, title in zip(panels, (recorded, simulated), ("recorded", "simulated, one seed"), strict=True):
+        extent = (0.0, fields.duration_s / 60.0, 0.0, fields.speed_mps.shape[0] * fields.cell_m)
+        image = axes.imshow(
+            fields.speed_mps,
+            origin="lower",
+            aspect="auto",
+            extent=extent,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=FASTEST_SHOWN_MPS,
+            interpolation="nearest",
+        )
+        axes.set_title(title, loc="left", fontsize=10)
+        axes.set_xlabel("time, minutes")
+    panels[0].set_ylabel("position along the road, m (traffic moves up)")
+    figure.colorbar(image, ax=list(panels), label="speed, m/s", extend="max")
+    figure.suptitle(f"{demand}: speed of all lanes over road and time", fontsize=11)
+    return figure
+
+
+def along_the_road(periods: Sequence[Period]) -> Figure:
+    """Return the mean speed of each quarter of the road, both sides, one panel a period."""
+    figure = Figure(figsize=(4.0 * len(periods), 3.6), dpi=120, layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(periods), sharey=True))
+    quarters = np.arange(1, QUARTERS + 1)
+    for axes, period in zip(panels, periods, strict=True):
+        measured = np.array(period.measured.quarter_speed_mps)
+        axes.fill_between(quarters, 0.9 * measured, 1.1 * measured, color=RECORDED, alpha=0.15, linewidth=0)
+        axes.plot(quarters, measured, color=RECORDED, marker="s", linewidth=1.8)
+        for seed in period.seeds:
+            axes.plot(quarters, seed.quarter_speed_mps, color=SIMULATED, linewidth=0.7, alpha=0.45)
+        axes.plot(quarters, period.simulated.quarter_speed_mps, color=SIMULATED, marker="o", linewidth=1.8)
+        axes.set_title(period.demand, loc="left", fontsize=10)
+        axes.set_xticks(quarters)
+        axes.set_xlabel("quarter of the road, 1 upstream")
+        strip(axes)
+    panels[0].set_ylabel("mean speed, m/s")
+    panels[0].set_ylim(bottom=0.0)
+    _label(panels[0], 0.30, "recorded, ± 10 %", RECORDED)
+    _label(panels[0], 0.20, "simulated, all seeds", SIMULATED)
+    _label(panels[0], 0.10, "simulated, each seed (thin)", SIMULATED)
+    return figure
+
+
+def distributions(simulated: dict[str, FloatArray], recorded: dict[str, FloatArray]) -> Figure:
+    """Return the distribution of every quantity, both sides, one panel each."""
+    figure = Figure(figsize=(13.0, 6.0), dpi=120, layout="constrained")
+    panels = figure.subplots(2, 4)
+    for axes, (quantity, unit) in zip(panels.flat, UNITS.items(), strict=True):
+        first, second = simulated[quantity], recorded[quantity]
+        axes.set_xlabel(f"{LABELS[quantity]}, {unit}")
+        axes.set_yticks([])
+        axes.spines[["top", "right", "left"]].set_visible(False)
+        if not len(first) or not len(second):
+            axes.annotate("no samples", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.4")
+            continue
+        low, high = np.quantile(np.concatenate([first, second]), [0.002, 0.998])
+        edges = np.linspace(low, high, BINS + 1)
+        for values, colour in ((first, SIMULATED), (second, RECORDED)):
+            axes.hist(values, bins=edges, density=True, histtype="step", color=colour, linewidth=1.6)
+    _label(panels[0, 0], 0.95, "simulated", SIMULATED, right=True)
+    _label(panels[0, 0], 0.85, "recorded", RECORDED, right=True)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share of samples")
+    return figure
+
+
+def _label(axes: Axes, height: float, text: str, colour: str, right: bool = False) -> None:
+    place, side = (0.98, "right") if right else (0.04, "left")
+    axes.annotate(text, (place, height), xycoords="axes fraction", color=colour, fontsize=9, ha=side, va="top")

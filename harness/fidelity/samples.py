@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import InputError
-from harness.truth.frame import Frame
+from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
-from harness.truth.recorded.resample import STEP_S
 from harness.truth.recorded.traffic import assemble
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE

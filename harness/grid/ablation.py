@@ -13,10 +13,11 @@ import pandas as pd
 from harness.grid.grid import GridRequest
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
+from harness.scoring.statistics import independent_ci
+from harness.writing.files import write_results
 from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
 
-RESULTS, PAGE = "results.json", "results.md"
 DEFAULT = "mmpf"
 DRAWS = 2000
 
@@ -121,11 +122,8 @@ def as_markdown(rows: Sequence[dict[str, Any]], setting: str) -> str:
 
 def write_ablation(rows: Sequence[dict[str, Any]], setting: str, folder: Path) -> dict[str, Any]:
     """Write ``results.json`` and ``results.md`` and return what the former holds."""
-    from harness.writing.numbers import as_json  # noqa: PLC0415
-
     content = {"study": "ablation", "setting": setting, "results": list(rows)}
-    (folder / RESULTS).write_text(as_json(content), encoding="utf-8")
-    (folder / PAGE).write_text(as_markdown(rows, setting), encoding="utf-8")
+    write_results(folder, content, as_markdown(rows, setting))
     return content
 
 
@@ -144,9 +142,8 @@ def _cell(row: dict[str, Any], measure: Quantity) -> str:
 def _interval(differences: FloatArray) -> tuple[float, float] | None:
     if len(differences) < 2:
         return None
-    draws = np.random.default_rng(0).choice(differences, (DRAWS, len(differences))).mean(axis=1)
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return round(float(low), 4), round(float(high), 4)
+    interval = independent_ci(differences, np.random.default_rng(0), DRAWS)
+    return round(interval.low, 4), round(interval.high, 4)
 
 
 def _number(value: float) -> float | None:

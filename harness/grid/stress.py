@@ -15,7 +15,7 @@ from harness.grid.pool import OnRow
 from harness.grid.rows import TEMPORARY, Row, assemble, read_rows, write_row
 from harness.grid.summary import Break, Point, breaks, curve_points
 from harness.runfolder import folder as runfolder
-from harness.runfolder.manifest import write_manifest
+from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.writing.numbers import without_nan
 from harness.writing.progress import progress_bar
 
@@ -50,6 +50,21 @@ class FinishedGrid:
         return [failure["run"] + ": " + failure["error"] for failure in self.summary["failures"]]
 
 
+@dataclass(frozen=True)
+class Telling:
+    """How the user is told of what goes on.
+
+    Attributes:
+        quiet: Whether to leave out the progress bar.
+        warn: Called with a line that should be read.
+        tell: Called with what was read of each file of recorded traffic.
+    """
+
+    quiet: bool = True
+    warn: Callable[[str], object] = str
+    tell: Callable[[str], object] = str
+
+
 def run_stress(
     request: GridRequest,
     out: Path,
@@ -57,9 +72,7 @@ def run_stress(
     *,
     resume: bool = False,
     retry_failed: bool = False,
-    quiet: bool = True,
-    warn: Callable[[str], object] = str,
-    tell: Callable[[str], object] = str,
+    user: Telling | None = None,
     command: str = "",
 ) -> FinishedGrid:
     """Run a grid and write its folder.
@@ -70,17 +83,16 @@ def run_stress(
         execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
         resume: Whether runs that the folder already holds are kept.
         retry_failed: Whether those of them that failed are made again.
-        quiet: Whether to leave out the progress bar.
-        warn: Called with a line that the user should read.
-        tell: Called with what was read of each file of recorded traffic.
+        user: How the user is told of what goes on; None for not at all.
         command: What the user typed, for the manifest.
 
     Raises:
         InputError: The grid or the folder is wrong; no run was made.
         RunInterruptedError: The user stopped it; finished runs are kept.
     """
+    user = user or Telling()
     grid = plan_grid(request)
-    check_grid(grid, tell)
+    check_grid(grid, user.tell)
     rows_folder = _open_folder(out, resume)
     done = read_rows(rows_folder, (run.key for run in grid.runs))
     if retry_failed:
@@ -88,7 +100,7 @@ def run_stress(
     versions = _versions(out)
     _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
     if done and versions != _versions(out):
-        warn(f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?")
+        user.warn(f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?")
     open_cells = [cell for cell in (_without(cell, done) for cell in grid.cells) if cell.runs]
     if open_cells:
         _forget_outcome(out)
@@ -96,7 +108,7 @@ def run_stress(
     total = len(grid.runs) - len(done)
     title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
     try:
-        with progress_bar(title, total, quiet) as advance:
+        with progress_bar(title, total, user.quiet) as advance:
 
             def keep(key: str, row: Row) -> None:
                 write_row(rows_folder, key, without_nan(row))
@@ -176,15 +188,7 @@ def _open_folder(out: Path, resume: bool) -> Path:
 
 
 def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
-    write_manifest(
-        out / runfolder.MANIFEST,
-        status=status,
-        command=command,
-        seed=grid.cells[0].config.seed,
-        inputs={},
-        wall_times_s={},
-        steps=runs,
-    )
+    write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, grid.cells[0].config.seed, runs))
 
 
 def _versions(out: Path) -> Any:  # noqa: ANN401
@@ -207,7 +211,7 @@ def _forget_outcome(out: Path) -> None:
 
 
 def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
-    from harness.grid.tables import as_markdown, curves_figure  # noqa: PLC0415
+    """Write curves over the axes; of recorded traffic, one table over all files."""
     from harness.runfolder.tables import write_table  # noqa: PLC0415
 
     table = assemble(grid, rows)
@@ -216,57 +220,44 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
         for run in grid.runs
         if not rows[run.key]["succeeded"]
     ]
-    if grid.is_replay:
-        return _write_pooled(grid, request, out, table, failures)
+    (out / FIGURES).mkdir(exist_ok=True)
+    told = (_pooled if grid.is_replay else _curves)(table, grid, request, out / FIGURES, _lines(failures))
+    about = {"grid": asdict(request), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
+    summary: dict[str, Any] = without_nan(about | told.numbers)
+    _replace(out / TABLE, lambda path: path.write_text(told.text, encoding="utf-8"))
+    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
+    _replace(out / RUNS, lambda path: write_table(table, path))
+    return FinishedGrid(out, summary, told.points, told.breaks)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a grid tells: numbers for programs, the same as Markdown, and curves with the places where they end."""
+
+    numbers: dict[str, Any]
+    text: str
+    points: Sequence[Point] = ()
+    breaks: Sequence[Break] = ()
+
+
+def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:
+    from harness.grid.tables import as_markdown, curves_figure  # noqa: PLC0415
+
     title = f"Stress test on {request.net}"
     points, broken = curve_points(table, grid.axes), breaks(table)
-    summary: dict[str, Any] = without_nan(
-        {
-            "grid": asdict(request),
-            "runs": len(grid.runs),
-            "failed": len(failures),
-            "failures": failures,
-            "breaks": [asdict(entry) for entry in broken],
-            "curves": [asdict(point) for point in points],
-        }
-    )
-    (out / FIGURES).mkdir(exist_ok=True)
     for axis in dict.fromkeys(point.axis for point in points):
-        curves_figure(points, axis, title).savefig(out / FIGURES / f"over_{axis.replace('.', '_')}.png")
-    _replace(
-        out / TABLE,
-        lambda path: path.write_text(as_markdown(title, points, broken, _lines(failures)), encoding="utf-8"),
-    )
-    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
-    _replace(out / RUNS, lambda path: write_table(table, path))
-    return FinishedGrid(out, summary, points, broken)
+        curves_figure(points, axis, title).savefig(figures / f"over_{axis.replace('.', '_')}.png")
+    numbers = {"breaks": [asdict(entry) for entry in broken], "curves": [asdict(point) for point in points]}
+    return _Told(numbers, as_markdown(title, points, broken, failures), points, broken)
 
 
-def _write_pooled(
-    grid: Grid, request: GridRequest, out: Path, table: pd.DataFrame, failures: Sequence[Mapping[str, str]]
-) -> FinishedGrid:
-    """Write what recorded traffic tells: one table over all files."""
+def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
     from harness.grid.pooled import pool_files  # noqa: PLC0415
     from harness.grid.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
-    from harness.runfolder.tables import write_table  # noqa: PLC0415
 
     pooled = pool_files(table)
-    summary: dict[str, Any] = without_nan(
-        {
-            "grid": asdict(request),
-            "runs": len(grid.runs),
-            "failed": len(failures),
-            "failures": list(failures),
-            **asdict(pooled),
-        }
-    )
-    (out / FIGURES).mkdir(exist_ok=True)
-    hidden_figure(pooled).savefig(out / FIGURES / "hidden.png")
-    text = pooled_markdown(pooled, _lines(failures))
-    _replace(out / TABLE, lambda path: path.write_text(text, encoding="utf-8"))
-    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
-    _replace(out / RUNS, lambda path: write_table(table, path))
-    return FinishedGrid(out, summary, (), ())
+    hidden_figure(pooled).savefig(figures / "hidden.png")
+    return _Told(asdict(pooled), pooled_markdown(pooled, failures))
 
 
 def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The figures of one run: the road at a telling moment, the error over time, the mean error by visibility."""
+"""The figures of one run: a telling moment, the error over time and by visibility, what went on in the tracker."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.report.diagnostics_figure import FILE as DIAGNOSTICS
-from harness.report.diagnostics_figure import diagnostics_figure
-from harness.report.scene import GREEN, ORANGE, VERMILION, scene_figure
+from harness.report.scene import BLUE, GREEN, ORANGE, VERMILION, Scene, scene_figure
 from harness.running.run import Pictured
 from harness.writing.plots import mark_new_egos, stretch_s, strip
 from mmpf.compute.arrays import FloatArray
@@ -26,7 +24,12 @@ ERROR_COLUMNS = (
     ("speed_error_mps", "speed_mps", "speed, m/s"),
 )
 SCENE, OVER_TIME, BY_VISIBILITY = "scene.png", "error_over_time.png", "error_by_visibility.png"
+DIAGNOSTICS = "diagnostics.png"
+EVENTS = {"births": BLUE, "deaths": VERMILION, "merges": GREEN, "reclusterings": ORANGE}
 FEWEST_SAMPLES = 5
+
+End = tuple[float, str, str, float]
+"""Where a line ends: height, name, colour and time."""
 
 
 def draw_figures(folder: Path, pictured: Pictured) -> None:
@@ -34,16 +37,11 @@ def draw_figures(folder: Path, pictured: Pictured) -> None:
     folder.mkdir()
     title, moment, scored = pictured.title, pictured.moment, pictured.scored
     if moment is not None:
-        scene = scene_figure(
-            moment.look.frame,
-            moment.look.observation,
-            moment.tracks,
-            pictured.road,
-            pictured.sensor.range_m,
-            moment.particles,
-            f"{title}: {moment.look.frame.time_s:.1f} s",
+        look = moment.look
+        scene = Scene(
+            look.frame, look.observation, moment.tracks, pictured.road, pictured.sensor.range_m, moment.particles
         )
-        scene.savefig(folder / SCENE)
+        scene_figure(scene, f"{title}: {look.frame.time_s:.1f} s").savefig(folder / SCENE)
     error_over_time(scored.errors, title).savefig(folder / OVER_TIME)
     error_by_visibility(scored.metrics["mae"], title).savefig(folder / BY_VISIBILITY)
     if pictured.diagnostics is not None:
@@ -62,16 +60,16 @@ def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
     figure = Figure(figsize=(9.0, 7.0), dpi=120, layout="constrained")
     panels = figure.subplots(len(ERROR_COLUMNS), 1, sharex=True)
     for axes, (column, _, label) in zip(panels, ERROR_COLUMNS, strict=True):
-        ends = {}
+        ends: list[End] = []
         for state, colour in COLOURS.items():
             times, means = _means_over_time(tracked[tracked["state"] == state], column, width_s)
             axes.plot(times, means, color=colour, linewidth=1.8, marker="o", markersize=3)
             if np.isfinite(means).any():
                 last = np.flatnonzero(np.isfinite(means))[-1]
-                ends[state] = (times[last], means[last])
+                ends.append((means[last], NAMES[state], colour, times[last]))
         axes.set_ylim(bottom=0.0)
         axes.set_ylabel(label)
-        _label_lines(axes, ends)
+        _label_ends(axes, ends, apart=0.11, lowest=0.05)
         mark_new_egos(axes, errors)
         strip(axes)
     longest_s = width_s * np.ceil(float(tracked["time_s"].max()) / width_s + 1e-9) if len(tracked) else 1.0
@@ -127,12 +125,76 @@ def _means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[F
     return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64)
 
 
-def _label_lines(axes: Axes, ends: Mapping[str, tuple[float, float]]) -> None:
-    """Write each line's name at its end, moved apart where they would overlap."""
+def diagnostics_figure(diagnostics: pd.DataFrame, title: str) -> Figure:
+    """Return panels of components, effective sample size, events and association entropy over time.
+
+    Args:
+        diagnostics: The run's table of diagnostics, one row per step.
+        title: Heading.
+    """
+    figure = Figure(figsize=(9.0, 8.0), dpi=120, layout="constrained")
+    panels = figure.subplots(4, 1, sharex=True)
+    _levels(panels[0], diagnostics, "components", "components", 1.0)
+    _levels(panels[1], diagnostics, "effective_share", "effective sample\nsize, % of particles", 100.0)
+    _events(panels[2], diagnostics)
+    _levels(panels[3], diagnostics, "association_entropy", "association entropy,\nnats per component", 1.0)
+    for axes in panels:
+        axes.set_ylim(bottom=0.0)
+        mark_new_egos(axes, diagnostics)
+        strip(axes)
+    longest_s = float(diagnostics["time_s"].max())
+    panels[-1].set_xlim(float(diagnostics["time_s"].min()), 1.16 * longest_s + 0.1)
+    panels[-1].set_xlabel("time, s")
+    figure.align_ylabels(panels)
+    width_s = stretch_s(longest_s - float(diagnostics["time_s"].min()))
+    figure.suptitle(f"{title}: inside the tracker, each step (grey) and means over {width_s:g} s", fontsize=11)
+    return figure
+
+
+def _levels(axes: Axes, diagnostics: pd.DataFrame, column: str, label: str, scale: float) -> None:
+    """Draw a quantity of every step thinly and its mean in each stretch of time boldly."""
+    values = scale * diagnostics[column].to_numpy(dtype=np.float64)
+    axes.plot(diagnostics["time_s"], values, color="0.75", linewidth=0.7)
+    times, means = _over_stretches(diagnostics, values)
+    axes.plot(times, means, color=BLUE, linewidth=1.8)
+    axes.annotate(
+        f"{means[-1]:.3g}", (times[-1], means[-1]), xytext=(6, 0), textcoords="offset points", color=BLUE, va="center"
+    )
+    axes.set_ylabel(label)
+
+
+def _events(axes: Axes, diagnostics: pd.DataFrame) -> None:
+    """Draw how many events of each kind a second brought, leaving out kinds that never came.
+
+    An ego's first scan, which starts a component for every detection, would dwarf all that follows.
+    """
+    step_s = float(diagnostics["time_s"].diff().median()) if len(diagnostics) > 1 else 1.0
+    later = diagnostics[diagnostics["episode"].duplicated()]
+    ends: list[End] = []
+    for name, colour in EVENTS.items():
+        count = later[name].to_numpy(dtype=np.float64)
+        if not count.any():
+            continue
+        times, rates = _over_stretches(later, count / step_s)
+        axes.plot(times, rates, color=colour, linewidth=1.6)
+        ends.append((rates[-1], name, colour, times[-1]))
+    _label_ends(axes, ends, apart=0.13, lowest=0.06)
+    axes.set_ylabel("events a second\nafter the first scan")
+
+
+def _label_ends(axes: Axes, ends: list[End], apart: float, lowest: float) -> None:
+    """Write each line's name at its end, moved apart where they would overlap, in shares of the panel's height."""
     top = axes.get_ylim()[1]
     height = -np.inf
-    for state, (time, mean) in sorted(ends.items(), key=lambda item: item[1][1]):
-        height = max(mean, height + 0.11 * top, 0.05 * top)
-        axes.annotate(
-            NAMES[state], (time, height), xytext=(6, 0), textcoords="offset points", color=COLOURS[state], va="center"
-        )
+    for value, name, colour, time_s in sorted(ends):
+        height = max(value, height + apart * top, lowest * top)
+        axes.annotate(name, (time_s, height), xytext=(6, 0), textcoords="offset points", color=colour, va="center")
+
+
+def _over_stretches(diagnostics: pd.DataFrame, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middles of the stretches of time that have steps, and the mean of the values in each."""
+    width_s = stretch_s(float(diagnostics["time_s"].max() - diagnostics["time_s"].min()))
+    stretch = (diagnostics["time_s"].to_numpy(dtype=np.float64) / width_s + 1e-9).astype(np.int64)
+    occupied = np.unique(stretch)
+    reduced = np.array([values[stretch == index].mean() for index in occupied])
+    return (occupied.astype(np.float64) + 0.5) * width_s, reduced

@@ -12,12 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from harness.report.scene import ELLIPSE_SCALE, OUT_OF_SIGHT, PURPLE, SEEN_GROUND, SHADOW, VEHICLE_STYLES, in_road_frame
-from harness.runfolder.finished import RecordedRun
-from harness.runfolder.tables import detections_of, frame_of
+from harness.report.finished import RecordedRun
+from harness.report.scene import (
+    ELLIPSE_SCALE,
+    OUT_OF_SIGHT,
+    PURPLE,
+    SEEN_GROUND,
+    SHADOW,
+    VEHICLE_STYLES,
+    corners,
+    shadow_outlines,
+    view_outline,
+)
+from harness.runfolder.tables import detections_of, floats, frame_of
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
-from harness.sensor.shadows import sensor_position, shadow_polygons
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
@@ -78,7 +87,7 @@ def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST)
         errors: The run's table of errors.
         count: How many at most.
     """
-    distance = np.hypot(_floats(errors, "lon_error_m"), _floats(errors, "lat_error_m"))
+    distance = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
     by_vehicle = errors.groupby("vehicle_id", sort=False).indices
     step, track = errors["step"].to_numpy(), errors["track_id"].to_numpy()
     found = []
@@ -147,7 +156,7 @@ def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:
 def _moments(run: RecordedRun, event: OcclusionEvent) -> list[tuple[int, str]]:
     """Return the steps that are drawn, with their headings; the last is when the outcome is judged."""
     steps, first = np.unique(run.truth["step"].to_numpy(dtype=np.int64), return_index=True)
-    times, episodes = _floats(run.truth, "time_s")[first], run.truth["episode"].to_numpy(dtype=np.int64)[first]
+    times, episodes = floats(run.truth, "time_s")[first], run.truth["episode"].to_numpy(dtype=np.int64)[first]
     at = {int(step): float(time) for step, time in zip(steps, times, strict=True)}
     start_s, end_s = at[event.from_step], at[event.to_step]
     same_ego = episodes == episodes[np.searchsorted(steps, event.to_step)]
@@ -168,14 +177,14 @@ def _moments(run: RecordedRun, event: OcclusionEvent) -> list[tuple[int, str]]:
 def _draw_moment(axes: Axes, run: RecordedRun, event: OcclusionEvent, step: int) -> str:
     """Draw one picture and return a line about the event's track."""
     truth = _rows_at(run.truth, step)
-    lon, lat = _floats(truth, "lon_m"), _floats(truth, "lat_m")
+    lon, lat = floats(truth, "lon_m"), floats(truth, "lat_m")
     subject = int(np.flatnonzero(truth["vehicle_id"].to_numpy() == event.vehicle_id)[0])
     ego = int(np.flatnonzero(truth["is_ego"].to_numpy())[0])
     centre = float(lon[subject])
     detections = _rows_at(run.detections, step)
     _draw_ground(axes, run, frame_of(truth).ego_pose, detections, centre)
     _draw_vehicles(axes, truth, subject, ego, centre)
-    across, along = -_floats(detections, "lat_m"), _floats(detections, "lon_m") - centre
+    across, along = -floats(detections, "lat_m"), floats(detections, "lon_m") - centre
     axes.plot(across, along, "x", color="black", ms=5, mew=1.2, zorder=6)
     line = _draw_tracks(axes, _rows_at(run.tracks, step), event.track_id, (float(lon[subject]), float(lat[subject])))
     _point_to_ego(axes, float(lon[ego]) - centre)
@@ -184,11 +193,10 @@ def _draw_moment(axes: Axes, run: RecordedRun, event: OcclusionEvent, step: int)
 
 def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame, centre: float) -> None:
     range_m = run.sensor.range_m
-    bearings = np.linspace(-np.pi, np.pi, 181)
-    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * range_m + sensor_position(pose, run.road)
-    shadows = shadow_polygons(detections_of(detections), pose, run.road, range_m)
+    rim = view_outline(pose, run.road, range_m, centre)
+    shadows = shadow_outlines(detections_of(detections), pose, run.road, range_m, centre)
     for outlines, colour, height in (([rim], SEEN_GROUND, 0), (shadows, SHADOW, 1)):
-        turned = [_turned(in_road_frame(outline, run.road, centre)) for outline in outlines]
+        turned = [_turned(outline) for outline in outlines]
         axes.add_collection(PolyCollection(turned, facecolor=colour, edgecolor="none", zorder=height), autolim=False)
     lines = {(side, lane.start_m, lane.end_m) for lane in run.road.lanes for side in (lane.right_m, lane.left_m)}
     for side, start, end in lines:
@@ -197,9 +205,9 @@ def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.Dat
 
 
 def _draw_vehicles(axes: Axes, truth: pd.DataFrame, subject: int, ego: int, centre: float) -> None:
-    boxes = _boxes(truth, centre)
+    boxes = _turned(corners(truth) - np.array([centre, 0.0]))
     states = truth["state"].to_numpy(dtype=object)
-    near = np.abs(_floats(truth, "lon_m") - centre) < HALF_WINDOW_M + 15.0
+    near = np.abs(floats(truth, "lon_m") - centre) < HALF_WINDOW_M + 15.0
     others = near & (np.arange(len(truth)) != ego)
     for code, state in enumerate(VISIBILITY_STATES):
         chosen = others & (states == state)
@@ -218,8 +226,8 @@ def _draw_tracks(axes: Axes, tracks: pd.DataFrame, track_id: int, vehicle: tuple
     reported = tracks[tracks["state"] != "tentative"]
     own = (reported["track_id"] == track_id).to_numpy()
     hidden = (reported["state"] == "hidden").to_numpy()
-    centres = np.stack([-_floats(reported, "lat_m"), _floats(reported, "lon_m") - lon], axis=-1)
-    sizes = 2.0 * ELLIPSE_SCALE * np.stack([_floats(reported, "std_lat_m"), _floats(reported, "std_lon_m")])
+    centres = np.stack([-floats(reported, "lat_m"), floats(reported, "lon_m") - lon], axis=-1)
+    sizes = 2.0 * ELLIPSE_SCALE * np.stack([floats(reported, "std_lat_m"), floats(reported, "std_lon_m")])
     for chosen, colour, width in ((~own, LIGHT_PURPLE, 1.2), (own, PURPLE, 2.0)):
         ellipses = EllipseCollection(
             widths=sizes[0, chosen],
@@ -265,25 +273,9 @@ def _draw_scale(axes: Axes) -> None:
               bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0})  # fmt: skip
 
 
-def _boxes(truth: pd.DataFrame, centre: float) -> FloatArray:
-    """Return the vehicles' corners as drawn, shape (n, 4, 2)."""
-    columns = ("lon_m", "lat_m", "heading_rad", "length_m", "width_m")
-    lon, lat, heading, length, width = (_floats(truth, column)[:, None] for column in columns)
-    along = 0.5 * length * np.array([1.0, -1.0, -1.0, 1.0])
-    across = 0.5 * width * np.array([1.0, 1.0, -1.0, -1.0])
-    cosine, sine = np.cos(heading), np.sin(heading)
-    return _turned(
-        np.stack([lon - centre + along * cosine - across * sine, lat + along * sine + across * cosine], axis=-1)
-    )
-
-
 def _turned(lon_lat: FloatArray) -> FloatArray:
     """Return road-frame points, shape (..., 2), as drawn: the driving direction up, left on the left."""
     return np.stack([-lon_lat[..., 1], lon_lat[..., 0]], axis=-1)
-
-
-def _floats(table: pd.DataFrame, column: str) -> FloatArray:
-    return table[column].to_numpy(dtype=np.float64)
 
 
 def _rows_at(table: pd.DataFrame, step: int) -> pd.DataFrame:

@@ -13,14 +13,13 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.report.diagnostics_figure import FILE as DIAGNOSTICS
-from harness.report.figures import BY_VISIBILITY, OVER_TIME, SCENE
+from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME, SCENE
+from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import replay_data
 from harness.report.sentences import headlines, summary_sentences
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.runfolder import folder as runfolder
-from harness.runfolder.finished import RecordedRun, read_recorded_run
 
 PAGE = "report.html"
 SCRIPTS = ("replay_frame.js", "replay_picture.js", "replay_course.js", "replay_control.js")

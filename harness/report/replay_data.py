@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from harness.runfolder.finished import RecordedRun
+from harness.report.finished import RecordedRun
 from harness.scoring.errors import OUTCOMES
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M

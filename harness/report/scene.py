@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import matplotlib.patheffects as path_effects
 import numpy as np
+import pandas as pd
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection, PolyCollection
@@ -14,11 +16,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch, Polygon, Rectangle
 
+from harness.runfolder.tables import floats
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
+from mmpf.scan import Detections, EgoPose
 from mmpf.tracks import HIDDEN as TRACK_HIDDEN
 from mmpf.tracks import TENTATIVE, Tracks
 
@@ -37,81 +41,64 @@ ELLIPSE_SCALE = 2.4477
 MARGIN_M = 2.5
 
 
-def scene_figure(
-    frame: Frame,
-    observation: Observation,
-    tracks: Tracks,
-    road: Road,
-    range_m: float,
-    particles: FloatArray | None = None,
-    title: str = "",
-) -> Figure:
-    """Return a figure of the whole range in two strips: what lies ahead of the ego above, what lies behind it below.
+@dataclass(frozen=True)
+class Scene:
+    """One moment on the road.
 
-    Args:
+    Attributes:
         frame: The truth.
         observation: What the sensor made of it.
         tracks: What the tracker made of that.
         road: The lanes.
         range_m: The sensor's range.
-        particles: Longitudinal and lateral position of every particle, shape (2, n).
-        title: What the picture shows, in one line.
+        particles: Longitudinal and lateral position of every particle, shape (2, n); None of a tracker without any.
     """
-    low, high = _road_edges(road, float(frame.lon_m[frame.ego]), range_m)
-    overlap = 8.0
+
+    frame: Frame
+    observation: Observation
+    tracks: Tracks
+    road: Road
+    range_m: float
+    particles: FloatArray | None = None
+
+    @property
+    def origin_m(self) -> float:
+        """The ego's longitudinal position, which is drawn at zero."""
+        return float(self.frame.lon_m[self.frame.ego])
+
+
+def scene_figure(scene: Scene, title: str = "") -> Figure:
+    """Return a figure of the whole range in two strips: what lies ahead of the ego above, what lies behind it below."""
+    low, high = _road_edges(scene)
+    overlap, range_m = 8.0, scene.range_m
     windows = ((-overlap, range_m + MARGIN_M), (-range_m - MARGIN_M, overlap))
     width_in = 13.0
     strip_in = width_in * (high - low + 2 * MARGIN_M) / (range_m + overlap + MARGIN_M)
     figure = Figure(figsize=(width_in, 2 * strip_in + 2.2), dpi=120, layout="constrained")
     for axes, window, name in zip(figure.subplots(2, 1), windows, ("ahead", "behind"), strict=True):
-        draw_scene(axes, frame, observation, tracks, road, range_m, particles, lon_window_m=window)
+        draw_scene(axes, scene, window)
         axes.set_title(name, loc="left", fontsize=9, color="#555555", pad=3)
     figure.axes[0].set_xlabel("")
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
-    figure.legend(handles=legend_entries(particles is not None), loc="outside lower center", ncols=6, frameon=False)
+    with_particles = scene.particles is not None
+    figure.legend(handles=legend_entries(with_particles), loc="outside lower center", ncols=6, frameon=False)
     return figure
 
 
-def draw_scene(
-    axes: Axes,
-    frame: Frame,
-    observation: Observation,
-    tracks: Tracks,
-    road: Road,
-    range_m: float,
-    particles: FloatArray | None = None,
-    title: str = "",
-    lon_window_m: tuple[float, float] | None = None,
-) -> None:
-    """Draw one moment into the axes, in the road frame with the ego at longitudinal position zero.
-
-    Args:
-        axes: Where to draw.
-        frame: The truth.
-        observation: What the sensor made of it.
-        tracks: What the tracker made of that.
-        road: The lanes.
-        range_m: The sensor's range.
-        particles: Longitudinal and lateral position of every particle, shape (2, n).
-        title: Heading of the axes.
-        lon_window_m: Stretch to show, relative to the ego; the whole range by default.
-    """
-    origin = float(frame.lon_m[frame.ego])
-    window = lon_window_m or (-range_m - MARGIN_M, range_m + MARGIN_M)
-    _draw_ground(axes, observation, road, range_m, origin)
-    _draw_lanes(axes, road, origin, window)
-    if particles is not None:
-        axes.plot(
-            particles[0] - origin, particles[1], ".", color=BLUE, ms=1.6, mew=0, alpha=0.45, zorder=5.5, rasterized=True
-        )
-    _draw_vehicles(axes, frame, observation, origin)
-    detections = observation.scan.detections
+def draw_scene(axes: Axes, scene: Scene, window: tuple[float, float]) -> None:
+    """Draw a stretch of the road, metres relative to the ego, into the axes."""
+    origin, detections = scene.origin_m, scene.observation.scan.detections
+    _draw_ground(axes, scene.observation, scene.road, scene.range_m, origin)
+    _draw_lanes(axes, scene.road, origin, window)
+    if scene.particles is not None:
+        lon_m, lat_m = scene.particles
+        axes.plot(lon_m - origin, lat_m, ".", color=BLUE, ms=1.6, mew=0, alpha=0.45, zorder=5.5, rasterized=True)
+    _draw_vehicles(axes, scene.frame, scene.observation, origin)
     axes.plot(detections.lon_m - origin, detections.lat_m, "x", color="black", ms=5, mew=1.2, zorder=6)
-    _draw_tracks(axes, tracks, origin, window)
-    low, high = _road_edges(road, origin, range_m)
+    _draw_tracks(axes, scene.tracks, origin, window)
+    low, high = _road_edges(scene)
     axes.set(xlim=window, ylim=(low - MARGIN_M, high + MARGIN_M), aspect="equal")
     axes.set(xlabel="metres ahead of the ego", ylabel="lateral position (m)")
-    axes.set_title(title, loc="left")
     axes.spines[:].set_visible(False)
     axes.tick_params(length=2, color="#999999")
 
@@ -132,10 +119,10 @@ def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
     return entries
 
 
-def _road_edges(road: Road, ego_lon_m: float, range_m: float) -> tuple[float, float]:
+def _road_edges(scene: Scene) -> tuple[float, float]:
     """Return the lowest and highest lateral position of the lanes within range."""
-    _, right, left, start, end = road.lane_table.T
-    near = (end > ego_lon_m - range_m) & (start < ego_lon_m + range_m)
+    _, right, left, start, end = scene.road.lane_table.T
+    near = (end > scene.origin_m - scene.range_m) & (start < scene.origin_m + scene.range_m)
     return float(right[near].min()), float(left[near].max())
 
 
@@ -149,8 +136,32 @@ def _draw_ground(axes: Axes, observation: Observation, road: Road, range_m: floa
     bearings = -np.pi + 2.0 * np.pi / len(reach) * (np.arange(len(reach)) + 0.5)
     rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * reach[:, None] + sensor_position(ego, road)
     axes.add_patch(Polygon(in_road_frame(rim, road, origin), facecolor=SEEN_GROUND, edgecolor="none", zorder=0))
-    shadows = [in_road_frame(outline, road, origin) for outline in shadow_polygons(detections, ego, road, range_m)]
+    shadows = shadow_outlines(detections, ego, road, range_m, origin)
     axes.add_collection(PolyCollection(shadows, facecolor=SHADOW, edgecolor="none", zorder=1), autolim=False)
+
+
+def view_outline(ego: EgoPose, road: Road, range_m: float, origin: float) -> FloatArray:
+    """Return the rim of the sensor's range in the road frame relative to the origin, shape (k, 2)."""
+    bearings = np.linspace(-np.pi, np.pi, 181)
+    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * range_m + sensor_position(ego, road)
+    return in_road_frame(rim, road, origin)
+
+
+def shadow_outlines(
+    detections: Detections, ego: EgoPose, road: Road, range_m: float, origin: float
+) -> list[FloatArray]:
+    """Return the shadows' outlines in the road frame relative to the origin, each of shape (k, 2)."""
+    return [in_road_frame(outline, road, origin) for outline in shadow_polygons(detections, ego, road, range_m)]
+
+
+def corners(truth: pd.DataFrame) -> FloatArray:
+    """Return the corners of the vehicles of truth rows in the road frame, shape (n, 4, 2)."""
+    columns = ("lon_m", "lat_m", "heading_rad", "length_m", "width_m")
+    lon, lat, heading, length, width = (floats(truth, column)[:, None] for column in columns)
+    along = 0.5 * length * np.array([1.0, -1.0, -1.0, 1.0])
+    across = 0.5 * width * np.array([1.0, 1.0, -1.0, -1.0])
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return np.stack([lon + along * cosine - across * sine, lat + along * sine + across * cosine], axis=-1)
 
 
 def in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:

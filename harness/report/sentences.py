@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +15,6 @@ HONEST_COVERAGE = (
     ("visible", "vehicles in view", (93.0, 97.0)),
     ("hidden", "hidden ones", (90.0, 98.0)),
 )
-NORMAL_QUANTILE_95 = 1.959964
 
 
 @dataclass(frozen=True)
@@ -55,14 +53,13 @@ def headlines(metrics: Metrics) -> list[Headline]:
     mae, occlusion = metrics["mae"], metrics["occlusion"]
     events = occlusion["events"] or 0
     kept = occlusion["same_id"] or 0
-    low, high = wilson_interval(kept, events)
     coverage = metrics["calibration"]["coverage95"]["lon"]
     step_ms = metrics["timing"]["tracker_ms"]
     return [
         Headline(
             "Same track after hiding",
             f"{kept} of {events}" if events else "no case",
-            f"{100 * low:.0f} to {100 * high:.0f} %" if events else "",
+            _interval_of_share(kept, events) if events else "",
             "hidden vehicles that came back on their own track",
         ),
         _error_headline("Error, hidden", mae["hidden"], "distance between track and hidden vehicle, mean"),
@@ -88,14 +85,12 @@ def headlines(metrics: Metrics) -> list[Headline]:
     ]
 
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share (Wilson 1927); (0, 1) without trials."""
-    if trials == 0:
-        return 0.0, 1.0
-    share, spread = successes / trials, NORMAL_QUANTILE_95**2 / trials
-    centre = (share + 0.5 * spread) / (1.0 + spread)
-    half = NORMAL_QUANTILE_95 / (1.0 + spread) * math.sqrt(share * (1.0 - share) / trials + 0.25 * spread / trials)
-    return max(0.0, centre - half), min(1.0, centre + half)
+def _interval_of_share(successes: int, trials: int) -> str:
+    """Return the 95 % interval of a share (Wilson 1927)."""
+    from scipy.stats import binomtest  # noqa: PLC0415  slow to import
+
+    interval = binomtest(successes, trials).proportion_ci(method="wilson")
+    return f"{100 * interval.low:.0f} to {100 * interval.high:.0f} %"
 
 
 def _setting(metrics: Metrics) -> str:

@@ -7,46 +7,49 @@ import os
 import platform
 import subprocess
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
 
 
-def write_manifest(
-    path: Path,
-    *,
-    status: str,
-    command: str,
-    seed: int,
-    inputs: Mapping[str, str],
-    wall_times_s: Mapping[str, float],
-    steps: int,
-    problem: str | None = None,
-) -> None:
-    """Write ``manifest.json``.
+@dataclass(frozen=True)
+class RunFacts:
+    """What is known of a run, or of a grid of runs, beside the software and the machine.
 
-    Args:
-        path: File to write.
+    Attributes:
         status: ``complete``, ``interrupted`` or ``failed``.
         command: What the user typed.
         seed: Root seed.
+        steps: Finished steps; of a grid, finished runs.
         inputs: SHA-256 of each input file.
         wall_times_s: Wall time of each phase.
-        steps: Finished steps.
         problem: What ended the run, if it did not end by itself.
     """
+
+    status: str
+    command: str
+    seed: int
+    steps: int
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    wall_times_s: Mapping[str, float] = field(default_factory=dict)
+    problem: str | None = None
+
+
+def write_manifest(path: Path, facts: RunFacts) -> None:
+    """Write ``manifest.json``."""
     manifest = {
-        "status": status,
-        "problem": problem,
-        "command": command,
-        "seed": seed,
-        "steps": steps,
+        "status": facts.status,
+        "problem": facts.problem,
+        "command": facts.command,
+        "seed": facts.seed,
+        "steps": facts.steps,
         "versions": {name: _version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "git_revision": _git_revision(),
-        "inputs_sha256": dict(inputs),
+        "inputs_sha256": dict(facts.inputs),
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
-        "wall_times_s": {name: round(seconds, 3) for name, seconds in wall_times_s.items()},
+        "wall_times_s": {name: round(seconds, 3) for name, seconds in facts.wall_times_s.items()},
     }
     path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
 

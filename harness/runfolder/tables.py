@@ -165,11 +165,16 @@ def _size_columns(detections: Detections) -> Columns:
     return {name: getattr(detections.sizes, name) for name in DETECTION_SIZES}
 
 
+def floats(table: pd.DataFrame, column: str) -> FloatArray:
+    """Return a column of numbers."""
+    return table[column].to_numpy(dtype=np.float64)
+
+
 def detections_of(rows: pd.DataFrame) -> Detections:
     """Return the detections that rows of the table record, sizes included where they were measured."""
 
     def columns(names: tuple[str, ...]) -> list[FloatArray]:
-        return [rows[name].to_numpy(dtype=np.float64) for name in names]
+        return [floats(rows, name) for name in names]
 
     lon, lat, speed, std_lon, std_lat, std_speed = columns(DETECTION_NUMBERS)
     sizes = BodySizes(*columns(DETECTION_SIZES)) if set(DETECTION_SIZES) <= set(rows.columns) else None

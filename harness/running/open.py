@@ -77,8 +77,7 @@ def _simulated(config: RunConfig, gui: bool) -> Looks:
         raise InputError(f"`density`: {network.name} brings its own demand; leave `density` out")
     truth = open_traffic(
         network,
-        density=traffic.density,
-        demand=traffic.demand,
+        demand=traffic.density if traffic.demand is None else traffic.demand,
         duration_s=traffic.duration_s,
         seed=Streams.from_seed(config.seed).truth,
         gui=gui,

@@ -17,7 +17,7 @@ from harness.config.layers import write_config
 from harness.config.model import RunConfig
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
-from harness.runfolder.manifest import write_manifest
+from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.runfolder.road import write_road
 from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import StageTimes, follow
@@ -219,16 +219,11 @@ class _Attempt:
 
     def write_manifest(self, status: str, problem: str | None) -> None:
         """Write the manifest as things stand."""
-        write_manifest(
-            self.folder / runfolder.MANIFEST,
-            status=status,
-            command=self.command,
-            seed=self.config.seed,
-            inputs=self.looks.hashes() if self.looks is not None else {},
-            wall_times_s=self.wall_s,
-            steps=self.recorder.steps,
-            problem=problem,
+        inputs = self.looks.hashes() if self.looks is not None else {}
+        facts = RunFacts(
+            status, self.command, self.config.seed, self.recorder.steps, inputs, self.wall_s, problem=problem
         )
+        write_manifest(self.folder / runfolder.MANIFEST, facts)
 
     def close(self) -> None:
         """Release the simulation."""

@@ -13,6 +13,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import InputError
+from harness.writing.problems import first_problem
 from mmpf.registry import Registry, UnknownNameError
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -91,13 +92,11 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
 
 
 def _first_complaint(error: ValidationError) -> str:
-    complaint = error.errors(include_url=False)[0]
-    name = ".".join(["sensor", *(str(part) for part in complaint["loc"])])
-    if complaint["type"] == "extra_forbidden":
+    key, message, given, unknown = first_problem(error)
+    name = f"sensor.{key}" if key else "sensor"
+    if unknown:
         return f"{name}: no such setting; known are: {', '.join(sorted(SensorSettings.model_fields))}"
-    given = complaint["input"] if complaint["loc"] else None
-    message = complaint["msg"].removeprefix("Value error, ")
-    return f"{name}: {message[0].lower()}{message[1:]}" + ("" if given is None else f" (given: {given!r})")
+    return f"{name}: {message}" + (f" (given: {given!r})" if key and given is not None else "")
 
 
 @sensor_profiles.register("lidar")

@@ -1,30 +1,27 @@
-"""The two studies with their traffic, models and targets put together."""
+"""The two studies with their traffic and models put together."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.driving.cases import Cases, following_cases, lane_change_cases
-from harness.driving.changing import join_changes, lane_change_windows
+from harness.driving.changing import load_changes
 from harness.driving.filtering import MeasurementNoise
-from harness.driving.following import following_windows, join
-from harness.driving.recording import load_all, record_all
+from harness.driving.following import load_following
 from harness.driving.scenarios import (
     DENSITIES_VEH_PER_KM_LANE,
     REPORTING_DURATION_S,
-    default_cache,
-    open_scenario,
+    record_scenarios,
     scenarios,
 )
 from harness.errors import InputError
 from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
-from harness.study.targets import Target, lane_change_targets, lane_keeping_targets
+from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, without_lane_changes
 from mmpf.motion.protocol import MotionModel, motion_models
@@ -35,8 +32,6 @@ MODELS = {
     LANE_CHANGE: ("gmm", "gmm-lane-change", "cvm", "cam", "csav", "csaa"),
 }
 OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
-TARGETS = {LANE_KEEPING: lane_keeping_targets, LANE_CHANGE: lane_change_targets}
-STEPS, STEP_S = 101, 0.1
 
 
 @dataclass(frozen=True)
@@ -92,8 +87,8 @@ class StudyPlan:
 
 def make_study(
     plan: StudyPlan, network: Network, say: Callable[[str], None], progress: Callable[[], None]
-) -> tuple[StudyResult, list[Target], dict[str, Any]]:
-    """Record the traffic where needed, run the study and check its targets.
+) -> tuple[StudyResult, dict[str, Any]]:
+    """Record the traffic where needed and run the study.
 
     Args:
         plan: What to do.
@@ -102,7 +97,7 @@ def make_study(
         progress: Called after each model and occlusion.
 
     Returns:
-        Numbers, targets and the setting.
+        Numbers and the setting.
 
     Raises:
         InputError: An unknown study or model.
@@ -120,20 +115,16 @@ def make_study(
         seed=plan.seed,
         progress=progress,
     )
-    whole = set(MODELS[plan.study]) <= set(models)
-    targets = TARGETS[plan.study](result.rows) if whole else []
-    return result, targets, plan.setting(network, cases.count)
+    return result, plan.setting(network, cases.count)
 
 
 def _cases(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
     wanted = scenarios(plan.first_traffic_seed, plan.recordings, REPORTING_DURATION_S)
-    paths = record_all(wanted, plan.cache or default_cache(network), partial(open_scenario, network), say)
+    paths = record_scenarios(network, wanted, plan.cache, say)
     rng = np.random.default_rng([plan.seed, 0])
     if plan.study == LANE_KEEPING:
-        windows = join([following_windows(recording, network.road, STEPS, STEP_S) for recording in load_all(paths)])
-        return following_cases(windows, plan.cases, STEP_S, rng)
-    changes = join_changes([lane_change_windows(recording, network.road, STEP_S) for recording in load_all(paths)])
-    return lane_change_cases(changes, plan.cases, STEP_S, rng)
+        return following_cases(load_following(paths, network.road), plan.cases, STEP_S, rng)
+    return lane_change_cases(load_changes(paths, network.road), plan.cases, STEP_S, rng)
 
 
 def _model(plan: StudyPlan, name: str) -> MotionModel:

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from harness.errors import InputError
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
+from harness.writing.problems import first_problem
 from mmpf.registry import UnknownNameError
 from mmpf.settings import Settings, fields_of
 
@@ -138,11 +139,11 @@ def _import_entry(name: str, entry: _Entry) -> None:
 
 
 def _first_option_error(tracker: str, error: ValidationError) -> str:
-    first = error.errors()[0]
-    option = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "extra_forbidden" and tracker in _CATALOGUE:
-        return f"tracker option {option!r} of {tracker}: there is none of that name{_nearest(option, tracker)}"
-    return f"tracker option {option!r} of {tracker}: {first['msg']}"
+    problem = first_problem(error)
+    message = problem.message
+    if problem.unknown and tracker in _CATALOGUE:
+        message = f"there is none of that name{_nearest(problem.key, tracker)}"
+    return f"tracker option {problem.key!r} of {tracker}: {message}"
 
 
 def _nearest(option: str, tracker: str) -> str:

@@ -12,6 +12,8 @@ from harness.driving.cases import Cases, following_cases
 from harness.driving.filtering import follow
 from harness.driving.following import Following
 from harness.driving.scores import score
+from harness.writing.markdown import markdown_table
+from harness.writing.plots import strip
 from mmpf.learning.fit import SizeScore
 from mmpf.motion.protocol import MotionModel
 
@@ -40,21 +42,14 @@ def write_card(
         picture = path.with_name(f"{path.stem}_bic.png")
         draw_sizes(sizes, picture)
         lines += ["## Number of components", "", f"Smallest BIC of the sweep: {best.components} components.", ""]
-        lines += ["| components | BIC | log-likelihood a sample |", "|---|---|---|"]
-        lines += [f"| {size.components} | {size.bic:.0f} | {size.log_likelihood:.3f} |" for size in sizes]
+        rows = [[str(size.components), f"{size.bic:.0f}", f"{size.log_likelihood:.3f}"] for size in sizes]
+        lines += markdown_table(["components", "BIC", "log-likelihood a sample"], rows)
         lines += ["", f"![BIC]({picture.name})", ""]
     if regimes:
-        heads = " | ".join(f"{horizon:g} s" for horizon in HORIZONS_S)
-        lines += [
-            "## Position error by regime, complete occlusion, held-out seeds, m",
-            "",
-            f"| regime | cases | {heads} |",
-        ]
-        lines.append("|---" * (2 + len(HORIZONS_S)) + "|")
-        for regime in regimes:
-            cells = " | ".join(f"{error:.2f}" for error in regime.lon_m)
-            lines.append(f"| {regime.regime} | {regime.cases} | {cells} |")
-        lines.append("")
+        heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
+        rows = [[entry.regime, str(entry.cases), *(f"{error:.2f}" for error in entry.lon_m)] for entry in regimes]
+        lines += ["## Position error by regime, complete occlusion, held-out seeds, m", ""]
+        lines += [*markdown_table(heads, rows), ""]
     lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
     path.write_text("\n".join(lines), encoding="utf-8")
 
@@ -80,7 +75,7 @@ def draw_sizes(sizes: Sequence[SizeScore], path: Path) -> None:
     axis.set_xlabel("number of components")
     axis.set_ylabel("BIC, thousands (smaller is better)")
     axis.margins(y=0.15)
-    axis.spines[["top", "right"]].set_visible(False)
+    strip(axis)
     figure.savefig(path, dpi=110)
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.driving.changing import LaneChanges, Others
+from harness.driving.changing import LaneChanges
+from harness.driving.neighbours import Others
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.learning.fit import fit_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from harness.driving.cases import cases_of, lane_change_cases
-from harness.driving.changing import LaneChanges, changes_to_one_side_per_s, join_changes, lane_change_windows
-from harness.driving.following import Following, following_windows, join
-from harness.driving.recording import load_all, record_all
+from harness.driving.changing import LaneChanges, changes_to_one_side_per_s, load_changes
+from harness.driving.following import STEPS, Following, load_following
+from harness.driving.recording import load_all
 from harness.driving.scenarios import (
     FIRST_TUNING_SEED,
     TRAINING_DURATION_S,
     TUNING_DURATION_S,
-    default_cache,
-    open_scenario,
+    record_scenarios,
     scenarios,
 )
 from harness.errors import InputError
@@ -32,8 +30,8 @@ from harness.training.driver_fit import (
     following_records,
     short_samples,
 )
-from harness.training.idm_fit import adaptive_toml, fit_adaptive, fit_idm, idm_toml
-from harness.training.noise_fit import fit_noise, noise_toml
+from harness.training.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
+from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import SizeScore, sweep_sizes
@@ -45,7 +43,6 @@ from mmpf.motion.learned.short_driver import SHORT, short_term_driver
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
-STEPS, STEP_S = 101, 0.1
 TUNING_RECORDINGS = 8
 SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60, 90)}
 SWEEP_SAMPLES = 15_000
@@ -101,15 +98,15 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     """
     if plan.case not in PAPER_COMPONENTS:
         raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING} or {LANE_CHANGE}")
-    cache = plan.cache or default_cache(network)
-    opened = partial(open_scenario, network)
-    training = record_all(scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S), cache, opened, say)
-    tuning = record_all(scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S), cache, opened, say)
+    for_training = scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S)
+    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S)
+    training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
     plan.out.mkdir(parents=True, exist_ok=True)
     if plan.case == LANE_CHANGE:
-        return _train_change(plan, network.name, _changes(training, network), _changes(tuning, network), say)
-    windows, held_out = _following(training, network), _following(tuning, network)
-    _fit_rivals(plan, windows, held_out, _changes(tuning, network), say)
+        changes, held_changes = (load_changes(paths, network.road) for paths in (training, tuning))
+        return _train_change(plan, network.name, changes, held_changes, say)
+    windows, held_out = (load_following(paths, network.road) for paths in (training, tuning))
+    _fit_rivals(plan, windows, held_out, load_changes(tuning, network.road), say)
     changes_per_s = changes_to_one_side_per_s(load_all(training), STEP_S)
     return _train_keeping(plan, network.name, windows, changes_per_s, held_out, say)
 
@@ -120,12 +117,10 @@ def _fit_rivals(
     """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
     say("fitting the rivals' parameters and noise")
     driver = fit_idm(windows, plan.seed, STEP_S)
-    (plan.out / "idm_fitted.toml").write_text(idm_toml(driver), encoding="utf-8")
     every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
     adaptive = fit_adaptive(windows, plan.seed, STEP_S)
-    (plan.out / "idm_adaptive.toml").write_text(adaptive_toml(adaptive), encoding="utf-8")
     noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver, adaptive)
-    (plan.out / "process_noise.toml").write_text(noise_toml(noise), encoding="utf-8")
+    write_rivals(plan.out, driver, adaptive, noise)
 
 
 def _train_keeping(
@@ -238,14 +233,6 @@ def _facts(plan: TrainingPlan, net: str, samples: int, used: int) -> dict[str, s
 def _some(x: FloatArray, y: FloatArray, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     chosen = rng.choice(len(x), size=min(count, len(x)), replace=False)
     return x[chosen], y[chosen]
-
-
-def _following(paths: Sequence[Path], network: Network) -> Following:
-    return join([following_windows(recording, network.road, STEPS, STEP_S) for recording in load_all(paths)])
-
-
-def _changes(paths: Sequence[Path], network: Network) -> LaneChanges:
-    return join_changes([lane_change_windows(recording, network.road, STEP_S) for recording in load_all(paths)])
 
 
 KEEPING_LIMITS = (

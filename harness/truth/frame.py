@@ -12,6 +12,9 @@ from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 
+STEP_S = 0.1
+"""Time between the frames of every source, seconds."""
+
 EVERYWHERE = (-np.inf, np.inf)
 # Columns of the truth table that hold a frame's window; absent where it is everywhere.
 WINDOW_COLUMNS = ("window_start_m", "window_end_m")

@@ -24,3 +24,12 @@ def without_nan(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def rounded(value: Any, decimals: int) -> Any:  # noqa: ANN401  nested plain values
+    """Return nested plain values with every number in them rounded, and tuples as lists."""
+    if isinstance(value, Mapping):
+        return {name: rounded(item, decimals) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [rounded(item, decimals) for item in value]
+    return round(value, decimals) if isinstance(value, float) else value

@@ -17,15 +17,14 @@ from harness.grid.ablation import ablated_quantities
 from harness.grid.grid import GridRequest
 from harness.grid.pooled import pooled_quantities
 from harness.grid.stress import run_stress
-from harness.running.open import RunInputs
-from harness.running.run import run
+from harness.report.figures import draw_figures
+from harness.report.page import write_run_page
+from harness.running.run import Drawing, run
 from harness.scoring import metrics
 from harness.scoring.metrics import register
 from harness.scoring.quantity import Quantity
-from harness.sensor.detector import build_sensor
-from harness.sensor.profiles import sensor_settings
 from tests.harness.grid.test_stress import InProcess
-from tests.harness.stand_ins import SteadyTraffic
+from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 STEPS = 8
@@ -37,7 +36,7 @@ TRACKS_PER_STEP = Quantity(
 
 @pytest.fixture(autouse=True)
 def toy(monkeypatch) -> None:
-    """Register a metric for the length of a test, and put stand-in traffic in SUMO's place."""
+    """Register a metric for the length of a test."""
     monkeypatch.setattr(metrics, "METRICS", copy.deepcopy(metrics.METRICS))
 
     @register("toy", TRACKS_PER_STEP)
@@ -45,15 +44,12 @@ def toy(monkeypatch) -> None:
         steps = len(evidence.rows.time_s)
         return {"tracks": len(evidence.rows.tracks) / steps if steps else None}
 
-    sensor = build_sensor(sensor_settings("lidar", {}))
-    monkeypatch.setattr(
-        "harness.running.open._open_live", lambda config, streams, gui: RunInputs(SteadyTraffic(steps=STEPS), sensor)
-    )
-
 
 def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
     config = resolve_run_config(options={"tracker": ECHO})
-    folder = run(config, out=tmp_path / "run").folder
+    looks = looking_at(SteadyTraffic(steps=STEPS))
+    drawing = Drawing(draw_figures, write_run_page)
+    folder = run(config, out=tmp_path / "run", draw=drawing, open_looks=looks).folder
     value = json.loads((folder / "metrics.json").read_text())["toy"]["tracks"]
     assert value == len(pd.read_parquet(folder / "tracks.parquet")) / STEPS > 0.0
     assert f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td></tr>" in (folder / "report.html").read_text()

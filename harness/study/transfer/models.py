@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from harness.driving.following import Following
-from harness.study.transfer.traffic import STEP_S, HeldOutSet, Say, as_one_vehicle_each
+from harness.study.transfer.traffic import HeldOutSet, Say, as_one_vehicle_each
 from harness.training.driver_fit import fit_follower, fit_short
-from harness.training.idm_fit import fit_idm
+from harness.training.rival_fit import fit_idm
+from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise

@@ -12,12 +12,12 @@ from harness.driving.cases import Cases, cases_of
 from harness.driving.following import Following, following_windows, join
 from harness.driving.pairs import recording_of
 from harness.errors import InputError
+from harness.truth.frame import STEP_S
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble
 from mmpf.compute.arrays import IntArray
 
-STEP_S = 0.1
-SHORT_STEPS, LONG_STEPS = 51, 101
+SHORT_STEPS = 51
 PAIRS, SNIPPETS, SUMO = "real pairs", "real snippets", "sumo"
 WHOLE_RECORDING_S = 86_400.0
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,14 @@ import numpy as np
 
 from harness.driving.cases import Cases, following_cases
 from harness.driving.filtering import Cloud, follow
-from harness.driving.following import Following, following_windows, join
+from harness.driving.following import STEPS, Following, load_following
 from harness.driving.pairs import EDGE_S, pair_windows
 from harness.driving.realdata import pairs_file, snippet_files
-from harness.driving.recording import load_all, record_all
 from harness.driving.scenarios import (
     FIRST_TRAINING_SEED,
     REPORTING_DURATION_S,
     TRAINING_DURATION_S,
-    default_cache,
-    open_scenario,
+    record_scenarios,
     scenarios,
 )
 from harness.driving.scores import score
@@ -38,11 +35,9 @@ from harness.study.transfer.models import (
     input_rows,
 )
 from harness.study.transfer.traffic import (
-    LONG_STEPS,
     PAIRS,
     SHORT_STEPS,
     SNIPPETS,
-    STEP_S,
     SUMO,
     HeldOutPart,
     HeldOutSet,
@@ -53,6 +48,7 @@ from harness.study.transfer.traffic import (
     split_pairs,
 )
 from harness.study.transfer.verdicts import Comparison, Outcome, Trend, compare_transfer
+from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.state import ACCEL, LON
 
@@ -98,14 +94,14 @@ class TransferResult:
         outcomes: In the order of the table.
         rows: What ``results.json`` holds under ``results``.
         inputs: How the test traffic lies in the ranges that the learned drivers were trained on.
-        targets: The models trained on simulated traffic held against the others.
+        comparisons: The models trained on simulated traffic held against the others.
         setting: How the study was made.
     """
 
     outcomes: Sequence[Outcome]
     rows: Sequence[Mapping[str, Any]]
     inputs: Sequence[Mapping[str, Any]]
-    targets: Sequence[Comparison]
+    comparisons: Sequence[Comparison]
     setting: Mapping[str, Any]
 
 
@@ -122,14 +118,14 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         InputError: Real recordings are missing or broken.
     """
     pairs_path, files = pairs_file(plan.real_data), snippet_files(plan.real_data)
-    training, held_out = split_pairs(pair_windows(pairs_path, LONG_STEPS, STEP_S), plan.seed)
+    training, held_out = split_pairs(pair_windows(pairs_path, STEPS, STEP_S), plan.seed)
     sets = [
         held_out_set(PAIRS, [(held_out, HORIZONS_S)]),
         held_out_set(
             SNIPPETS,
             [
                 (snippet_windows(files, SHORT_STEPS, say), UP_TO_5_S),
-                (snippet_windows(files, LONG_STEPS, say), BEYOND_5_S),
+                (snippet_windows(files, STEPS, say), BEYOND_5_S),
             ],
         ),
         _simulated_set(plan, network, say),
@@ -216,8 +212,7 @@ def _simulated_training(plan: TransferPlan, network: Network, say: Say) -> Follo
 
 
 def _simulated_windows(wanted: Sequence[Any], plan: TransferPlan, network: Network, say: Say) -> Following:
-    paths = record_all(wanted, plan.cache or default_cache(network), partial(open_scenario, network), say)
-    windows = join([following_windows(recording, network.road, LONG_STEPS, STEP_S) for recording in load_all(paths)])
+    windows = load_following(record_scenarios(network, wanted, plan.cache, say), network.road)
     return windows.take(np.flatnonzero(windows.has_leader))
 
 

@@ -9,17 +9,8 @@ import numpy as np
 
 from harness.driving.scores import RESAMPLES, Scores
 from harness.scoring.statistics import bootstrap_ci
-from harness.study.targets import Target
-from harness.study.transfer.models import (
-    ON_NOTHING,
-    ON_REAL,
-    ON_SUMO,
-    UNTRAINED,
-    TrainedModel,
-)
-from harness.study.transfer.traffic import (
-    HeldOutPart,
-)
+from harness.study.transfer.models import ON_NOTHING, ON_REAL, ON_SUMO, UNTRAINED, TrainedModel
+from harness.study.transfer.traffic import HeldOutPart
 from mmpf.compute.arrays import FloatArray
 
 
@@ -75,7 +66,6 @@ class Comparison:
         rival_lon_m: The other one's.
         difference_m: One minus the other.
         difference_m_ci95: Its interval over vehicles.
-        met: Whether the model's is smaller.
     """
 
     tested_on: str
@@ -87,23 +77,17 @@ class Comparison:
     rival_lon_m: float
     difference_m: float
     difference_m_ci95: tuple[float, float]
-    met: bool
+
+    @property
+    def better(self) -> bool:
+        """Whether the model's error is the smaller one."""
+        return self.difference_m < 0.0
 
     @property
     def clear(self) -> bool:
         """Whether the interval leaves no doubt which is better."""
         low, high = self.difference_m_ci95
         return low > 0.0 or high < 0.0
-
-    def as_target(self) -> Target:
-        """Return the comparison in words."""
-        low, high = self.difference_m_ci95
-        return Target(
-            f"on {self.tested_on}, {self.own} below {self.rival} at {self.horizon_s:g} s",
-            self.met,
-            f"{self.lon_m:.2f} against {self.rival_lon_m:.2f} m, difference {self.difference_m:+.2f} "
-            f"[{low:+.2f}, {high:+.2f}], {'clear' if self.clear else 'not clear'}",
-        )
 
 
 def compare_transfer(outcomes: Sequence[Outcome]) -> list[Comparison]:
@@ -117,22 +101,21 @@ def compare_transfer(outcomes: Sequence[Outcome]) -> list[Comparison]:
         for horizon in outcome.part.horizons_s
     }
     places = list(dict.fromkeys((tested_on, horizon) for tested_on, _, _, horizon in by_key))
-    targets = []
+    comparisons = []
     for tested_on, horizon in places:
         for own in OURS:
             against = [*RIVALS, (own, ON_REAL)]
-            targets += [
+            comparisons += [
                 _below(by_key[tested_on, own, ON_SUMO, horizon], by_key[tested_on, name, trained_on, horizon], horizon)
                 for name, trained_on in against
                 if (tested_on, own, ON_SUMO, horizon) in by_key and (tested_on, name, trained_on, horizon) in by_key
             ]
-    return targets
+    return comparisons
 
 
 def _below(own: Outcome, rival: Outcome, horizon_s: float) -> Comparison:
     own_m, rival_m = (_errors_at(outcome, horizon_s) for outcome in (own, rival))
     interval = bootstrap_ci(own_m - rival_m, np.random.default_rng(0), own.part.vehicle, draws=RESAMPLES)
-    difference = float((own_m - rival_m).mean())
     return Comparison(
         tested_on=own.tested_on,
         horizon_s=horizon_s,
@@ -141,9 +124,8 @@ def _below(own: Outcome, rival: Outcome, horizon_s: float) -> Comparison:
         rival_trained_on=rival.model.trained_on,
         lon_m=float(own_m.mean()),
         rival_lon_m=float(rival_m.mean()),
-        difference_m=difference,
+        difference_m=float((own_m - rival_m).mean()),
         difference_m_ci95=(interval.low, interval.high),
-        met=difference < 0.0,
     )
 
 

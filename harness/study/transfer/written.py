@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,10 @@ from harness.study.figures import COLOURS
 from harness.study.transfer.models import ON_BOTH, ON_REAL
 from harness.study.transfer.transfer import TransferResult
 from harness.study.transfer.verdicts import Comparison
-from harness.study.written import rounded, setting_line, target_lines
+from harness.study.written import DECIMALS, error_cell, setting_line
+from harness.writing.files import write_results
 from harness.writing.markdown import markdown_table
+from harness.writing.numbers import rounded
 
 if TYPE_CHECKING:
     from harness.study.transfer.traffic import HeldOutPart
@@ -29,9 +31,7 @@ FIGURE = "transfer-errors.png"
 
 def write_transfer(result: TransferResult, folder: Path) -> None:
     """Write ``results.json``, ``results.md`` and the picture into a folder, which is made if missing."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "results.json").write_text(json.dumps(as_json(result), indent=1) + "\n", encoding="utf-8")
-    (folder / "results.md").write_text(as_markdown(result), encoding="utf-8")
+    write_results(folder, as_json(result), as_markdown(result))
     errors_figure(result.outcomes).savefig(folder / FIGURE, dpi=110)
 
 
@@ -39,9 +39,9 @@ def as_json(result: TransferResult) -> dict[str, Any]:
     """Return what ``results.json`` holds."""
     return {
         "setting": dict(result.setting),
-        "results": [rounded(row) for row in result.rows],
-        "inputs": [rounded(row) for row in result.inputs],
-        "targets": [vars(target) for target in result.targets],
+        "results": rounded(result.rows, DECIMALS),
+        "inputs": rounded(result.inputs, DECIMALS),
+        "comparisons": [vars(comparison) for comparison in result.comparisons],
     }
 
 
@@ -56,17 +56,20 @@ def as_markdown(result: TransferResult) -> str:
             "",
             setting_line(result.setting),
             "",
-            *_table(result.rows, _error),
+            *_table(result.rows, partial(error_cell, quantity="lon_m")),
             "",
             f"![errors]({FIGURE})",
             "",
             "## What was found",
             "",
-            *summary_lines(result.targets),
+            *summary_lines(result.comparisons),
             "",
             "## Every comparison",
             "",
-            *target_lines([target.as_target() for target in result.targets]),
+            "Mean absolute errors of the longitudinal position, m, and their difference with its 95 % interval over "
+            "vehicles.",
+            "",
+            *_comparison_table(result.comparisons),
             "",
             "## Bias and coverage",
             "",
@@ -90,13 +93,13 @@ def as_markdown(result: TransferResult) -> str:
     )
 
 
-def summary_lines(targets: Sequence[Comparison]) -> list[str]:
+def summary_lines(comparisons: Sequence[Comparison]) -> list[str]:
     """Return one line for each test set and model trained on simulated traffic: whom it loses to, and when."""
     lines = []
-    for own in dict.fromkeys((target.tested_on, target.own) for target in targets):
-        lost = [target for target in targets if (target.tested_on, target.own) == own and not target.met]
-        rivals = [target for target in lost if target.rival_trained_on != ON_REAL]
-        kin = [target for target in lost if target.rival_trained_on == ON_REAL]
+    for own in dict.fromkeys((entry.tested_on, entry.own) for entry in comparisons):
+        lost = [entry for entry in comparisons if (entry.tested_on, entry.own) == own and not entry.better]
+        rivals = [entry for entry in lost if entry.rival_trained_on != ON_REAL]
+        kin = [entry for entry in lost if entry.rival_trained_on == ON_REAL]
         told = f"LOSES to {_by_rival(rivals)}" if rivals else "loses to no rival"
         behind = f"; behind {_by_rival(kin)}" if kin else ""
         lines.append(f"- on {own[0]}, {own[1]} {told}{behind}.")
@@ -105,9 +108,23 @@ def summary_lines(targets: Sequence[Comparison]) -> list[str]:
 
 def _by_rival(lost: Sequence[Comparison]) -> str:
     times: dict[str, list[str]] = {}
-    for target in lost:
-        times.setdefault(target.rival, []).append(f"{target.horizon_s:g} s{'' if target.clear else ' (not clear)'}")
+    for entry in lost:
+        times.setdefault(entry.rival, []).append(f"{entry.horizon_s:g} s{'' if entry.clear else ' (not clear)'}")
     return ", ".join(f"{rival} at {' and '.join(when)}" for rival, when in times.items())
+
+
+def _comparison_table(comparisons: Sequence[Comparison]) -> list[str]:
+    rows = [
+        [
+            entry.tested_on,
+            f"{entry.horizon_s:g} s",
+            *(f"{entry.own}: {entry.lon_m:.2f}", f"{entry.rival}: {entry.rival_lon_m:.2f}"),
+            "{:+.2f} [{:+.2f}, {:+.2f}]".format(entry.difference_m, *entry.difference_m_ci95),
+            "clear" if entry.clear else "not clear",
+        ]
+        for entry in sorted(comparisons, key=lambda entry: entry.better)
+    ]
+    return markdown_table(["tested on", "after", "trained on SUMO alone", "other", "difference", "interval"], rows)
 
 
 def _table(rows: Sequence[Row], cell: Callable[[Row], str], least_s: float = 0.0, most_s: float = np.inf) -> list[str]:
@@ -121,11 +138,6 @@ def _table(rows: Sequence[Row], cell: Callable[[Row], str], least_s: float = 0.0
         ["model", "trained on", *(f"{tested_on}, {horizon:g} s" for tested_on, horizon in heads)],
         [[*model, *(cell(found[head]) for head in heads)] for model, found in models.items()],
     )
-
-
-def _error(row: Row) -> str:
-    low, high = row["lon_m_ci95"]
-    return f"{row['lon_m']:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def _bias(row: Row) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from harness.trackers.protocol import TrackerSetting
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import highway
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
@@ -20,7 +21,7 @@ LENGTH_M, WIDTH_M = 4.7, 1.9
 STD_SIZE_SHARE = 0.1
 EGO_SPEED_MPS = 20.0
 EGO_START_M = 200.0
-STEP_S = 0.1
+STEP_S = TrackerSetting.step_s
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""How much traffic is asked for, and the speed and spacing that go with it.
+"""How drivers drive, how much traffic is asked for, and the speed and spacing that go with it.
 
 The relation between density and speed is the triangular one that the improved intelligent driver model has in
 equilibrium (Treiber and Kesting, Traffic Flow Dynamics, 2013, chapter 11): gap = minimum gap + speed x time headway
@@ -10,12 +10,37 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from pydantic import BaseModel, ConfigDict, Field
+
 from harness.errors import InputError
-from harness.truth.network.drivers import Drivers
 
 DENSITY_RANGE = (5.0, 65.0)
 DEFAULT_DENSITY = 30.0
 ROUNDING = 4.0
+
+
+class Drivers(BaseModel):
+    """Means and spreads that each driver's own style is drawn from: the table ``[drivers]`` of ``network.toml``.
+
+    Attributes:
+        headway_s: Mean time headway kept beyond the minimum gap.
+        headway_spread_s: Its standard deviation.
+        minimum_gap_m: Mean gap at standstill.
+        minimum_gap_spread_m: Its standard deviation.
+        free_speed_mps: Mean speed of free traffic; slow vehicles keep it below the limit.
+        desired_speed_spread: Standard deviation of a driver's desired speed as a share of the limit.
+        acceleration_scale: Largest accelerations over those usual for each kind of vehicle.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    headway_s: float = Field(default=1.35, ge=0.8, le=2.6)
+    headway_spread_s: float = Field(default=0.35, ge=0.0, le=1.0)
+    minimum_gap_m: float = Field(default=2.8, ge=1.4, le=6.0)
+    minimum_gap_spread_m: float = Field(default=0.5, ge=0.0, le=2.0)
+    free_speed_mps: float = Field(default=27.0, ge=10.0, le=50.0)
+    desired_speed_spread: float = Field(default=0.08, ge=0.0, le=0.2)
+    acceleration_scale: float = Field(default=1.0, ge=0.5, le=2.0)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from harness.errors import InputError
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
-from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
-from harness.truth.network.drivers import Drivers
+from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
 from harness.truth.network.networkfile import METADATA_FILE, CalibrationFile, DemandFile, NetworkFile, read_toml
 from harness.truth.network.sumocfg import SumoConfiguration, read_sumocfg
 from mmpf.road import Road

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import InputError
-from harness.truth.network.demand import DENSITY_RANGE
-from harness.truth.network.drivers import Drivers
+from harness.truth.network.demand import DENSITY_RANGE, Drivers
+from harness.writing.problems import first_problem
 
 METADATA_FILE = "network.toml"
 
@@ -70,7 +70,7 @@ class CalibrationFile(BaseModel):
 
 
 def read_toml(path: Path, kind: type[_File]) -> _File:
-    """Read a TOML file of one of these kinds.
+    """Read a TOML file of a network's folder.
 
     Args:
         path: The file.
@@ -80,11 +80,9 @@ def read_toml(path: Path, kind: type[_File]) -> _File:
         InputError: It can't be read, or an entry is wrong.
     """
     try:
-        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        return kind.model_validate(content)
+        return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise InputError(f"{path}: {where}: {first['msg']}") from error
+        problem = first_problem(error)
+        raise InputError(f"{path}: {problem.key or 'the file'}: {problem.message}") from error

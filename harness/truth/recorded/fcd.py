@@ -16,7 +16,7 @@ import numpy.typing as npt
 from harness.errors import InputError
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from harness.truth.sumo.reading import OFF_ROAD_WITHIN_M
+from harness.truth.sumo.reading import beside_the_road
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Road
 
@@ -143,9 +143,7 @@ def _in_road_frame(
 
 
 def _vehicles_beside_road(road: Road, lat_m: FloatArray, vehicle: IntArray, vehicles: int) -> npt.NDArray[np.bool_]:
-    _, right, left, _, _ = road.lane_table.T
-    beside = (lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M)
-    return np.asarray(np.bincount(vehicle[beside], minlength=vehicles) > 0)
+    return np.asarray(np.bincount(vehicle[beside_the_road(road, lat_m)], minlength=vehicles) > 0)
 
 
 def _size_of(kind: str, of_type: dict[str, tuple[float, float]]) -> tuple[float, float]:

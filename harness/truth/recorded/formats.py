@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from harness.errors import InputError
@@ -33,14 +34,20 @@ class RecordingFormat:
         description: What it is.
         brings_road: Whether the file itself says where the lanes are.
         recognises: Whether the first characters of a file are of this format.
-        read: Reads a file, given the path and the network's name.
+        reader: Module and function that read a file, given its path and, unless it brings its road, the network's name.
     """
 
     name: str
     description: str
     brings_road: bool
     recognises: Callable[[str], bool]
-    read: Callable[[Path, str], ReadTraffic]
+    reader: str
+
+    def read(self, path: Path, net: str) -> ReadTraffic:
+        """Read a file that was driven on a network."""
+        module, _, function = self.reader.partition(":")
+        read: Callable[..., ReadTraffic] = getattr(import_module(module), function)
+        return read(path) if self.brings_road else read(path, net)
 
 
 def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
@@ -159,43 +166,26 @@ def _is_ngsim_text(head: str) -> bool:
     return all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", word, re.IGNORECASE) for word in words)
 
 
-def _read_commonroad(path: Path, net: str) -> ReadTraffic:  # noqa: ARG001
-    from harness.truth.recorded.commonroad import read_commonroad  # noqa: PLC0415
-
-    return read_commonroad(path)
-
-
-def _read_ngsim(path: Path, net: str) -> ReadTraffic:
-    from harness.truth.recorded.ngsim import read_ngsim_csv  # noqa: PLC0415
-
-    return read_ngsim_csv(path, net)
-
-
-def _read_ngsim_text(path: Path, net: str) -> ReadTraffic:
-    from harness.truth.recorded.ngsim import read_ngsim_text  # noqa: PLC0415
-
-    return read_ngsim_text(path, net)
-
-
-def _read_highd(path: Path, net: str) -> ReadTraffic:  # noqa: ARG001
-    from harness.truth.recorded.highd import read_highd  # noqa: PLC0415
-
-    return read_highd(path)
-
-
-def _read_fcd(path: Path, net: str) -> ReadTraffic:
-    from harness.truth.recorded.fcd import read_fcd  # noqa: PLC0415
-
-    return read_fcd(path, net)
-
-
+_ROOM = "harness.truth.recorded"
 FORMATS: dict[str, RecordingFormat] = {
     entry.name: entry
     for entry in (
-        RecordingFormat("commonroad", "CommonRoad scenario, 2018b or 2020a", True, _is_commonroad, _read_commonroad),
-        RecordingFormat("fcd", "SUMO floating-car data", False, _is_fcd, _read_fcd),
-        RecordingFormat("ngsim", "NGSIM's public CSV with its header", False, _is_ngsim, _read_ngsim),
-        RecordingFormat("highd", "highD recording, a folder or its tracks file", True, _is_highd, _read_highd),
-        RecordingFormat("ngsim-text", "NGSIM's original text of 18 columns", False, _is_ngsim_text, _read_ngsim_text),
+        RecordingFormat(
+            "commonroad",
+            "CommonRoad scenario, 2018b or 2020a",
+            True,
+            _is_commonroad,
+            f"{_ROOM}.commonroad:read_commonroad",
+        ),
+        RecordingFormat("fcd", "SUMO floating-car data", False, _is_fcd, f"{_ROOM}.fcd:read_fcd"),
+        RecordingFormat(
+            "ngsim", "NGSIM's public CSV with its header", False, _is_ngsim, f"{_ROOM}.ngsim:read_ngsim_csv"
+        ),
+        RecordingFormat(
+            "highd", "highD recording, a folder or its tracks file", True, _is_highd, f"{_ROOM}.highd:read_highd"
+        ),
+        RecordingFormat(
+            "ngsim-text", "NGSIM's original text of 18 columns", False, _is_ngsim_text, f"{_ROOM}.ngsim:read_ngsim_text"
+        ),
     )
 }

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.truth.recorded.resample import STEP_S, Clocked
+from harness.truth.frame import STEP_S
+from harness.truth.recorded.resample import Clocked
 from harness.truth.recorded.rows import Rows
 from mmpf.compute.arrays import FloatArray, IntArray
 

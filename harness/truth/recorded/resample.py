@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.truth.frame import STEP_S
 from harness.truth.recorded.order import Stays
 from harness.truth.recorded.rows import Rows
 from mmpf.compute.arrays import FloatArray, IntArray
 
-STEP_S = 0.1
 # How far a recorded time may be off the clock and still be taken as on it.
 ON_CLOCK = 1e-3
 

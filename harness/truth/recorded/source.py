@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from harness.truth.frame import Frame
+from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.egos import EACH, EgoStay, plan_egos
 from harness.truth.recorded.formats import read_traffic
-from harness.truth.recorded.resample import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic, assemble
 
 

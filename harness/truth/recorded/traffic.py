@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import InputError
-from harness.truth.frame import Frame
+from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.motion import completed
 from harness.truth.recorded.order import Stays, order_rows
 from harness.truth.recorded.plausible import check_units
-from harness.truth.recorded.resample import STEP_S, on_clock
+from harness.truth.recorded.resample import on_clock
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road

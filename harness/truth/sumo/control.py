@@ -15,11 +15,11 @@ import numpy as np
 from harness.truth.network.corridor import CorridorEdge
 from harness.truth.network.demand import Demand
 from harness.truth.network.network import Network
-from harness.truth.sumo.behaviour import LocalHeadways, divert_late_vehicles
 from harness.truth.sumo.fill import FREE_SHARE, Placement, fill, leaving_share, main_lane_density, route_of
 from harness.truth.sumo.population import Vehicle, draw_vehicle
-from harness.truth.sumo.reading import Load
+from harness.truth.sumo.reading import Load, front_positions
 from harness.truth.sumo.session import Sumo
+from mmpf.road import Road
 
 SLOWEST_MPS = 1.0
 CONTROL_EVERY_S = 0.5
@@ -30,6 +30,7 @@ RAMP_ENTRY_M = 8.0
 # Drivers hold a little more than the equilibrium gap close to the speed limit.
 SPEED_MARGIN = 1.15
 INFLOW_GAIN = 4.0
+GIVE_UP_WITHIN_M = 40.0
 
 
 class TrafficControl:
@@ -69,7 +70,7 @@ class TrafficControl:
 
     def fill(self) -> None:
         """Put the first vehicles on the road."""
-        for placement in fill(self._network, self._demand, self._relation, self._rng):
+        for placement in fill(self._network, self._demand, self._rng):
             self._add(placement)
 
     def _hold(self, demand: Demand) -> None:
@@ -78,7 +79,7 @@ class TrafficControl:
         section_km = (network.section_m[1] - network.section_m[0]) / 1000.0
         self._demand = demand
         self._target = demand.density_veh_per_km_lane * network.corridor.main_lanes * section_km
-        self._lane_density = main_lane_density(network, demand, self._relation)
+        self._lane_density = main_lane_density(network, demand)
 
     def before_step(self, time_s: float, measure: Callable[[], Load]) -> None:
         """Let vehicles in and adjust the exit before SUMO's next step.
@@ -149,7 +150,7 @@ class TrafficControl:
             speed_mps = _safe_entry_speed(vehicle, wish_mps, ahead_m - ahead_length_m - max(0.5, position_m), ahead_mps)
             if position_m < 0.5:
                 return
-        share = leaving_share(self._network, self._demand, self._relation)
+        share = leaving_share(self._network, self._demand)
         route = route_of(self._network, 0, lane, share, self._rng)
         self._add(Placement(vehicle, edge.name, lane_index, min(position_m, 5.0), speed_mps, route))
         self._waiting[lane] = draw_vehicle(self._rng, self._network.drivers)
@@ -228,3 +229,46 @@ def _safe_entry_speed(vehicle: Vehicle, wish_mps: float, gap_m: float, ahead_mps
     if room_m > wish_mps * vehicle.headway_s:
         return wish_mps if wish_mps <= ahead_mps else min(wish_mps, ahead_mps + 0.1 * room_m)
     return max(0.0, min(wish_mps, ahead_mps, room_m / vehicle.headway_s))
+
+
+class LocalHeadways:
+    """Sets each vehicle's time headway to its driver's own times the factor of the place."""
+
+    def __init__(self, sumo: Sumo, road: Road, profile: tuple[tuple[float, float], ...]) -> None:
+        """Take positions along the road and the factors there, linear in between; none for 1 everywhere."""
+        self._sumo = sumo
+        self._road = road
+        self._lon_m, self._factor = np.array(profile or ((0.0, 1.0),)).T
+        self._own_s: dict[str, float] = {}
+        self._needed = bool(profile)
+
+    def add(self, name: str, headway_s: float) -> None:
+        """Remember a vehicle's own headway."""
+        self._own_s[name] = headway_s
+
+    def apply(self) -> None:
+        """Set the headways of all vehicles on the road."""
+        if not self._needed:
+            return
+        vehicle = self._sumo.vehicle
+        names = vehicle.getIDList()
+        lon_m, _ = front_positions(self._sumo, self._road, names)
+        for name, factor in zip(names, np.interp(lon_m, self._lon_m, self._factor), strict=True):
+            vehicle.setTau(name, self._own_s[name] * float(factor))
+
+
+def divert_late_vehicles(sumo: Sumo, network: Network) -> None:
+    """Give vehicles that are on the wrong lane just before an exit the route that their lane leads to."""
+    edges = network.corridor.edges
+    for ramp in network.off_ramps:
+        edge = edges[ramp.index]
+        if edge.extra_lanes == 0:
+            continue
+        onward = [entry.name for entry in edges[ramp.index :]]
+        off = [edge.name, ramp.name]
+        for lane in range(edge.lanes):
+            route = off if lane < edge.extra_lanes else onward
+            for name in sumo.lane.getLastStepVehicleIDs(f"{edge.name}_{lane}"):
+                near = edge.length_m - sumo.vehicle.getLanePosition(name) < GIVE_UP_WITHIN_M
+                if near and (ramp.name in sumo.vehicle.getRoute(name)) != (route is off):
+                    sumo.vehicle.setRoute(name, route)

@@ -41,24 +41,24 @@ class Placement:
     route: tuple[str, ...]
 
 
-def fill(network: Network, demand: Demand, relation: Equilibrium, rng: np.random.Generator) -> list[Placement]:
+def fill(network: Network, demand: Demand, rng: np.random.Generator) -> list[Placement]:
     """Return vehicles for the main road and the on-ramps at the demanded density."""
     edges = network.corridor.edges
     lon_m = np.arange(edges[0].start_m, edges[-1].end_m + 1.0)
-    density = _density_profile(network, demand, relation, lon_m, rng)
+    density = _density_profile(network, demand, lon_m, rng)
     offsets = (rng.permutation(network.corridor.main_lanes) + rng.uniform()) / network.corridor.main_lanes
     placements: list[Placement] = []
     for lane, offset in enumerate(offsets):
-        placements += _fill_main_lane(network, demand, relation, lane, float(offset), lon_m, density, rng)
+        placements += _fill_main_lane(network, demand, lane, float(offset), lon_m, density, rng)
     for index, edge in enumerate(edges):
         for lane in range(edge.extra_lanes):
-            placements += _fill_extra_lane(network, demand, relation, index, lane, rng)
+            placements += _fill_extra_lane(network, demand, index, lane, rng)
     for ramp in network.on_ramps:
-        placements += _fill_on_ramp(network, demand, relation, ramp, rng)
+        placements += _fill_on_ramp(network, demand, ramp, rng)
     return placements
 
 
-def main_lane_density(network: Network, demand: Demand, relation: Equilibrium) -> float:
+def main_lane_density(network: Network, demand: Demand) -> float:
     """Return the density of one main lane, per km, once what the ramps and slow vehicles add is taken off."""
     start_m, end_m = network.section_m
     extra_m = sum(
@@ -67,13 +67,14 @@ def main_lane_density(network: Network, demand: Demand, relation: Equilibrium) -
     )
     share = EXTRA_LANE_SHARE * extra_m / (network.corridor.main_lanes * (end_m - start_m))
     density = demand.density_veh_per_km_lane / (1.0 + share)
-    return density if demand.density_veh_per_km_lane > relation.critical_density_veh_per_km else density * FREE_SHARE
+    congested = demand.density_veh_per_km_lane > network.relation.critical_density_veh_per_km
+    return density if congested else density * FREE_SHARE
 
 
-def leaving_share(network: Network, demand: Demand, relation: Equilibrium) -> float:
+def leaving_share(network: Network, demand: Demand) -> float:
     """Return the share of the vehicles on the lanes beside an off-ramp that leave by it."""
     lanes = min(LANES_NEAR_RAMP, network.corridor.main_lanes)
-    flow = 3600.0 * lanes * relation.flow_veh_per_s(demand.density_veh_per_km_lane)
+    flow = 3600.0 * lanes * network.relation.flow_veh_per_s(demand.density_veh_per_km_lane)
     return min(1.0, demand.off_ramp_veh_per_h / flow)
 
 
@@ -89,20 +90,17 @@ def route_of(
     return names[index:]
 
 
-def _density_profile(
-    network: Network, demand: Demand, relation: Equilibrium, lon_m: FloatArray, rng: np.random.Generator
-) -> FloatArray:
+def _density_profile(network: Network, demand: Demand, lon_m: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return one main lane's density along the road, per metre, its mean over the section as demanded."""
-    wavelength_m = relation.wave_speed_mps * demand.wave_period_s
+    wavelength_m = network.relation.wave_speed_mps * demand.wave_period_s
     waves = 1.0 + demand.wave_amplitude * np.sin(2.0 * np.pi * (lon_m / wavelength_m + rng.uniform()))
     inside = (lon_m >= network.section_m[0]) & (lon_m < network.section_m[1])
-    return np.asarray(waves / waves[inside].mean() * main_lane_density(network, demand, relation) / 1000.0)
+    return np.asarray(waves / waves[inside].mean() * main_lane_density(network, demand) / 1000.0)
 
 
 def _fill_main_lane(
     network: Network,
     demand: Demand,
-    relation: Equilibrium,
     lane: int,
     offset: float,
     lon_m: FloatArray,
@@ -112,9 +110,9 @@ def _fill_main_lane(
     count_at = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(lon_m))])
     count = int(count_at[-1] - offset) + 1
     vehicles = [draw_vehicle(rng, network.drivers) for _ in range(count)]
-    fronts_m = np.interp(np.arange(count) + offset + _scatter(vehicles, demand, relation, rng), count_at, lon_m)
-    speeds = [relation.speed_mps(1000.0 * float(np.interp(x, lon_m, density))) for x in fronts_m]
-    share = leaving_share(network, demand, relation)
+    fronts_m = np.interp(np.arange(count) + offset + _scatter(vehicles, demand, network.relation, rng), count_at, lon_m)
+    speeds = [network.relation.speed_mps(1000.0 * float(np.interp(x, lon_m, density))) for x in fronts_m]
+    share = leaving_share(network, demand)
     limit_m = np.inf
     for vehicle, wished_m, speed in reversed(list(zip(vehicles, fronts_m, speeds, strict=True))):
         index, edge = _edge_at(network, float(wished_m))
@@ -147,11 +145,11 @@ def _edge_at(network: Network, lon_m: float) -> tuple[int, CorridorEdge]:
 
 
 def _fill_extra_lane(
-    network: Network, demand: Demand, relation: Equilibrium, index: int, lane: int, rng: np.random.Generator
+    network: Network, demand: Demand, index: int, lane: int, rng: np.random.Generator
 ) -> Iterator[Placement]:
     edge = network.corridor.edges[index]
     spacing_m = 1000.0 / (EXTRA_LANE_SHARE * demand.density_veh_per_km_lane)
-    speed = relation.speed_mps(demand.density_veh_per_km_lane)
+    speed = network.relation.speed_mps(demand.density_veh_per_km_lane)
     names = tuple(entry.name for entry in network.corridor.edges)
     exits = [ramp for ramp in network.off_ramps if ramp.index == index]
     ramp_flow = demand.on_ramp_veh_per_h + demand.off_ramp_veh_per_h
@@ -164,12 +162,10 @@ def _fill_extra_lane(
         position_m += spacing_m * float(rng.uniform(0.8, 1.2))
 
 
-def _fill_on_ramp(
-    network: Network, demand: Demand, relation: Equilibrium, ramp: Ramp, rng: np.random.Generator
-) -> Iterator[Placement]:
+def _fill_on_ramp(network: Network, demand: Demand, ramp: Ramp, rng: np.random.Generator) -> Iterator[Placement]:
     if demand.on_ramp_veh_per_h <= 0.0:
         return
-    speed = min(0.8 * ramp.speed_limit_mps, relation.speed_mps(demand.density_veh_per_km_lane) + 3.0)
+    speed = min(0.8 * ramp.speed_limit_mps, network.relation.speed_mps(demand.density_veh_per_km_lane) + 3.0)
     spacing_m = speed * 3600.0 / demand.on_ramp_veh_per_h
     route = (ramp.name, *(edge.name for edge in network.corridor.edges[ramp.index :]))
     position_m = float(rng.uniform(0.0, spacing_m)) + 10.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.truth.network.drivers import Drivers
+from harness.truth.network.demand import Drivers
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.truth.frame import Frame
-from harness.truth.sumo.ego import NO_EGO_INDEX
 from harness.truth.sumo.session import Sumo
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE, Road
 
+NO_EGO_INDEX = -1
 BESIDE_SECTION_M = 150.0
 OFF_ROAD_WITHIN_M = 15.0
 
@@ -28,7 +28,7 @@ def read_frame(sumo: Sumo, road: Road, step: int, time_s: float) -> Frame:
     front_lon, front_lat = front_positions(sumo, road, names)
     start_m, end_m = road.section_m
     near = (front_lon > start_m - BESIDE_SECTION_M) & (front_lon < end_m + BESIDE_SECTION_M)
-    near &= _beside_the_road(road, front_lat)
+    near &= beside_the_road(road, front_lat)
     chosen = np.flatnonzero(near)
     names = [names[k] for k in chosen]
     front_lon, front_lat = front_lon[chosen], front_lat[chosen]
@@ -99,7 +99,8 @@ def front_positions(sumo: Sumo, road: Road, names: Sequence[str]) -> tuple[Float
     return road.to_road(xy[:, 0], xy[:, 1])
 
 
-def _beside_the_road(road: Road, lat_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def beside_the_road(road: Road, lat_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return which places are within 15 m of a lane, sideways."""
     _, right, left, _, _ = road.lane_table.T
     return np.asarray((lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M))
 

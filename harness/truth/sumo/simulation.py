@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from harness.errors import InputError, RunError
-from harness.truth.frame import Frame
+from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.network import Network
 from harness.truth.sumo.control import TrafficControl
-from harness.truth.sumo.ego import NO_EGO, EgoChoice, choose_ego
 from harness.truth.sumo.reading import Load, read_frame, read_load
 from harness.truth.sumo.session import Sumo, show_ego, start_sumo, stop_sumo, sumo_errors_in_words
 from harness.truth.sumo.smoothing import lead_frames, smoothed
-from mmpf.road import Road
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import NO_LANE, Road
 
-STEP_S = 0.1
 WARM_UP_S = 20.0
 FIRST_VEHICLE_WITHIN_S = 900.0
 LATERAL_RESOLUTION_M = "0.92"
+NO_EGO = ""
+START_WINDOW_M = 60.0
+CAR_LENGTH_M = (3.0, 6.5)
 
 
 def open_traffic(
     network: Network,
     *,
-    density: float | None = None,
-    demand: str | None = None,
+    demand: str | float | None = None,
     duration_s: float,
     seed: np.random.SeedSequence | int,
-    step_s: float = STEP_S,
     warm_up_s: float = WARM_UP_S,
     ego: bool = True,
     gui: bool = False,
@@ -39,12 +41,10 @@ def open_traffic(
 
     Args:
         network: The network.
-        density: Vehicles per km and main lane to be held. If neither this nor ``demand`` is given, the network's
-            default demand is taken, and a density of 30 where it names none.
-        demand: Name of one of the network's demands, in place of a density.
+        demand: Name of one of the network's demands, or a density to be held, vehicles per km and main lane. If not
+            given, the network's default demand is taken, and a density of 30 where it names none.
         duration_s: How long frames are yielded for.
         seed: Seed of drivers, arrivals and SUMO's own randomness.
-        step_s: Time between frames.
         warm_up_s: How long the traffic runs before the first frame.
         ego: Whether an ego vehicle is chosen; without one a frame's ``ego`` is -1.
         gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
@@ -53,19 +53,39 @@ def open_traffic(
         InputError: The density, the demand or the network's files are wrong, or no window can be opened.
         RunError: A simulation is open already, or no vehicle ever appears.
     """
-    if density is not None and demand is not None:
-        raise InputError("give either `density` or `demand`, not both")
+    rng = np.random.default_rng(seed)
+    held = _held_demand(network, demand)
+    sumo = start_sumo(_arguments(network), STEP_S, int(rng.integers(2**31)), gui)
+    control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
+    truth = SumoTruth(sumo, network, round(duration_s / STEP_S), control, ego)
+    try:
+        with sumo_errors_in_words(sumo):
+            truth.warm_up(warm_up_s)
+    except BaseException:
+        truth.close()
+        raise
+    return truth
+
+
+def _held_demand(network: Network, demand: str | float | None) -> Demand | None:
+    """Return what the traffic is held at; None on a network that brings its own demand."""
     if network.configuration is not None:
-        if demand is not None:
+        if isinstance(demand, str):
             raise InputError(f"`demand` {demand}: {network.name} brings its own demand; leave `demand` out")
-        return _open_own_demand(network, duration_s, seed, step_s, warm_up_s, ego, gui)
-    if demand is None and density is None:
-        demand = network.default_demand
-    if demand is not None:
-        held = network.demand(demand)
-    else:
-        held = network.demand_for_density(DEFAULT_DENSITY if density is None else density)
-    return _open_held_demand(network, held, duration_s, seed, step_s, warm_up_s, ego, gui)
+        return None
+    if demand is None:
+        demand = DEFAULT_DENSITY if network.default_demand is None else network.default_demand
+    return network.demand(demand) if isinstance(demand, str) else network.demand_for_density(demand)
+
+
+def _arguments(network: Network) -> tuple[str, ...]:
+    if network.configuration is not None:
+        return "--configuration-file", str(network.configuration.path)
+    return (
+        *("--net-file", str(network.net_file), "--additional-files", str(network.vehicle_types_file)),
+        *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
+        *("--time-to-teleport", "-1", "--collision.action", "warn"),
+    )
 
 
 class SumoTruth:
@@ -77,12 +97,10 @@ class SumoTruth:
         expected_steps: How many frames there will be.
     """
 
-    def __init__(
-        self, sumo: Sumo, network: Network, steps: int, step_s: float, control: TrafficControl | None, ego: bool
-    ) -> None:
+    def __init__(self, sumo: Sumo, network: Network, steps: int, control: TrafficControl | None, ego: bool) -> None:
         """Take over a simulation that has started."""
         self.road: Road = network.road
-        self.step_s = step_s
+        self.step_s = STEP_S
         self.expected_steps = steps
         self._sumo = sumo
         self._network = network
@@ -91,7 +109,9 @@ class SumoTruth:
         self._open = True
 
     def warm_up(self, duration_s: float) -> None:
-        """Let the traffic run without yielding frames, and on until there is a vehicle in the section."""
+        """Fill the road and let the traffic run without yielding frames, and on until a vehicle is in the section."""
+        if self._control is not None:
+            self._control.fill()
         for _ in range(round(duration_s / self.step_s)):
             self._advance()
         for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
@@ -138,50 +158,47 @@ class SumoTruth:
         return read_load(self._sumo, self.road)
 
 
-def _open_held_demand(
-    network: Network,
-    demand: Demand,
-    duration_s: float,
-    seed: np.random.SeedSequence | int,
-    step_s: float,
-    warm_up_s: float,
-    ego: bool,
-    gui: bool,
-) -> SumoTruth:
-    rng = np.random.default_rng(seed)
-    arguments = (
-        *("--net-file", str(network.net_file), "--additional-files", str(network.vehicle_types_file)),
-        *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
-        *("--time-to-teleport", "-1", "--collision.action", "warn"),
-    )
-    sumo = start_sumo(arguments, step_s, int(rng.integers(2**31)), gui)
-    control = TrafficControl(sumo, network, demand, rng, step_s, warm_up_s)
-    truth = SumoTruth(sumo, network, round(duration_s / step_s), step_s, control, ego)
-    return _warmed_up(sumo, truth, warm_up_s, control.fill)
+@dataclass(frozen=True)
+class EgoChoice:
+    """Which vehicle is the ego.
+
+    Attributes:
+        vehicle_id: Its name; empty if there is none.
+        episode: Number of its stay, from 0.
+    """
+
+    vehicle_id: str
+    episode: int
+
+    def apply(self, frame: Frame) -> Frame:
+        """Return the frame with this ego and episode."""
+        index = int(np.flatnonzero(frame.vehicle_id == self.vehicle_id)[0])
+        return replace(frame, ego=index, episode=self.episode)
 
 
-def _open_own_demand(
-    network: Network,
-    duration_s: float,
-    seed: np.random.SeedSequence | int,
-    step_s: float,
-    warm_up_s: float,
-    ego: bool,
-    gui: bool,
-) -> SumoTruth:
-    assert network.configuration is not None
-    sumo_seed = int(np.random.default_rng(seed).integers(2**31))
-    sumo = start_sumo(("--configuration-file", str(network.configuration.path)), step_s, sumo_seed, gui)
-    truth = SumoTruth(sumo, network, round(duration_s / step_s), step_s, None, ego)
-    return _warmed_up(sumo, truth, warm_up_s, lambda: None)
+def choose_ego(frame: Frame, present: EgoChoice, ego_lanes: Sequence[int], section_m: tuple[float, float]) -> EgoChoice:
+    """Keep the present ego while it is on the section's lanes, else choose another and begin a new episode.
+
+    A car on one of ``ego_lanes`` within 60 m of the section's start comes first; failing that the best there is. Empty
+    ``vehicle_id`` if no vehicle is on the section.
+    """
+    inside = (frame.lon_m >= section_m[0]) & (frame.lon_m < section_m[1]) & (frame.lane != NO_LANE)
+    if np.any(inside & (frame.vehicle_id == present.vehicle_id)):
+        return present
+    candidates = np.flatnonzero(inside)
+    if len(candidates) == 0:
+        return EgoChoice(vehicle_id=NO_EGO, episode=present.episode + 1)
+    best = candidates[np.lexsort(_worse_first_keys(frame, candidates, ego_lanes, section_m[0]))[0]]
+    return EgoChoice(vehicle_id=str(frame.vehicle_id[best]), episode=present.episode + 1)
 
 
-def _warmed_up(sumo: Sumo, truth: SumoTruth, warm_up_s: float, fill: Callable[[], None]) -> SumoTruth:
-    try:
-        with sumo_errors_in_words(sumo):
-            fill()
-            truth.warm_up(warm_up_s)
-    except BaseException:
-        truth.close()
-        raise
-    return truth
+def _worse_first_keys(
+    frame: Frame, candidates: IntArray, ego_lanes: Sequence[int], start_m: float
+) -> tuple[FloatArray | npt.NDArray[np.bool_], ...]:
+    """Return sort keys, the last the most important, as ``numpy.lexsort`` takes them."""
+    lon = frame.lon_m[candidates] - start_m
+    length = frame.length_m[candidates]
+    no_car = (length < CAR_LENGTH_M[0]) | (length > CAR_LENGTH_M[1])
+    beyond_window_m = np.maximum(0.0, lon - START_WINDOW_M)
+    wrong_lane = ~np.isin(frame.lane[candidates], np.asarray(ego_lanes))
+    return lon, beyond_window_m, no_car, wrong_lane

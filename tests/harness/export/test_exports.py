@@ -15,7 +15,7 @@ import pytest
 from harness.cli import EXIT_USER_ERROR, run_command_line
 from harness.errors import InputError
 from harness.export.formats import export_run
-from harness.runfolder.finished import read_recorded_run
+from harness.report.finished import read_recorded_run
 from harness.scoring.settings import ScoringSettings
 from mmpf.road import Lane, Road
 from tests.harness.recorded_scene import GIVEN_UP, STEPS, metrics_of, write_recorded_scene

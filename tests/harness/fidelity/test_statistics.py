@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.fidelity.fields import BIN_S, CELL_M, Fields
-from harness.fidelity.statistics import period_statistics, wave_speed
-from harness.fidelity.targets import targets
+from harness.fidelity.statistics import period_statistics, targets, wave_speed
 
 CELLS, BINS = 104, 180
 

@@ -14,7 +14,7 @@ from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.pooled import JPDA, pool_files
 from harness.grid.pooled_tables import pooled_markdown
-from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, run_stress
+from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
 from mmpf.compute.arrays import BoolArray
 from tests.harness.grid.test_stress import ECHO, InProcess
@@ -150,7 +150,7 @@ def test_an_ego_without_a_recording_is_refused():
 def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(files, tmp_path):
     request = GridRequest(net=None, replay=files, ego="each:2", trackers=f"{ECHO},oracle-kalman", seeds="1")
     told: list[str] = []
-    finished = run_stress(request, tmp_path / "out", InProcess(open_looks=open_looks), tell=told.append)
+    finished = run_stress(request, tmp_path / "out", InProcess(open_looks=open_looks), user=Telling(tell=told.append))
     assert finished.failures == []
     assert [text.split(" (")[0] for text in told] == ["scene.csv", "scene.xml"]
     summary = json.loads((tmp_path / "out" / SUMMARY).read_text())

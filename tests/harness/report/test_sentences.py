@@ -1,6 +1,6 @@
 import pytest
 
-from harness.report.sentences import headlines, summary_sentences, wilson_interval
+from harness.report.sentences import headlines, summary_sentences
 from harness.scoring.metrics import completed
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
@@ -8,14 +8,6 @@ from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 @pytest.fixture
 def metrics(tmp_path):
     return metrics_of(write_recorded_scene(tmp_path / "run"))
-
-
-def test_the_interval_of_a_share_is_wilsons():
-    # Solve (p - share)^2 = z^2 p (1 - p) / n for p: both ends must satisfy it.
-    for successes, trials in ((8, 10), (0, 5), (5, 5), (28, 35)):
-        for end in wilson_interval(successes, trials):
-            assert (end - successes / trials) ** 2 == pytest.approx(1.959964**2 * end * (1 - end) / trials, abs=1e-9)
-    assert wilson_interval(0, 0) == (0.0, 1.0)
 
 
 def test_the_summary_counts_what_became_of_the_hidden_vehicles(metrics):

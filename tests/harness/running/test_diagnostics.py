@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.report.diagnostics_figure import diagnostics_figure
+from harness.report.figures import diagnostics_figure
 from harness.running.metrics import stage_timing
 from harness.running.watchers import DiagnosticsKeeper
 from harness.sensor.observation import Look

@@ -18,7 +18,7 @@ from mmpf.motion.learned.short_driver import SHORT
     [
         (["--case", "parking"], "--case parking"),
         (["--seeds", "0:5"], "kept for tuning and reporting"),
-        (["--seeds", "5"], "give a range"),
+        (["--seeds", "5:5"], "a range A:B"),
         (["--net", "nowhere"], "nowhere"),
     ],
 )
@@ -44,7 +44,7 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     for name, value in (("FOLLOWING_SAMPLES", 4000), ("SHORT_SAMPLES", 4000), ("ROLLOUTS", 20)):
         monkeypatch.setattr(driver_fit, name, value)
     monkeypatch.setattr(train, "TUNING_RECORDINGS", 2)
-    monkeypatch.setattr("harness.training.idm_fit.GENERATIONS", 1)
+    monkeypatch.setattr("harness.training.rival_fit.GENERATIONS", 1)
     plan = TrainingPlan("lane-keeping", 4, 1000, 3, 0, False, tmp_path / "cache", tmp_path / "models")
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)

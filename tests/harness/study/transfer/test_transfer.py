@@ -105,9 +105,9 @@ def test_where_a_simulated_model_loses_the_study_says_so(windows):
         outcome(windows, "gmm", ON_SUMO, kinematic("cam", STILL)),
         outcome(windows, "cvm", ON_NOTHING, kinematic("cvm", STILL)),
     ]
-    targets = compare_transfer(outcomes)
-    assert [target.met for target in targets] == [True, False]
-    (line,) = [line for line in summary_lines(targets) if "LOSES" in line]
+    comparisons = compare_transfer(outcomes)
+    assert [comparison.better for comparison in comparisons] == [True, False]
+    (line,) = [line for line in summary_lines(comparisons) if "LOSES" in line]
     assert line.startswith("- on real pairs, gmm, sumo LOSES to cvm at 10 s")
 
 
@@ -116,10 +116,9 @@ def test_a_model_held_against_itself_is_neither_better_nor_clearly_worse(windows
         outcome(windows, "gmm", ON_SUMO, kinematic("cvm", STILL)),
         outcome(windows, "cvm", ON_NOTHING, kinematic("cvm", STILL)),
     ]
-    for target in compare_transfer(outcomes):
-        assert not target.met
-        assert not target.clear
-        assert "not clear" in target.as_target().measured
+    for comparison in compare_transfer(outcomes):
+        assert not comparison.better
+        assert not comparison.clear
 
 
 def test_inputs_beyond_the_training_range_are_counted(windows):
@@ -161,7 +160,7 @@ def little(monkeypatch, windows, tmp_path) -> TransferPlan:
     for name, value in (("FOLLOWING_SAMPLES", 3000), ("SHORT_SAMPLES", 3000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
     monkeypatch.setattr(transfer_models, "COMPONENTS", 3)
-    monkeypatch.setattr("harness.training.idm_fit.GENERATIONS", 1)
+    monkeypatch.setattr("harness.training.rival_fit.GENERATIONS", 1)
     monkeypatch.setattr(transfer, "_simulated_windows", lambda *arguments: windows)
     cars = tuple(Car(k, 40.0 + 30.0 * k, 9.0, 8.0, to_s=11.0) for k in range(1, 5))
     (tmp_path / "ngsim").mkdir()

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from harness.truth.network.demand import Demand, Equilibrium
-from harness.truth.network.drivers import Drivers
+from harness.truth.network.demand import Demand, Drivers, Equilibrium
 from harness.truth.network.network import load_network
-from harness.truth.sumo.behaviour import LocalHeadways, divert_late_vehicles
+from harness.truth.sumo.control import LocalHeadways, divert_late_vehicles
 from harness.truth.sumo.population import draw_vehicle
 
 

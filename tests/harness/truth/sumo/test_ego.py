@@ -3,7 +3,7 @@
 import numpy as np
 
 from harness.truth.frame import Frame
-from harness.truth.sumo.ego import NO_EGO, EgoChoice, choose_ego
+from harness.truth.sumo.simulation import NO_EGO, EgoChoice, choose_ego
 
 SECTION = (0.0, 640.0)
 NOBODY = EgoChoice(NO_EGO, -1)

@@ -15,9 +15,8 @@ from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic
 
 
-def drive(density=12.0, duration_s=8.0, seed=1, **options):
-    density = None if "demand" in options else density
-    truth = open_traffic(load_network("us101"), density=density, duration_s=duration_s, seed=seed, **options)
+def drive(demand=12.0, duration_s=8.0, seed=1, **options):
+    truth = open_traffic(load_network("us101"), demand=demand, duration_s=duration_s, seed=seed, **options)
     try:
         return list(truth.frames())
     finally:
@@ -26,7 +25,7 @@ def drive(density=12.0, duration_s=8.0, seed=1, **options):
 
 @pytest.fixture(scope="module")
 def frames():
-    return drive(density=25.0)
+    return drive(demand=25.0)
 
 
 def pairs(frames):
@@ -87,11 +86,11 @@ def test_the_ego_is_a_car_on_a_middle_lane_near_the_start(frames):
 
 
 def test_without_ego_frames_have_none():
-    assert all(frame.ego == -1 for frame in drive(density=5.0, duration_s=1.0, ego=False))
+    assert all(frame.ego == -1 for frame in drive(demand=5.0, duration_s=1.0, ego=False))
 
 
 def test_another_ego_takes_over_at_the_end_of_the_section():
-    frames = drive(density=5.0, duration_s=35.0, warm_up_s=5.0)
+    frames = drive(demand=5.0, duration_s=35.0, warm_up_s=5.0)
     episodes = np.array([frame.episode for frame in frames])
     egos = [str(frame.vehicle_id[frame.ego]) for frame in frames]
     assert episodes[0] == 0
@@ -103,7 +102,7 @@ def test_another_ego_takes_over_at_the_end_of_the_section():
 
 
 def test_same_seed_same_frames_and_another_seed_others():
-    first, second, other = (drive(density=8.0, duration_s=1.0, seed=seed) for seed in (4, 4, 5))
+    first, second, other = (drive(demand=8.0, duration_s=1.0, seed=seed) for seed in (4, 4, 5))
     assert all(same(a, b) for a, b in zip(first, second, strict=True))
     assert not same(first[-1], other[-1])
 
@@ -118,7 +117,7 @@ def test_a_new_process_gives_the_same_frames():
         "import hashlib, pickle\n"
         "from harness.truth.network.network import load_network\n"
         "from harness.truth.sumo.simulation import open_traffic\n"
-        "truth = open_traffic(load_network('us101'), density=12.0, duration_s=3.0, seed=7)\n"
+        "truth = open_traffic(load_network('us101'), demand=12.0, duration_s=3.0, seed=7)\n"
         "digest = hashlib.sha256()\n"
         "for f in truth.frames():\n"
         "    digest.update(','.join(f.vehicle_id).encode() + f.lon_m.tobytes() + f.lat_m.tobytes())\n"
@@ -161,23 +160,18 @@ def test_a_jam_stops_and_goes():
 
 
 def test_nothing_is_written_to_the_screen(capfd):
-    drive(density=5.0, duration_s=0.2)
+    drive(demand=5.0, duration_s=0.2)
     assert capfd.readouterr() == ("", "")
 
 
 def test_closing_twice_is_harmless_and_two_at_once_are_refused():
     network = load_network("us101")
-    truth = open_traffic(network, density=5.0, duration_s=1.0, seed=0, warm_up_s=0.0)
+    truth = open_traffic(network, demand=5.0, duration_s=1.0, seed=0, warm_up_s=0.0)
     with pytest.raises(RunError, match="one at a time"):
-        open_traffic(network, density=5.0, duration_s=1.0, seed=0)
+        open_traffic(network, demand=5.0, duration_s=1.0, seed=0)
     truth.close()
     truth.close()
-    open_traffic(network, density=5.0, duration_s=1.0, seed=0, warm_up_s=0.0).close()
-
-
-def test_density_and_demand_exclude_each_other():
-    with pytest.raises(InputError, match="not both"):
-        open_traffic(load_network("us101"), density=5.0, demand="jam", duration_s=1.0, seed=0)
+    open_traffic(network, demand=5.0, duration_s=1.0, seed=0, warm_up_s=0.0).close()
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from harness.config.layers import config_from_table
@@ -15,8 +16,9 @@ from harness.config.model import RunConfig
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.road import read_road
-from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS
+from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
 from harness.sensor.profiles import SensorSettings, sensor_settings
+from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 
 WHEN = ("step", "time_s", "episode")
@@ -56,6 +58,13 @@ class RecordedRun:
     errors: pd.DataFrame
     events: pd.DataFrame
     particles: pd.DataFrame | None
+
+    def in_plane(self, table: pd.DataFrame) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return x, y and heading of a table's rows in the plane; what has no heading points along the road."""
+        lon = floats(table, "lon_m")
+        x, y = self.road.to_cartesian(lon, floats(table, "lat_m"))
+        turn = floats(table, "heading_rad") if "heading_rad" in table else np.zeros(len(table))
+        return x, y, self.road.heading_at(lon) + turn
 
 
 def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
