@@ -62,6 +62,7 @@ class CommandEntry:
 COMMANDS = (
     CommandEntry("run", "Drive, sense, track and score once; leaves a run folder with tables and figures."),
     CommandEntry("nets", "List the road networks and their named demands."),
+    CommandEntry("settings", "List every setting: default, unit and meaning."),
     CommandEntry("report", "Write a run's page of results."),
     CommandEntry("export", "Turn a run into another program's format."),
     CommandEntry("compare", "Tell whether one run is better or worse than another.", "Compare"),

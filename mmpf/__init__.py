@@ -10,9 +10,10 @@ if TYPE_CHECKING:
     from mmpf.motion import motion_model
     from mmpf.motion.protocol import Memoryless, MotionModel, Neighbour, Surroundings, motion_models
     from mmpf.options import FilterOptions
+    from mmpf.report import StepReport
     from mmpf.road import Lane, Road, highway
     from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel, check_scan
-    from mmpf.tracker import MixtureTracker, StepReport
+    from mmpf.tracker import MixtureTracker
     from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 # The names that each module gives to the library.
@@ -22,7 +23,8 @@ _NAMES = {
     "mmpf.options": "FilterOptions",
     "mmpf.road": "Lane Road highway",
     "mmpf.scan": "BodySizes Detections EgoPose FreeSpace InvalidScanError Scan SensorModel check_scan",
-    "mmpf.tracker": "MixtureTracker StepReport",
+    "mmpf.report": "StepReport",
+    "mmpf.tracker": "MixtureTracker",
     "mmpf.tracks": "CONFIRMED HIDDEN TENTATIVE Tracks",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

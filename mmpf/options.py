@@ -1,36 +1,31 @@
-"""The filter's settings; every number that is not the sensor's or the motion model's."""
+"""The filter's settings; every number that is not the sensor's or the motion model's.
+
+The groups of ``FilterOptions`` itself hold for both update rules, those of ``joint`` and ``max_likelihood`` for one.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from mmpf.settings import NotNegative, Positive, Probability, Settings, in_unit
 
 UpdateName = Literal["joint", "max_likelihood"]
-Positive = Annotated[float, Field(gt=0.0)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0)]
-
-
-class Settings(BaseModel):
-    """Base of all settings: frozen, and a key that does not exist is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Footprint(Settings):
-    """The rectangle that stands for a vehicle whose size is not measured: the mean and spread on US-101.
-
-    Attributes:
-        length_m: Length.
-        width_m: Width.
-        std_length_m: Spread of lengths, wide enough for trucks; measured lengths narrow it down.
-        std_width_m: Spread of widths.
-    """
+    """The rectangle that stands for a vehicle whose size is not measured: the mean and spread on US-101."""
 
     length_m: Positive = 4.7
+    """Mean length."""
     width_m: Positive = 1.9
+    """Mean width."""
     std_length_m: Positive = 2.0
+    """Spread of lengths, wide enough for trucks; measured lengths narrow it down."""
     std_width_m: Positive = 0.3
+    """Spread of widths."""
 
 
 MEAN_CAR = Footprint()
@@ -41,196 +36,304 @@ class ModelErrorOptions(Settings):
     """Noise that the filter adds to every motion model's prediction, since no model is the truth.
 
     Root spectral densities of white noise: a standard deviation over one second grows with the root of time.
-
-    Attributes:
-        speed: Of the longitudinal speed, m/s per root second. None for what was better on the tuning seeds: nothing for
-            a model that spreads the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``),
-            under the joint rule, whose smoothing keeps its particles apart, and 0.4 otherwise.
-        accel: Of the longitudinal acceleration, m/s² per root second.
-        lat_speed: Of the lateral speed, m/s per root second.
-        hidden_lon_factor: What the first two are multiplied by for components that are not seen: there the model alone
-            says where they are.
     """
 
-    speed: Annotated[float, Field(ge=0.0)] | None = None
-    accel: Annotated[float, Field(ge=0.0)] = 0.6
-    lat_speed: Annotated[float, Field(ge=0.0)] = 0.2
-    hidden_lon_factor: Annotated[float, Field(ge=0.0)] = 2.2
+    speed: Annotated[NotNegative | None, in_unit("m/s/√s")] = None
+    """Noise on the longitudinal speed. None for what was better on the tuning seeds: nothing for a model that spreads
+    the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``), under the joint rule, whose
+    smoothing keeps its particles apart, and 0.4 otherwise.
+    """
+    accel: Annotated[NotNegative, in_unit("m/s²/√s")] = 0.6
+    """Noise on the longitudinal acceleration."""
+    lat_speed: Annotated[NotNegative, in_unit("m/s/√s")] = 0.2
+    """Noise on the lateral speed."""
+    hidden_lon_factor: NotNegative = 2.2
+    """Factor on the longitudinal ones for components that are not seen: there the model alone says where they are."""
 
 
 class BirthOptions(Settings):
-    """How the particles of a new component are drawn around its detection.
-
-    Attributes:
-        local_speed_share: Share of particles whose speed is drawn near the speed of the traffic around.
-        local_speed_std_mps: Spread of that share.
-        other_speed_std_mps: Spread of the other particles' speeds: the neighbours alone would lose the fast lane.
-        lat_speed_std_mps: Spread of the lateral speed.
-        accel_std_mps2: Spread of the longitudinal acceleration.
-        local_range_m: Tracks within this distance tell the speed of the traffic around.
-    """
+    """How the particles of a new component are drawn around its detection."""
 
     local_speed_share: Probability = 0.6
+    """Share of particles whose speed is drawn near the speed of the traffic around."""
     local_speed_std_mps: Positive = 2.5
+    """Spread of their speeds."""
     other_speed_std_mps: Positive = 8.0
+    """Spread of the other particles' speeds: the neighbours alone would lose the fast lane."""
     lat_speed_std_mps: Positive = 0.4
+    """Spread of the lateral speed."""
     accel_std_mps2: Positive = 0.7
+    """Spread of the longitudinal acceleration."""
     local_range_m: Positive = 40.0
+    """Tracks within this distance tell the speed of the traffic around."""
+    first_existence: Probability = 0.5
+    """Existence probability of the components of the first scan, of which nothing is known beforehand."""
+
+
+class FlowOptions(Settings):
+    """The speed of the traffic that a vehicle swims in, for motion models that ask for it."""
+
+    length_m: Positive = 25.0
+    """The weight of a seen vehicle's speed falls by e over this distance."""
+    other_lane_weight: Probability = 0.15
+    """Weight of vehicles in other lanes against those in the own lane."""
 
 
 class ReportingOptions(Settings):
-    """When a component counts as hidden and which hidden ones are reported: for both update rules.
-
-    Attributes:
-        hidden_after_s: Unseen for longer, a component counts as hidden: it is reported as hidden, its particles move as
-            those of a hidden vehicle, and its speed tells newborn components nothing of the traffic.
-        reported_std_lon_m: A hidden component spread wider than this is kept in memory, for re-acquisition, but not
-            reported: nobody could use it.
-    """
+    """When a component counts as hidden and which hidden ones are reported."""
 
     hidden_after_s: Positive = 0.25
+    """Unseen for longer, a component counts as hidden: it is reported as hidden, its particles move as those of a
+    hidden vehicle, and its speed tells newborn components nothing of the traffic.
+    """
     reported_std_lon_m: Positive = 6.0
+    """A hidden component spread wider than this is kept in memory, for re-acquisition, but not reported: nobody could
+    use it.
+    """
+
+
+class JointDetectability(Settings):
+    """How probably a vehicle is detected where it is, and what "not seen" is worth."""
+
+    shadow: bool = True
+    """Whether the detection probability depends on shadows; without, it is ``fixed_probability``."""
+    fixed_probability: Probability = 0.5
+    """Detection probability everywhere if shadows do not count."""
+    occluder_existence: Probability = 0.2
+    """Components above this existence probability cast shadows."""
+    hidden_probability: Probability = 0.02
+    """Detection probability of a particle that lies in shadow."""
+    missed_cap: Probability = 0.6
+    """The detection probability used for "not seen" is at most this, since misses of one vehicle are correlated in
+    time.
+    """
+    missed_from_fraction: Probability = 0.2
+    """"Not seen" counts as evidence from this visible fraction on: shadows are cast by vehicles whose place and size
+    are uncertain.
+    """
+    missed_full_fraction: Probability = 0.8
+    """From this visible fraction on, "not seen" counts in full."""
+
+
+class JointAssociation(Settings):
+    """Which detection may belong to which component, and which to a new one."""
+
+    gate_std: Positive = 4.5
+    """A detection counts for a component within this many standard deviations."""
+    exclusive: bool = True
+    """Whether a detection belongs to one component (belief propagation) or may serve several (PDA)."""
+    hit_probability: Probability = 0.5
+    """A component counts as seen if it has a detection with more than this probability."""
+    birth_density: Annotated[Positive, in_unit("births per false detection")] = 0.3
+    """Expected newborn vehicles in relation to clutter at one detection (b in Meyer et al. 2018)."""
+    birth_unexplained: Probability = 0.3
+    """A detection starts a component if its unexplained share is above this."""
+    exclusion_per_s: NotNegative = 9.0
+    """How strongly a hidden particle inside a seen track's footprint is discounted."""
+
+
+class JointExistence(Settings):
+    """Whether a component is a vehicle, and when it is believed."""
+
+    death_rate_per_s: NotNegative = -10.0 * math.log(0.999)
+    """Rate at which vehicles cease to be there; by default one in a thousand does each tenth of a second."""
+    largest: Probability = 0.99
+    """No component is more certain than this."""
+    confirm_above: Probability = 0.6
+    """Existence probability above which a component is reported."""
+    confirm_hits: Annotated[int, Field(ge=1)] = 3
+    """Detections that a component must have had before it is reported."""
+    same_place_share: NotNegative = 0.75
+    """Nearer than this share of a length and a width to a confirmed component whose place is known, none is
+    confirmed.
+    """
+    known_place_std_lon_m: NotNegative = 1.0
+    """A component that is spread less than this has a known place."""
+
+
+class JointRemoval(Settings):
+    """When a component is let go."""
+
+    existence_below: Probability = 0.02
+    """A component below this existence probability is removed."""
+    longest_unseen_s: Positive = 10.0
+    """A confirmed component unseen for longer is removed."""
+    unconfirmed_unseen_s: Positive = 1.0
+    """One that was never confirmed is removed when unseen for longer."""
+    largest_std_lon_m: Positive = 20.0
+    """A component spread wider than this is removed."""
+    range_margin_m: NotNegative = 4.0
+    """A component further than this beyond the sensor's range is removed."""
+
+
+class JointResampling(Settings):
+    """When the particles of a component are drawn anew, and how far they are smoothed."""
+
+    effective_share: Probability = 0.3
+    """A component is resampled when its effective sample size falls below this share of its particles."""
+    kernel_width: Probability = 0.4
+    """Resampled particles are smoothed by a kernel as wide as this share of the component's spread (Liu and West
+    2001), so that little process noise does not impoverish the cloud.
+    """
+    young_hits: Annotated[int, Field(ge=0)] = 20
+    """Up to this many hits a component is resampled from its weighted Gaussian, since its speed is still uncertain."""
+    young_effective_share: Probability = 0.9
+    """Takes the place of ``effective_share`` for a component of so few hits."""
+
+
+class JointMerging(Settings):
+    """When two components are one vehicle."""
+
+    lon_m: Positive = 2.5
+    """Components overlap if their means are nearer than this along the road and ``lat_m`` across it."""
+    lat_m: Positive = 1.0
+    """See ``lon_m``."""
+    scans: Annotated[int, Field(ge=1)] = 3
+    """Components that overlap for so many scans in a row become one."""
+
+
+class JointIdentity(Settings):
+    """When a newly confirmed component is a hidden one, seen again, and takes its identity."""
+
+    stitch: bool = True
+    """Whether identities are handed over at all."""
+    unknown_density: Annotated[Positive, in_unit("1/(m² m/s)")] = 3e-5
+    """Density of vehicles that were never seen before: the hidden component must make the new one's place and speed
+    more probable than that.
+    """
+    kernel_lon_m: Positive = 2.0
+    """Width of the kernel around each of the hidden component's particles, longitudinal."""
+    kernel_lat_m: Positive = 0.7
+    """Width of that kernel, lateral."""
+    kernel_speed_mps: Positive = 2.0
+    """Width of that kernel, in speed."""
+    both_seen_s: NotNegative = 0.5
+    """For this long the hidden one may have been seen after the new one's birth."""
 
 
 class JointOptions(Settings):
-    """Soft joint association: marginals by belief propagation, existence, births by unexplained detections.
+    """Soft joint association: marginals by belief propagation, existence, births by unexplained detections."""
 
-    Attributes:
-        gate_std: A detection counts for a component within this many standard deviations.
-        missed_detection_cap: The detection probability used for "not seen" is at most this, since misses of one
-            vehicle are correlated in time.
-        missed_from_fraction: "Not seen" counts as evidence from this visible fraction on, and
-        missed_full_fraction: in full from this one on: shadows are cast by vehicles whose place and size are
-            uncertain.
-        hidden_detection_probability: Detection probability of a particle that lies in shadow.
-        survival_probability: Per 0.1 s.
-        birth_density: Expected newborn vehicles in relation to clutter at one detection (b in Meyer et al. 2018).
-        birth_unexplained: A detection starts a component if its unexplained share is above this.
-        confirm_existence: Existence probability from which a component is reported.
-        confirm_hits: Detections it must have had by then.
-        prune_existence: Below this existence probability a component is removed.
-        occluder_existence: Components above this existence probability cast shadows.
-        longest_unseen_s: A component unseen for longer is removed.
-        unconfirmed_unseen_s: The same for one that was never confirmed.
-        largest_std_lon_m: A component spread wider than this is removed.
-        range_margin_m: A component further than this beyond the sensor's range is removed.
-        resample_below: A component is resampled when its effective sample size falls below this share.
-        kernel_width: Resampled particles are smoothed by a kernel as wide as this share of the component's spread
-            (Liu and West 2001), so that little process noise does not impoverish the cloud.
-        young_hits: Up to this many hits a component is resampled from its weighted Gaussian, since its speed is
-            still uncertain.
-        exclusion_strength: How strongly a hidden particle inside a seen track's footprint is discounted each 0.1 s.
-        merge_lon_m: Two components nearer than this and ``merge_lat_m`` for ``merge_scans`` scans become one.
-        merge_lat_m: See ``merge_lon_m``.
-        merge_scans: See ``merge_lon_m``.
-        stitch: Whether a newly confirmed component near a hidden one takes its identity.
-        stitch_density: Density of vehicles that were never seen before, per m² and m/s: the hidden component must
-            make the new one's place and speed more probable than that.
-        stitch_lon_m: Width of the kernel around the hidden component's particles, longitudinal,
-        stitch_lat_m: lateral, and
-        stitch_speed_mps: in speed.
-        stitch_both_seen_s: For this long the hidden one may have been seen after the new one's birth.
-        shadow: Whether the detection probability depends on shadows; without, it is ``fixed_probability``.
-        fixed_probability: See ``shadow``.
-        exclusive: Whether a detection belongs to one component (belief propagation) or may serve several (PDA).
+    detectability: JointDetectability = JointDetectability()
+    """How probably a vehicle is detected where it is."""
+    association: JointAssociation = JointAssociation()
+    """Which detection may belong to which component."""
+    existence: JointExistence = JointExistence()
+    """Whether a component is a vehicle."""
+    removal: JointRemoval = JointRemoval()
+    """When a component is let go."""
+    resampling: JointResampling = JointResampling()
+    """When particles are drawn anew."""
+    merging: JointMerging = JointMerging()
+    """When two components are one vehicle."""
+    identity: JointIdentity = JointIdentity()
+    """When a new component is a hidden one, seen again."""
+
+
+class PaperAssociation(Settings):
+    """Which components take part in the measurement update, and count as seen."""
+
+    gate_std: Positive = float("inf")
+    """A component with no detection within this many standard deviations performs no measurement update. Infinite in
+    the paper: the largest likelihood counts however small it is.
     """
+    hit_gate_std: Positive = 4.5
+    """A component that performs an update counts as seen if a detection is within this many standard deviations."""
+    shadowed_share: Probability = 0.85
+    """Share of its extent in shadow from which a component counts as completely occluded."""
 
-    gate_std: Positive = 4.5
-    missed_detection_cap: Probability = 0.6
-    missed_from_fraction: Probability = 0.2
-    missed_full_fraction: Probability = 0.8
-    hidden_detection_probability: Probability = 0.02
-    survival_probability: Probability = 0.999
-    birth_density: Positive = 0.3
-    birth_unexplained: Probability = 0.3
-    confirm_existence: Probability = 0.6
+
+class PaperExistence(Settings):
+    """When a component starts, what it weighs at least, and when it is believed."""
+
+    added_particles: Probability = 0.1
+    """a of the paper, as a share of one component's particles: a detection that fewer particles chose starts a
+    component.
+    """
+    floor_weight: Probability = 0.0
+    """Keeps component weights from falling below this share of the mean; zero is the paper's equation (11), whose
+    product over time starves components.
+    """
     confirm_hits: Annotated[int, Field(ge=1)] = 3
-    prune_existence: Probability = 0.02
-    occluder_existence: Probability = 0.2
+    """Scans with an update before a component is reported."""
+
+
+class PaperRemoval(Settings):
+    """When a component is let go."""
+
+    weight: Probability = 0.0
+    """r of the paper: a component whose weight falls below this share of the mean component weight is removed."""
     longest_unseen_s: Positive = 10.0
-    unconfirmed_unseen_s: Positive = 1.0
-    largest_std_lon_m: Positive = 20.0
-    range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
-    resample_below: Probability = 0.3
-    kernel_width: Probability = 0.4
-    young_hits: Annotated[int, Field(ge=0)] = 20
-    exclusion_strength: Annotated[float, Field(ge=0.0)] = 0.9
-    merge_lon_m: Positive = 2.5
-    merge_lat_m: Positive = 1.0
-    merge_scans: Annotated[int, Field(ge=1)] = 3
-    stitch: bool = True
-    stitch_density: Positive = 3e-5
-    stitch_lon_m: Positive = 2.0
-    stitch_lat_m: Positive = 0.7
-    stitch_speed_mps: Positive = 2.0
-    stitch_both_seen_s: Annotated[float, Field(ge=0.0)] = 0.5
-    shadow: bool = True
-    fixed_probability: Probability = 0.5
-    exclusive: bool = True
+    """A component unseen for longer is removed."""
+    range_margin_m: NotNegative = 4.0
+    """A component further than this beyond the sensor's range has left the observation area and is removed."""
+
+
+class PaperResampling(Settings):
+    """When the particles of a component are drawn anew."""
+
+    effective_share: Probability = 0.5
+    """A component is resampled when its effective sample size falls below this share of its particles."""
+
+
+class PaperMerging(Settings):
+    """When two components overlap significantly and become one."""
+
+    lon_m: Positive = 2.5
+    """Components overlap if their means are nearer than this along the road and ``lat_m`` across it."""
+    lat_m: Positive = 1.0
+    """See ``lon_m``."""
+
+
+class PaperReclustering(Settings):
+    """Which components' particles are dealt out anew by k-medoids."""
+
+    lon_m: Positive = 7.0
+    """Components touch if their means are nearer than this along the road and ``lat_m`` across it."""
+    lat_m: Positive = 2.5
+    """See ``lon_m``."""
+    voters: Annotated[int, Field(ge=10)] = 200
+    """Particles of a group that vote on the medoids; the rest follow the nearest one."""
 
 
 class MaxLikelihoodOptions(Settings):
-    """The paper's own rule: each particle's likelihood is its largest over all detections.
+    """The paper's own rule: each particle's likelihood is its largest over all detections."""
 
-    Attributes:
-        gate_std: A component with no detection within this many standard deviations performs no measurement update.
-            Infinite in the paper: the largest likelihood counts however small it is.
-        removal_weight: r of the paper: a component whose weight falls below this share of the mean component weight
-            is removed.
-        floor_component_weight: Keeps component weights from falling below this share of the mean; zero is the
-            paper's equation (11), whose product over time starves components.
-        resample_below: A component is resampled when its effective sample size falls below this share.
-        added_particles: a of the paper, as a share of one component's particles: a detection that fewer particles
-            chose starts a component.
-        merge_lon_m: Components whose means are nearer than this and ``merge_lat_m`` overlap significantly.
-        merge_lat_m: See ``merge_lon_m``.
-        touch_lon_m: Components nearer than this and ``touch_lat_m`` are reclustered together by k-medoids.
-        touch_lat_m: See ``touch_lon_m``.
-        medoid_sample: Particles of a group that vote on the medoids; the rest follow the nearest one.
-        shadowed_share: Share of its extent in shadow from which a component counts as completely occluded.
-        confirm_hits: Scans with an update before a component is reported.
-        longest_unseen_s: A component unseen for longer is removed.
-        range_margin_m: A component further than this beyond the sensor's range has left the observation area.
-    """
-
-    gate_std: Positive = float("inf")
-    removal_weight: Probability = 0.0
-    floor_component_weight: Probability = 0.0
-    resample_below: Probability = 0.5
-    added_particles: Probability = 0.1
-    merge_lon_m: Positive = 2.5
-    merge_lat_m: Positive = 1.0
-    touch_lon_m: Positive = 7.0
-    touch_lat_m: Positive = 2.5
-    medoid_sample: Annotated[int, Field(ge=10)] = 200
-    shadowed_share: Probability = 0.85
-    confirm_hits: Annotated[int, Field(ge=1)] = 3
-    longest_unseen_s: Positive = 10.0
-    range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
+    association: PaperAssociation = PaperAssociation()
+    """Which components take part in the measurement update."""
+    existence: PaperExistence = PaperExistence()
+    """When a component starts and is believed."""
+    removal: PaperRemoval = PaperRemoval()
+    """When a component is let go."""
+    resampling: PaperResampling = PaperResampling()
+    """When particles are drawn anew."""
+    merging: PaperMerging = PaperMerging()
+    """When two components become one."""
+    reclustering: PaperReclustering = PaperReclustering()
+    """Which components' particles are dealt out anew."""
 
 
 class FilterOptions(Settings):
-    """All settings of the Modified Mixture Particle Filter.
-
-    Attributes:
-        particles: Particles per component.
-        update: ``joint``, or ``max_likelihood`` for the rule of the paper.
-        vehicle: Size of a vehicle before it is measured.
-        model_error: Noise added to the motion model's prediction.
-        birth: How new components are drawn.
-        reporting: When a component counts as hidden and which hidden ones are reported.
-        joint: Settings that only the joint update reads.
-        max_likelihood: Settings that only the paper's update reads.
-    """
+    """All settings of the Modified Mixture Particle Filter."""
 
     particles: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
+    """Particles per component."""
     update: UpdateName = "joint"
+    """Update rule: ``joint``, or ``max_likelihood`` for the rule of the paper."""
     vehicle: Footprint = Footprint()
+    """Size of a vehicle before it is measured."""
     model_error: ModelErrorOptions = ModelErrorOptions()
+    """Noise added to the motion model's prediction."""
     birth: BirthOptions = BirthOptions()
+    """How new components are drawn."""
+    flow: FlowOptions = FlowOptions()
+    """The speed of the traffic around a vehicle."""
     reporting: ReportingOptions = ReportingOptions()
+    """When a component counts as hidden and which hidden ones are reported."""
     joint: JointOptions = JointOptions()
+    """Settings that only the joint update reads."""
     max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()
+    """Settings that only the paper's update reads."""
 
 
 def speed_error(options: FilterOptions, *, spreads_speed: bool) -> float:

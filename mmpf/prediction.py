@@ -7,15 +7,15 @@ from typing import Protocol
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import Mixture
-from mmpf.compute.arrays import Float32Array, FloatArray
+from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.compute.normals import standard_normals
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
 from mmpf.scan import Scan
 from mmpf.state import ACCEL, LAT_SPEED, SPEED
+from mmpf.update import Situation
 
 
 class Proposal(Protocol):
@@ -64,17 +64,15 @@ def bootstrap_proposal(
 
 def prior_update(
     mixture: Mixture,
-    motion: MotionModel,
-    proposal: Proposal,
     surroundings: Surroundings,
-    scan: Scan,
-    dt_s: float,
+    situation: Situation,
+    proposal: Proposal,
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Mixture:
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
-    cloud = mixture.cloud
-    state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, scan, dt_s, rng)
+    cloud, motion, dt_s = mixture.cloud, situation.motion, situation.dt_s
+    state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, situation.scan, dt_s, rng)
     speed = speed_error(options, spreads_speed=spreads_speed(motion))
     _add_model_error(state, surroundings.is_hidden, dt_s, options.model_error, speed, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
@@ -85,7 +83,7 @@ def prior_update(
 
 def _add_model_error(
     state: FloatArray,
-    is_hidden: npt.NDArray[np.bool_],
+    is_hidden: BoolArray,
     dt_s: float,
     error: ModelErrorOptions,
     speed: float,
@@ -102,7 +100,7 @@ def _add_model_error(
 def _add_scaled(
     state: FloatArray,
     rows: tuple[int, ...],
-    is_hidden: npt.NDArray[np.bool_],
+    is_hidden: BoolArray,
     seen: FloatArray,
     hidden: FloatArray,
     normal: Float32Array,

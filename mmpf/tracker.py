@@ -2,50 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from time import perf_counter
-
 import numpy as np
 
 from mmpf.around.surroundings import surroundings_of
-from mmpf.cloud.birth import Traffic, give_birth
+from mmpf.cloud.birth import Births, Traffic, give_birth
 from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments, component_moments
+from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import BoolArray
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import FilterOptions, ReportingOptions
+from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
+from mmpf.report import StepReport, Stopwatch, reported_tracks
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel, check_scan
-from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
-from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
+from mmpf.state import LON, SPEED
+from mmpf.tracks import Tracks
 from mmpf.update import Situation, UpdateRule
-
-
-@dataclass(frozen=True)
-class StepReport:
-    """What happened inside one step, for diagnostics.
-
-    Attributes:
-        components: Components after the step.
-        effective_share: Mean effective sample size after weighting, as a share of the particles.
-        births: Components added.
-        deaths: Components removed.
-        merges: Components merged into others.
-        reclusterings: Components clustered anew or re-identified.
-        association_entropy: Mean entropy of the association, nats.
-        stage_ms: Time spent in each stage, milliseconds.
-    """
-
-    components: int = 0
-    effective_share: float = 1.0
-    births: int = 0
-    deaths: int = 0
-    merges: int = 0
-    reclusterings: int = 0
-    association_entropy: float = 0.0
-    stage_ms: dict[str, float] = field(default_factory=dict)
 
 
 class MixtureTracker:
@@ -101,7 +75,7 @@ class MixtureTracker:
                 as it was.
         """
         check_scan(scan, None if self._previous is None else self._previous.time_s)
-        clock = _Stopwatch()
+        clock = Stopwatch()
         if self._previous is None:
             self._mixture = self._initialise(scan)
             self._moments = component_moments(self._mixture)
@@ -139,29 +113,15 @@ class MixtureTracker:
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
-        everything = np.arange(len(scan.detections))
-        existence = np.full(len(everything), 0.5)
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
-        mixture = give_birth(
-            Mixture.empty(self._motion.latent_size),
-            np.zeros(0, dtype=np.bool_),
-            scan.detections,
-            everything,
-            existence,
-            traffic,
-            self._motion,
-            self._options.particles,
-            self._options.birth,
-            self._options.vehicle,
-            self._rng,
-        )
-        return self._rule.weight_update(mixture)
+        count = len(scan.detections)
+        births = Births(scan.detections, np.arange(count), np.full(count, self._options.birth.first_existence), traffic)
+        nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
+        return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = self._moments.mean
-        known = self._mixture.components.confirmed & (
-            self._mixture.components.unseen_s <= self._options.reporting.hidden_after_s
-        )
+        known = self._mixture.components.confirmed & self._is_seen
         traffic = Traffic(
             lon_m=np.append(mean[LON][known], scan.ego.lon_m),
             speed_mps=np.append(mean[SPEED][known], scan.ego.speed_mps),
@@ -170,72 +130,16 @@ class MixtureTracker:
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""
-        components = self._mixture.components
-        is_seen = components.unseen_s <= self._options.reporting.hidden_after_s
+        ego_accel_mps2 = (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s
         surroundings = surroundings_of(
-            self._mixture.cloud.state,
-            self._mixture.cloud.component,
-            self._moments.mean,
-            components.length_m,
-            components.width_m,
-            components.confirmed,
-            is_seen,
-            previous.ego,
-            (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s,
-            self._road,
+            self._mixture, self._moments, self._is_seen, previous.ego, ego_accel_mps2, self._road, self._options.flow
         )
-        return prior_update(
-            self._mixture,
-            self._motion,
-            self._proposal,
-            surroundings,
-            situation.scan,
-            situation.dt_s,
-            self._options,
-            self._rng,
-        )
+        return prior_update(self._mixture, surroundings, situation, self._proposal, self._options, self._rng)
+
+    @property
+    def _is_seen(self) -> BoolArray:
+        return self._mixture.components.unseen_s <= self._options.reporting.hidden_after_s
 
 
 def _update_rule(options: FilterOptions) -> UpdateRule:
     return JointUpdate(options) if options.update == "joint" else MaxLikelihoodUpdate(options)
-
-
-class _Stopwatch:
-    """Laps between stages, in milliseconds."""
-
-    def __init__(self) -> None:
-        self.laps_ms: dict[str, float] = {}
-        self._last = perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = perf_counter()
-        self.laps_ms[stage] = 1e3 * (now - self._last)
-        self._last = now
-
-
-def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions) -> Tracks:
-    """Return mean and spread of each component as a track.
-
-    Args:
-        mixture: The belief.
-        moments: Its components' moments.
-        options: When a component counts as hidden, and how widely spread a hidden one may be to be reported.
-    """
-    components = mixture.components
-    unseen = components.unseen_s > options.hidden_after_s
-    reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)
-    state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
-    std = np.maximum(moments.std, 1e-6)
-    return Tracks(
-        track_id=components.track_id[reported],
-        lon_m=moments.mean[LON, reported],
-        lat_m=moments.mean[LAT, reported],
-        speed_mps=moments.mean[SPEED, reported],
-        lat_speed_mps=moments.mean[LAT_SPEED, reported],
-        accel_mps2=moments.mean[ACCEL, reported],
-        std_lon_m=std[LON, reported],
-        std_lat_m=std[LAT, reported],
-        std_speed_mps=std[SPEED, reported],
-        existence=components.existence[reported],
-        state=state[reported].astype(np.int8),
-    )

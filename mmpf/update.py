@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.protocol import MotionModel
 from mmpf.scan import EgoPose, Scan, SensorModel
 
@@ -43,12 +42,10 @@ class Occlusion:
         detection_probability: Of each particle, shape (n,).
         missed_probability: The same where "not detected" is weighed, shape (n,): never more, since the misses of one
             vehicle are correlated in time and the shadows are not exactly known.
-        is_hidden: Components asserted to be completely occluded, shape (m,).
     """
 
     detection_probability: FloatArray
     missed_probability: FloatArray
-    is_hidden: npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ class Updated:
     """
 
     mixture: Mixture
-    was_hit: npt.NDArray[np.bool_]
+    was_hit: BoolArray
     birth_claim: FloatArray
     association_entropy: float
     effective_share: float
@@ -125,6 +122,6 @@ class UpdateRule(Protocol):
 
 def outside_observation_area(
     lon_m: FloatArray, lat_m: FloatArray, ego: EgoPose, sensor: SensorModel, margin_m: float
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Return which positions lie beyond the sensor's range and the margin, shape (m,)."""
     return np.asarray(np.hypot(lon_m - ego.lon_m, lat_m - ego.lat_m) > sensor.range_m + margin_m)

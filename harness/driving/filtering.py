@@ -13,11 +13,11 @@ from mmpf.cloud.moments import effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import JointOptions
+from mmpf.options import JointResampling
 from mmpf.state import LAT, LON, SPEED
 
 MEASURED = (LON, LAT, SPEED)
-JOINT = JointOptions()
+RESAMPLING = JointResampling()
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ def follow(
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)
         belief = _belief(state, latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
         if measurements is not None:
-            depleted = effective_sizes(belief) < JOINT.resample_below * particles
-            width = np.full(cases.count, JOINT.kernel_width)
+            depleted = effective_sizes(belief) < RESAMPLING.effective_share * particles
+            width = np.full(cases.count, RESAMPLING.kernel_width)
             belief = resample_smoothly(belief, depleted, particles, width, rng)
 
 

@@ -36,19 +36,24 @@ class Ablation:
 
 ABLATIONS = (
     Ablation(DEFAULT, "the default: soft joint association"),
-    Ablation("mmpf+joint.shadow=false", "detection probability the same everywhere, blind to shadows"),
-    Ablation("mmpf+joint.exclusive=false", "a detection may serve several components (no belief propagation)"),
-    Ablation("mmpf+joint.stitch=false", "no identity handed to a component confirmed near a hidden one"),
-    Ablation("mmpf+joint.missed_detection_cap=0.95", "misses taken as independent in time (cap 0.95 for 0.6)"),
-    Ablation("mmpf+joint.exclusion_strength=0", "hidden particles may lie on seen vehicles"),
-    Ablation("mmpf+joint.kernel_width=0", "resampled particles are copies, not smoothed by a kernel"),
-    Ablation("mmpf+joint.young_hits=0", "young components resampled like all others, not from a Gaussian"),
+    Ablation("mmpf+joint.detectability.shadow=false", "detection probability the same everywhere, blind to shadows"),
+    Ablation(
+        "mmpf+joint.association.exclusive=false", "a detection may serve several components (no belief propagation)"
+    ),
+    Ablation("mmpf+joint.identity.stitch=false", "no identity handed to a component confirmed near a hidden one"),
+    Ablation("mmpf+joint.detectability.missed_cap=0.95", "misses taken as independent in time (cap 0.95 for 0.6)"),
+    Ablation("mmpf+joint.association.exclusion_per_s=0", "hidden particles may lie on seen vehicles"),
+    Ablation("mmpf+joint.resampling.kernel_width=0", "resampled particles are copies, not smoothed by a kernel"),
+    Ablation("mmpf+joint.resampling.young_hits=0", "young components resampled like all others, not from a Gaussian"),
     Ablation("mmpf+birth.other_speed_std_mps=2.5", "newborn speeds near the neighbours' only"),
     Ablation("mmpf+model_error.speed=0+model_error.accel=0+model_error.lat_speed=0", "no noise beside the model's own"),
     Ablation("mmpf+update=max_likelihood", "the paper's rule as it is written"),
-    Ablation("mmpf+update=max_likelihood+max_likelihood.gate_std=6", "the paper's rule, no update without a detection"),
     Ablation(
-        "mmpf+update=max_likelihood+max_likelihood.floor_component_weight=0.01",
+        "mmpf+update=max_likelihood+max_likelihood.association.gate_std=6",
+        "the paper's rule, no update without a detection",
+    ),
+    Ablation(
+        "mmpf+update=max_likelihood+max_likelihood.existence.floor_weight=0.01",
         "the paper's rule, component weights kept from starving",
     ),
 )

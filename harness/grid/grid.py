@@ -1,9 +1,10 @@
 """From the lists that a user writes to the grid of a stress test: every combination, each a checked configuration.
 
 Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
-``mmpf+joint.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the tracker's named
-settings, everything else is one of its options. ``models`` goes with the project's own tracker; settings of
-``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned settings.
+``mmpf+joint.association.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the
+tracker's named settings, everything else is one of its options. ``models`` goes with the project's own tracker;
+settings of ``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned
+settings.
 """
 
 from __future__ import annotations

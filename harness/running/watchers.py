@@ -12,8 +12,8 @@ from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker
 from mmpf.cloud.mixture import Mixture, ParticleCloud
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.report import StepReport
 from mmpf.state import LAT, LON
-from mmpf.tracker import StepReport
 from mmpf.tracks import HIDDEN, Tracks
 
 

@@ -21,49 +21,44 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class SensorSettings(BaseModel):
-    """All figures of one sensor.
+    """All figures of one sensor."""
 
-    Attributes:
-        range_m: Nothing whose centre is further away is detected.
-        field_of_view_deg: Angle of view, centred on the ego's heading.
-        detection_probability: Probability of detecting a vehicle in plain view.
-        full_view_fraction: A vehicle seen to this fraction or more is in plain view; below it the detection
-            probability falls in proportion.
-        hidden_fraction: A vehicle seen to less than this fraction is hidden and never detected.
-        clutter_per_scan: Expected number of false detections a scan, spread evenly over the road in view.
-        std_lon_m: Longitudinal error of the box fitted to a vehicle in plain view.
-        std_lat_m: Lateral error of that box.
-        std_range_m: Error along the line of sight at any distance.
-        std_range_share: Error along the line of sight in proportion to the distance.
-        std_bearing_deg: Error of the bearing.
-        hidden_noise_factor: Factor on all position errors at the edge of being hidden; it falls linearly to one at
-            plain view.
-        std_length_m: Error of the length of the box fitted to a vehicle in plain view, and
-        std_width_m: of its width; the sensor measures sizes if both are given.
-        std_range_rate_mps: Error of the measured range rate; none where the sensor does not measure it.
-        speed_obliquity_deg: Range rate gives a speed where the line of sight is within this angle of the road.
-        road_width_m: Width of road that a tracker assumes clutter to spread over.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     range_m: Positive = 100.0
+    """Nothing whose centre is further away is detected."""
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
+    """Angle of view, centred on the ego's heading."""
     detection_probability: Probability = 0.95
+    """Probability of detecting a vehicle in plain view."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.7
+    """Seen to this fraction or more a vehicle is in plain view; below it detection falls in proportion."""
     hidden_fraction: Probability = 0.15
+    """A vehicle seen to less than this fraction is hidden and never detected."""
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 1.0
+    """Expected number of false detections a scan, spread evenly over the road in view."""
     std_lon_m: Positive = 0.3
+    """Longitudinal error of the box fitted to a vehicle in plain view."""
     std_lat_m: Positive = 0.2
+    """Lateral error of that box."""
     std_range_m: NotNegative = 0.03
+    """Error along the line of sight at any distance."""
     std_range_share: NotNegative = 0.0
+    """Error along the line of sight in proportion to the distance."""
     std_bearing_deg: NotNegative = 0.1
+    """Error of the bearing."""
     hidden_noise_factor: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 3.0
+    """Factor on all position errors at the edge of being hidden; it falls linearly to one at plain view."""
     std_length_m: Positive | None = 0.45
+    """Error of the length of the box fitted to a vehicle in plain view; see ``std_width_m``."""
     std_width_m: Positive | None = 0.18
+    """Error of its width; the sensor measures sizes if both are given."""
     std_range_rate_mps: Positive | None = None
+    """Error of the measured range rate; none where the sensor does not measure it."""
     speed_obliquity_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
+    """Range rate gives a speed where the line of sight is within this angle of the road."""
     road_width_m: Positive = 18.3
+    """Width of road that a tracker assumes clutter to spread over."""
 
     @model_validator(mode="after")
     def _hidden_lies_below_full_view(self) -> SensorSettings:

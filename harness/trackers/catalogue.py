@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 from pydantic import ValidationError
 
 from harness.errors import InputError
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
 from mmpf.registry import UnknownNameError
+from mmpf.settings import Settings, fields_of
 
 
 @dataclass(frozen=True)
@@ -23,32 +26,53 @@ class _Entry:
     Attributes:
         module: Importing it registers the tracker; it is not imported before the tracker is asked for.
         description: One line for people.
+        options: Module and name of the class of its options.
         needs: What must be installed beyond the runtime dependencies: name and extra, empty if nothing.
     """
 
     module: str
     description: str
+    options: str
     needs: tuple[str, str] | None = None
 
 
 _STONE_SOUP = ("Stone Soup", "baselines")
 _STONE_SOUP_MODULE = "harness.trackers.stonesoup.trackers"
+_STONE_SOUP_OPTIONS = "harness.trackers.stonesoup.options"
 _CATALOGUE = {
-    "mmpf": _Entry("harness.trackers.mmpf", "Modified Mixture Particle Filter, the tracker of this project"),
+    "mmpf": _Entry(
+        "harness.trackers.mmpf",
+        "Modified Mixture Particle Filter, the tracker of this project",
+        "harness.trackers.mmpf:MixtureTrackerOptions",
+    ),
     "stonesoup-gnn": _Entry(
-        _STONE_SOUP_MODULE, "Stone Soup: Kalman filters, global nearest neighbour association", _STONE_SOUP
+        _STONE_SOUP_MODULE,
+        "Stone Soup: Kalman filters, global nearest neighbour association",
+        f"{_STONE_SOUP_OPTIONS}:StoneSoupOptions",
+        _STONE_SOUP,
     ),
     "stonesoup-jpda": _Entry(
-        _STONE_SOUP_MODULE, "Stone Soup: Kalman filters, joint probabilistic data association (EHM2)", _STONE_SOUP
+        _STONE_SOUP_MODULE,
+        "Stone Soup: Kalman filters, joint probabilistic data association (EHM2)",
+        f"{_STONE_SOUP_OPTIONS}:JpdaOptions",
+        _STONE_SOUP,
     ),
     "stonesoup-jpda-stitched": _Entry(
-        _STONE_SOUP_MODULE, "stonesoup-jpda, and a re-appearing vehicle takes its old identity", _STONE_SOUP
+        _STONE_SOUP_MODULE,
+        "stonesoup-jpda, and a re-appearing vehicle takes its old identity",
+        f"{_STONE_SOUP_OPTIONS}:StitchedJpdaOptions",
+        _STONE_SOUP,
     ),
     "stonesoup-particle": _Entry(
-        _STONE_SOUP_MODULE, "Stone Soup: a particle filter per track, global nearest neighbour association", _STONE_SOUP
+        _STONE_SOUP_MODULE,
+        "Stone Soup: a particle filter per track, global nearest neighbour association",
+        f"{_STONE_SOUP_OPTIONS}:ParticleOptions",
+        _STONE_SOUP,
     ),
     "oracle-kalman": _Entry(
-        "harness.trackers.oracle", "Kalman filters told the true association: a bound, not a tracker"
+        "harness.trackers.oracle",
+        "Kalman filters told the true association: a bound, not a tracker",
+        "harness.trackers.oracle:OracleOptions",
     ),
 }
 
@@ -56,6 +80,12 @@ _CATALOGUE = {
 def available_trackers() -> dict[str, str]:
     """Return each built-in tracker's name and one line about it."""
     return {name: entry.description for name, entry in _CATALOGUE.items()}
+
+
+def tracker_options(name: str) -> type[Settings]:
+    """Return the class of a built-in tracker's options, whether or not what the tracker needs is installed."""
+    module, _, options = _CATALOGUE[name].options.partition(":")
+    return cast(type[Settings], getattr(importlib.import_module(module), options))
 
 
 def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
@@ -110,7 +140,16 @@ def _import_entry(name: str, entry: _Entry) -> None:
 def _first_option_error(tracker: str, error: ValidationError) -> str:
     first = error.errors()[0]
     option = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden" and tracker in _CATALOGUE:
+        return f"tracker option {option!r} of {tracker}: there is none of that name{_nearest(option, tracker)}"
     return f"tracker option {option!r} of {tracker}: {first['msg']}"
+
+
+def _nearest(option: str, tracker: str) -> str:
+    known = [key for key, _ in fields_of(tracker_options(tracker))]
+    of_that_name = [key for key in known if key.split(".")[-1] == option.rsplit(".", maxsplit=1)[-1]]
+    near = of_that_name or difflib.get_close_matches(option, known, n=3, cutoff=0.5)
+    return f"; did you mean {' or '.join(near)}?" if near else f"; known are {', '.join(known)}"
 
 
 TUNED_FILE = Path(__file__).with_name("tuned.toml")

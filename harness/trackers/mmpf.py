@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict
-
 import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.trackers.protocol import TrackerSetting, trackers
 from mmpf.motion.learned.driver import load_learned_driver
@@ -21,17 +19,12 @@ MODEL_LOADERS: dict[str, Callable[[Path], MotionModel]] = {"gmm": load_learned_d
 
 
 class MixtureTrackerOptions(FilterOptions):
-    """The filter's settings and its motion model.
-
-    Attributes:
-        model: Name of the motion model.
-        model_file: File that the model is read from; the one that travels with the package if None.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    """The filter's settings and its motion model."""
 
     model: str = "gmm"
+    """Name of the motion model."""
     model_file: Path | None = None
+    """File that the model is read from; the one that travels with the package if None."""
 
 
 @trackers.register("mmpf")

@@ -11,31 +11,28 @@ from pydantic import Field
 
 from harness.trackers.protocol import TrackerSetting, trackers
 from mmpf.compute.arrays import FloatArray, IntArray, StringArray, joined, taken
-from mmpf.options import Positive, Settings
 from mmpf.scan import Detections, EgoPose, Scan, check_scan
+from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
 class OracleOptions(Settings):
-    """Settings of the oracle.
+    """Settings of the oracle."""
 
-    Attributes:
-        lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
-        lat_noise: The same laterally.
-        confirm_detections: Detections before a track is confirmed.
-        hidden_after_s: Unseen for longer, a track is reported as hidden, which is for pictures alone.
-        longest_unseen_s: Unseen for longer, a track ends; the vehicle returns under a new identity.
-        birth_speed_std_mps: Spread of a new track's speed around the ego's, where speed is not measured.
-        birth_lat_speed_std_mps: Spread of a new track's lateral speed.
-    """
-
-    lon_noise: Positive = 1.0
-    lat_noise: Positive = 0.1
+    lon_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
+    """Power spectral density of the longitudinal acceleration."""
+    lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
+    """Power spectral density of the lateral acceleration."""
     confirm_detections: Annotated[int, Field(ge=1)] = 3
+    """Detections before a track is confirmed."""
     hidden_after_s: Positive = 0.5
+    """Unseen for longer, a track is reported as hidden, which is for pictures alone."""
     longest_unseen_s: Positive = 10.0
+    """Unseen for longer, a track ends; the vehicle returns under a new identity."""
     birth_speed_std_mps: Positive = 10.0
+    """Spread of a new track's speed around the ego's, where speed is not measured."""
     birth_lat_speed_std_mps: Positive = 1.0
+    """Spread of a new track's lateral speed."""
 
 
 @dataclass(frozen=True)
@@ -172,15 +169,11 @@ def _newborn_states(
 ) -> GaussianStates:
     count = len(detection)
     has_speed = np.isfinite(detections.speed_mps[detection])
-    mean = np.zeros((count, 4))
-    mean[:, LON] = detections.lon_m[detection]
-    mean[:, LAT] = detections.lat_m[detection]
-    mean[:, SPEED] = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
-    std = np.zeros((count, 4))
-    std[:, LON] = detections.std_lon_m[detection]
-    std[:, LAT] = detections.std_lat_m[detection]
-    std[:, SPEED] = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
-    std[:, LAT_SPEED] = options.birth_lat_speed_std_mps
+    speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
+    std_speed = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
+    std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
+    mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
+    std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
     return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
 
 

@@ -10,55 +10,48 @@ import numpy as np
 
 from mmpf.around.lanes_around import LEFT, OWN, RIGHT, lanes_around
 from mmpf.around.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import Surroundings
+from mmpf.options import FlowOptions
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
 
-FLOW_LENGTH_M = 25.0
-FLOW_OTHER_LANE_WEIGHT = 0.15
-
 
 def surroundings_of(
-    state: FloatArray,
-    component: IntArray,
-    mean: FloatArray,
-    length_m: FloatArray,
-    width_m: FloatArray,
-    is_neighbour: BoolArray,
+    mixture: Mixture,
+    moments: Moments,
     is_seen: BoolArray,
     ego: EgoPose,
     ego_accel_mps2: float,
     road: Road,
+    options: FlowOptions,
 ) -> Surroundings:
     """Return what each particle knows of road and traffic.
 
     Args:
-        state: Particles' states, shape (6, n).
-        component: Each particle's component, shape (n,).
-        mean: Components' mean states, shape (6, m).
-        length_m: Their vehicles' lengths, shape (m,).
-        width_m: Their widths, shape (m,).
-        is_neighbour: Components that count as vehicles for the others, shape (m,).
+        mixture: The belief; its confirmed components count as vehicles for the others.
+        moments: Its components' moments.
         is_seen: Components that were seen lately, shape (m,).
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
         ego_accel_mps2: Its longitudinal acceleration.
         road: The lanes.
+        options: What counts as the flow of traffic around.
     """
-    others = np.column_stack([mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
-    counts = np.append(is_neighbour, True)
-    length = np.append(length_m, ego.length_m)
+    state, component, vehicles = mixture.cloud.state, mixture.cloud.component, mixture.components
+    others = np.column_stack([moments.mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
+    counts = np.append(vehicles.confirmed, True)
+    length, width = np.append(vehicles.length_m, ego.length_m), np.append(vehicles.width_m, ego.width_m)
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
-    leader, follower = nearest_by_lane(
-        others[LON], others[LAT], np.append(width_m, ego.width_m), lane_of_other, counts, len(road.lanes)
-    )
+    leader, follower = nearest_by_lane(others[LON], others[LAT], width, lane_of_other, counts, len(road.lanes))
 
     lanes = lanes_around(state[LON], state[LAT], road)
     known = KnownTraffic(state, component, others[[LON, SPEED, ACCEL]], length)
-    flow = flow_speeds(others[:, :-1], lane_of_other[:-1], is_neighbour & is_seen)
+    flow = flow_speeds(moments.mean, lane_of_other[:-1], vehicles.confirmed & is_seen, options)
     return Surroundings(
-        length_m=length_m[component],
+        length_m=vehicles.length_m[component],
         lane_right_m=lanes.line_m[0],
         lane_left_m=lanes.line_m[1],
         has_left_lane=lanes.has_beside[0],
@@ -73,16 +66,17 @@ def surroundings_of(
     )
 
 
-def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray) -> FloatArray:
+def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: FlowOptions) -> FloatArray:
     """Return the speed of the counted traffic near each component, nan where there is none, shape (m,).
 
     Args:
         mean: Components' mean states, shape (6, m).
         lane: Their lanes, shape (m,).
         counts: Which of them are seen vehicles, shape (m,).
+        options: How much each of them counts.
     """
-    weight = np.exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / FLOW_LENGTH_M)
-    weight *= np.where(lane[:, None] == lane[None, :], 1.0, FLOW_OTHER_LANE_WEIGHT)
+    weight = np.exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / options.length_m)
+    weight *= np.where(lane[:, None] == lane[None, :], 1.0, options.other_lane_weight)
     weight *= counts[None, :]
     np.fill_diagonal(weight, 0.0)
     total = weight.sum(axis=1)

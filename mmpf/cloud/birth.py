@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import BirthOptions, Footprint
+from mmpf.options import BirthOptions, FilterOptions
 from mmpf.scan import Detections
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 
@@ -29,17 +28,29 @@ class Traffic:
     speed_mps: FloatArray
 
 
+@dataclass(frozen=True)
+class Births:
+    """Which detections start a component.
+
+    Attributes:
+        detections: The scan's detections.
+        chosen: Indices of those that start one, shape (k,).
+        existence: Existence probability of each new component, shape (k,).
+        traffic: Speeds around.
+    """
+
+    detections: Detections
+    chosen: IntArray
+    existence: FloatArray
+    traffic: Traffic
+
+
 def give_birth(
     mixture: Mixture,
-    keep: npt.NDArray[np.bool_],
-    detections: Detections,
-    chosen: IntArray,
-    existence: FloatArray,
-    traffic: Traffic,
+    keep: BoolArray,
+    births: Births,
     motion: MotionModel,
-    particles: int,
-    options: BirthOptions,
-    vehicle: Footprint,
+    options: FilterOptions,
     rng: np.random.Generator,
 ) -> Mixture:
     """Add one component for each chosen detection and let go of those that are not kept: one copy of all particles.
@@ -50,19 +61,15 @@ def give_birth(
     Args:
         mixture: The belief so far.
         keep: Components that stay, shape (m,).
-        detections: The scan's detections.
-        chosen: Indices of those that start a component, shape (k,).
-        existence: Existence probability of each new component, shape (k,).
-        traffic: Speeds around.
+        births: Where the new components start.
         motion: Draws the latents of the new particles.
-        particles: Particles per component.
-        options: Spreads.
-        vehicle: Size of a vehicle before it is measured.
+        options: How many particles are drawn, how widely, and the size of a vehicle before it is measured.
         rng: Source of randomness.
     """
+    detections, chosen, particles = births.detections, births.chosen, options.particles
     if len(chosen) == 0:
         return mixture.keep(keep)
-    state = _draw_states(detections, chosen, traffic, particles, options, rng)
+    state = _draw_states(births, particles, options.birth, rng)
     track_id = mixture.next_track_id + np.arange(len(chosen))
     even = np.full(state.shape[1], -np.log(particles))
     cloud = ParticleCloud(
@@ -73,27 +80,21 @@ def give_birth(
         log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=motion.draw_latents(state, rng),
     )
-    components = Components.newborn(track_id, existence, vehicle)
+    components = Components.newborn(track_id, births.existence, options.vehicle)
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
     return mixture.keep_and_join(keep, cloud, components)
 
 
-def _draw_states(
-    detections: Detections,
-    chosen: IntArray,
-    traffic: Traffic,
-    particles: int,
-    options: BirthOptions,
-    rng: np.random.Generator,
-) -> FloatArray:
+def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.random.Generator) -> FloatArray:
+    detections, chosen = births.detections, births.chosen
     shape = (len(chosen), particles)
 
     def normal(mean: FloatArray, std: FloatArray | float) -> FloatArray:
         spread = np.broadcast_to(std, mean.shape)
         return mean[:, None] + spread[:, None] * rng.standard_normal(shape)
 
-    local_speed = _local_speed(detections.lon_m[chosen], traffic, options.local_range_m)
+    local_speed = _local_speed(detections.lon_m[chosen], births.traffic, options.local_range_m)
     near = normal(local_speed, options.local_speed_std_mps)
     anything = normal(local_speed, options.other_speed_std_mps)
     speed = np.where(rng.uniform(size=shape) < options.local_speed_share, near, anything)

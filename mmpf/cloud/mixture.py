@@ -6,9 +6,8 @@ from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options import MEAN_CAR, Footprint
 from mmpf.state import STATE_SIZE
 
@@ -106,7 +105,7 @@ class Components:
 
     track_id: IntArray
     existence: FloatArray
-    confirmed: npt.NDArray[np.bool_]
+    confirmed: BoolArray
     hits: IntArray
     age_scans: IntArray
     unseen_s: FloatArray
@@ -120,7 +119,7 @@ class Components:
     def __len__(self) -> int:
         return len(self.track_id)
 
-    def take(self, index: IntArray | npt.NDArray[np.bool_]) -> Components:
+    def take(self, index: IntArray | BoolArray) -> Components:
         """Return the chosen components."""
         return Components(*(getattr(self, f.name)[index] for f in fields(self)))
 
@@ -184,13 +183,13 @@ class Mixture:
         cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
         return cls(cloud, Components.newborn(no_index, none))
 
-    def keep(self, keep: npt.NDArray[np.bool_]) -> Self:
+    def keep(self, keep: BoolArray) -> Self:
         """Return the belief with only the components where ``keep`` is true, shape (m,)."""
         if keep.all():
             return self
         return replace(self, cloud=self._kept_cloud(keep), components=self.components.take(keep))
 
-    def keep_and_join(self, keep: npt.NDArray[np.bool_], cloud: ParticleCloud, components: Components) -> Self:
+    def keep_and_join(self, keep: BoolArray, cloud: ParticleCloud, components: Components) -> Self:
         """Return the belief with the components to keep and further ones behind them.
 
         Args:
@@ -205,7 +204,7 @@ class Mixture:
             next_track_id=max(self.next_track_id, int(components.track_id.max(initial=0)) + 1),
         )
 
-    def _kept_cloud(self, keep: npt.NDArray[np.bool_], then: ParticleCloud | None = None) -> ParticleCloud:
+    def _kept_cloud(self, keep: BoolArray, then: ParticleCloud | None = None) -> ParticleCloud:
         starts, kept = self.starts, int(keep.sum())
         edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
         stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]

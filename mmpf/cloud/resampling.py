@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import Float32Array, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from mmpf.compute.normals import standard_normals
 from mmpf.compute.threads import in_shares
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
@@ -19,9 +18,7 @@ SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL, LAT_ACCEL)
 SMALLEST_VARIANCE = 1e-9
 
 
-def resample(
-    mixture: Mixture, which: npt.NDArray[np.bool_], particles: int, rng: np.random.Generator
-) -> tuple[Mixture, IntArray]:
+def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.Generator) -> tuple[Mixture, IntArray]:
     """Resample the chosen components systematically to ``particles`` equally weighted particles each.
 
     Args:
@@ -65,7 +62,7 @@ def resample(
 
 def resample_smoothly(
     mixture: Mixture,
-    which: npt.NDArray[np.bool_],
+    which: BoolArray,
     particles: int,
     kernel_width: FloatArray,
     rng: np.random.Generator,
@@ -120,7 +117,7 @@ def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) ->
 def _systematic_ancestors(
     weight: FloatArray,
     starts: IntArray,
-    which: npt.NDArray[np.bool_],
+    which: BoolArray,
     offsets: FloatArray,
     particles: int,
     ancestors: IntArray,
@@ -210,7 +207,7 @@ def _descend(
     end: int,
     values: FloatArray,
     ancestors: IntArray,
-    is_resampled: npt.NDArray[np.bool_],
+    is_resampled: BoolArray,
     starts: IntArray,
     descended: FloatArray,
 ) -> None:

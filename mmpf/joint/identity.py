@@ -6,22 +6,21 @@ from dataclasses import replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.options import JointOptions
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.options import JointIdentity
 from mmpf.state import LAT, LON, SPEED
 
 
 def hand_over_identity(
     mixture: Mixture,
     moments: Moments,
-    confirmed_now: npt.NDArray[np.bool_],
-    options: JointOptions,
+    confirmed_now: BoolArray,
+    options: JointIdentity,
     scan_s: float,
 ) -> tuple[Mixture, int]:
     """Give newly confirmed components the identities of the hidden components that they probably are.
@@ -51,15 +50,14 @@ def hand_over_identity(
         mixture.starts,
         hidden,
         moments.mean[:, new],
-        np.array([options.stitch_lon_m, options.stitch_lat_m, options.stitch_speed_mps]),
+        np.array([options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps]),
         density,
     )
     density *= components.existence[hidden]
     was_unseen_by_then = (
-        components.unseen_s[hidden][None, :]
-        > (components.age_scans[new][:, None] * scan_s) - options.stitch_both_seen_s
+        components.unseen_s[hidden][None, :] > (components.age_scans[new][:, None] * scan_s) - options.both_seen_s
     )
-    log_ratio = np.log(np.maximum(np.where(was_unseen_by_then, density, 0.0), 1e-300) / options.stitch_density)
+    log_ratio = np.log(np.maximum(np.where(was_unseen_by_then, density, 0.0), 1e-300) / options.unknown_density)
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)
     linked = log_ratio[rows, columns] > 0.0
     track_id = components.track_id.copy()

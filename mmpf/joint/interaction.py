@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import EgoPose
 from mmpf.state import LAT, LON
 
@@ -19,7 +18,7 @@ SCALE_ALONG, SCALE_ACROSS = 0.5, 0.63
 def room_beside_seen_vehicles(
     mixture: Mixture,
     moments: Moments,
-    is_seen: npt.NDArray[np.bool_],
+    is_seen: BoolArray,
     ego: EgoPose,
     strength: float,
 ) -> FloatArray:
@@ -58,7 +57,7 @@ def _discount_overlaps(
     lon: FloatArray,
     lat: FloatArray,
     starts: IntArray,
-    is_excluded: npt.NDArray[np.bool_],
+    is_excluded: BoolArray,
     seen_lon: FloatArray,
     seen_lat: FloatArray,
     strength: float,

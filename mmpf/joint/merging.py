@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from mmpf.cloud.mixture import NEVER, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
+from mmpf.compute.arrays import BoolArray
 from mmpf.state import LAT, LON
 
 
 def merge_lasting_overlaps(
     mixture: Mixture,
     moments: Moments,
-    alive: npt.NDArray[np.bool_],
+    alive: BoolArray,
     lon_m: float,
     lat_m: float,
     scans: int,
     hidden_after_s: float,
-) -> tuple[Mixture, npt.NDArray[np.bool_]]:
+) -> tuple[Mixture, BoolArray]:
     """Merge components that have shared one place for several scans; the elder's identity stays.
 
     Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen

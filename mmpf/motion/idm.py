@@ -58,15 +58,18 @@ def idm_acceleration(
         driver: Parameters.
         headway_s: Each vehicle's own time headway, shape (n,); None for the driver's.
     """
-    closing_term = speed_mps * (speed_mps - leader.speed_mps)
-    braking_scale = 2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2)
     headway = driver.time_headway_s if headway_s is None else headway_s
-    dynamic_gap = np.maximum(speed_mps * headway + closing_term / braking_scale, 0.0)
+    dynamic_gap = np.maximum(speed_mps * headway + _closing_gap_m(speed_mps, leader, driver), 0.0)
     gap = np.maximum(leader.gap_m, SMALLEST_GAP_M)
     interaction = np.where(leader.exists, (driver.standstill_gap_m + dynamic_gap) / gap, 0.0) ** 2
     free_road = 1.0 - (speed_mps / driver.desired_speed_mps) ** driver.exponent
     accel: FloatArray = driver.max_accel_mps2 * (free_road - interaction)
     return np.maximum(accel, -HARDEST_BRAKING_MPS2)
+
+
+def _closing_gap_m(speed_mps: FloatArray, leader: Neighbour, driver: IdmParameters) -> FloatArray:
+    braking_scale = 2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2)
+    return np.asarray(speed_mps * (speed_mps - leader.speed_mps) / braking_scale)
 
 
 def intelligent_driver(
@@ -190,10 +193,8 @@ class AdaptiveDriver:
         left_for_leader = 1.0 - (speed / driver.desired_speed_mps) ** driver.exponent - accel / driver.max_accel_mps2
         gap = np.where(leader.exists, np.clip(leader.gap_m, 0.1, 200.0), 0.1)
         desired_gap = gap * np.sqrt(np.maximum(left_for_leader, 1e-3))
-        closing = (
-            speed * (speed - leader.speed_mps) / (2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2))
-        )
-        implied = (desired_gap - driver.standstill_gap_m - closing) / np.maximum(speed, SLOWEST_MPS)
+        spare = desired_gap - driver.standstill_gap_m - _closing_gap_m(speed, leader, driver)
+        implied = spare / np.maximum(speed, SLOWEST_MPS)
         held = np.clip(implied, SHORTEST_HEADWAY_S, LONGEST_HEADWAY_S)
         common = driver.time_headway_s
         return np.where(leader.exists, common + self.adaptation.trust * (held - common), common)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.state import LAT, LON
 
 ROUNDS = 10
@@ -82,7 +81,7 @@ def k_medoids(points: FloatArray, start: FloatArray) -> FloatArray:
     return np.asarray(points[medoids])
 
 
-def _medoid_of(distance: FloatArray, is_member: npt.NDArray[np.bool_], otherwise: int) -> int:
+def _medoid_of(distance: FloatArray, is_member: BoolArray, otherwise: int) -> int:
     members = np.flatnonzero(is_member)
     if len(members) == 0:
         return otherwise

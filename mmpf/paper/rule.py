@@ -9,22 +9,19 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.special import logsumexp
 
 from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
-from mmpf.cloud.birth import give_birth
+from mmpf.cloud.birth import Births, give_birth
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.options import FilterOptions, MaxLikelihoodOptions
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.options import FilterOptions, PaperMerging
 from mmpf.paper.clustering import recluster
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
-
-HIT_GATE_STD = 4.5
 
 
 @dataclass(frozen=True)
@@ -47,9 +44,9 @@ class MaxLikelihoodUpdate:
         else:
             table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
             shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
-        is_hidden = shadowed >= self.options.max_likelihood.shadowed_share
+        is_hidden = shadowed >= self.options.max_likelihood.association.shadowed_share
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
-        return Occlusion(probability, probability, is_hidden)
+        return Occlusion(probability, probability)
 
     def measurement_update(
         self,
@@ -60,17 +57,19 @@ class MaxLikelihoodUpdate:
         rng: np.random.Generator,
     ) -> Updated:
         """Weigh each particle by its largest likelihood, equation (10), and components by equation (11)."""
-        detections = situation.scan.detections
-        gate = _gate_table(moments, detections, self.options.max_likelihood.gate_std)
-        performs_update = ~occlusion.is_hidden & gate.any(axis=1)
+        rule, detections = self.options.max_likelihood, situation.scan.detections
+        gate = _gate_table(moments, detections, rule.association.gate_std)
+        # The assertion holds for components as wholes: the first particle tells of all.
+        is_hidden = occlusion.detection_probability[prior.starts[:-1]] == 0.0
+        performs_update = ~is_hidden & gate.any(axis=1)
         log_likelihood, chosen = largest_log_likelihood(prior, detections, performs_update)
 
         log_raw = prior.cloud.log_raw_weight + log_likelihood
         log_sum = _log_sums(log_raw, prior)
         log_weight = log_raw - log_sum[prior.cloud.component]
-        log_component = _component_weights(prior, log_sum, performs_update, self.options.max_likelihood)
+        log_component = _component_weights(prior, log_sum, performs_update, rule.existence.floor_weight)
 
-        was_hit = performs_update & _gate_table(moments, detections, HIT_GATE_STD).any(axis=1)
+        was_hit = performs_update & _gate_table(moments, detections, rule.association.hit_gate_std).any(axis=1)
         components = replace(
             prior.components,
             hits=prior.components.hits + was_hit,
@@ -85,7 +84,7 @@ class MaxLikelihoodUpdate:
         posterior = replace(prior, cloud=cloud, components=components)
         effective_size = effective_sizes(posterior)
         size = np.diff(posterior.starts)
-        depleted = effective_size < self.options.max_likelihood.resample_below * size
+        depleted = effective_size < rule.resampling.effective_share * size
         depleted |= size > 2 * self.options.particles
         posterior, _ = resample(posterior, depleted, self.options.particles, rng)
         votes = np.bincount(chosen[chosen >= 0], minlength=len(detections)) / self.options.particles
@@ -101,21 +100,10 @@ class MaxLikelihoodUpdate:
         """Remove light or departed components, add one per detection that few particles chose, merge overlaps."""
         rule = self.options.max_likelihood
         keep = self._worth_keeping(updated.mixture, situation)
-        chosen = np.flatnonzero(updated.birth_claim > 1.0 - rule.added_particles)
-        mixture = give_birth(
-            updated.mixture,
-            keep,
-            situation.scan.detections,
-            chosen,
-            np.ones(len(chosen)),
-            situation.traffic,
-            situation.motion,
-            self.options.particles,
-            self.options.birth,
-            self.options.vehicle,
-            rng,
-        )
-        mixture, merged = _merge_overlaps(mixture, rule)
+        chosen = np.flatnonzero(updated.birth_claim > 1.0 - rule.existence.added_particles)
+        births = Births(situation.scan.detections, chosen, np.ones(len(chosen)), situation.traffic)
+        mixture = give_birth(updated.mixture, keep, births, situation.motion, self.options, rng)
+        mixture, merged = _merge_overlaps(mixture, rule.merging)
         return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
 
     def finetune(
@@ -126,23 +114,26 @@ class MaxLikelihoodUpdate:
     ) -> tuple[Mixture, int]:
         """Recluster the particles of components that touch by k-medoids, and confirm those old enough."""
         rule, components = self.options.max_likelihood, mixture.components
-        confirmed = components.confirmed | (components.hits >= rule.confirm_hits)
+        touch = rule.reclustering
+        confirmed = components.confirmed | (components.hits >= rule.existence.confirm_hits)
         mixture = replace(mixture, components=replace(components, confirmed=confirmed))
-        return recluster(mixture, rule.touch_lon_m, rule.touch_lat_m, rule.medoid_sample, rng)
+        return recluster(mixture, touch.lon_m, touch.lat_m, touch.voters, rng)
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Recompute pi'_m = sum of pi_c(i) w(i) over the new members, and w within them."""
         return renormalised(mixture)
 
-    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> npt.NDArray[np.bool_]:
-        rule = self.options.max_likelihood
+    def _worth_keeping(self, mixture: Mixture, situation: Situation) -> BoolArray:
+        removal = self.options.max_likelihood.removal
         if len(mixture) == 0:
             return np.zeros(0, dtype=np.bool_)
         mean = component_moments(mixture).mean
-        left = outside_observation_area(mean[LON], mean[LAT], situation.scan.ego, situation.sensor, rule.range_margin_m)
+        left = outside_observation_area(
+            mean[LON], mean[LAT], situation.scan.ego, situation.sensor, removal.range_margin_m
+        )
         share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
-        is_light = share * len(mixture) < rule.removal_weight
-        return np.asarray(~left & ~is_light & (mixture.components.unseen_s <= rule.longest_unseen_s))
+        is_light = share * len(mixture) < removal.weight
+        return np.asarray(~left & ~is_light & (mixture.components.unseen_s <= removal.longest_unseen_s))
 
 
 def renormalised(mixture: Mixture) -> Mixture:
@@ -159,7 +150,7 @@ def renormalised(mixture: Mixture) -> Mixture:
 
 
 def largest_log_likelihood(
-    mixture: Mixture, detections: Detections, performs_update: npt.NDArray[np.bool_]
+    mixture: Mixture, detections: Detections, performs_update: BoolArray
 ) -> tuple[FloatArray, IntArray]:
     """Return each particle's largest log likelihood over all detections, and which detection that is.
 
@@ -183,7 +174,7 @@ def largest_log_likelihood(
 
 
 def _component_weights(
-    prior: Mixture, log_sum: FloatArray, performs_update: npt.NDArray[np.bool_], rule: MaxLikelihoodOptions
+    prior: Mixture, log_sum: FloatArray, performs_update: BoolArray, floor_weight: float
 ) -> FloatArray:
     """Return log pi of equation (11).
 
@@ -195,13 +186,13 @@ def _component_weights(
         log_mass = logsumexp(log_component[performs_update])
         updated = log_component[performs_update] + log_sum[performs_update]
         log_component[performs_update] = updated - logsumexp(updated) + log_mass
-    if rule.floor_component_weight > 0.0:
-        log_component = np.maximum(log_component, np.log(rule.floor_component_weight / len(prior)))
+    if floor_weight > 0.0:
+        log_component = np.maximum(log_component, np.log(floor_weight / len(prior)))
         log_component -= logsumexp(log_component)
     return log_component
 
 
-def _gate_table(moments: Moments, detections: Detections, gate_std: float) -> npt.NDArray[np.bool_]:
+def _gate_table(moments: Moments, detections: Detections, gate_std: float) -> BoolArray:
     """Return which detections lie within each component's gate, shape (m, d)."""
     if np.isinf(gate_std):
         return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
@@ -222,13 +213,13 @@ def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
     return np.asarray(largest + np.log(np.add.reduceat(scaled, mixture.starts[:-1])))
 
 
-def _merge_overlaps(mixture: Mixture, rule: MaxLikelihoodOptions) -> tuple[Mixture, int]:
+def _merge_overlaps(mixture: Mixture, options: PaperMerging) -> tuple[Mixture, int]:
     """Pool the particles of components whose means overlap under the elder's identity."""
     if len(mixture) < 2:
         return mixture, 0
     mean = component_moments(mixture).mean
-    overlap = (np.abs(mean[LON][:, None] - mean[LON]) < rule.merge_lon_m) & (
-        np.abs(mean[LAT][:, None] - mean[LAT]) < rule.merge_lat_m
+    overlap = (np.abs(mean[LON][:, None] - mean[LON]) < options.lon_m) & (
+        np.abs(mean[LAT][:, None] - mean[LAT]) < options.lat_m
     )
     into = overlap.argmax(axis=1)
     survives = into == np.arange(len(mixture))
@@ -248,7 +239,7 @@ def _merge_overlaps(mixture: Mixture, rule: MaxLikelihoodOptions) -> tuple[Mixtu
 @numba.njit(cache=True)
 def _search_largest(
     state: FloatArray,
-    performs_update: npt.NDArray[np.bool_],
+    performs_update: BoolArray,
     measured: FloatArray,
     std: FloatArray,
     log_likelihood: FloatArray,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mmpf.cloud.birth import Traffic
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion import motion_model
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, Surroundings, motion_models, spreads_speed
@@ -16,6 +17,7 @@ from mmpf.registry import Registry
 from mmpf.scan import SensorModel
 from mmpf.state import SPEED
 from mmpf.tracker import MixtureTracker
+from mmpf.update import Situation
 from tests.mmpf.motion.surroundings import around
 from tests.mmpf.scenes import ROAD, lane_centre, scan_of
 
@@ -87,6 +89,6 @@ def added_noise(motion: MotionModel, options: dict[str, object]) -> float:
     before = tracker.mixture
     before.cloud.state[SPEED] = 30.0
     surroundings = around(before.cloud.state)
-    rng = np.random.default_rng(1)
-    after = prior_update(before, motion, bootstrap_proposal, surroundings, scan, 0.25, settings, rng)
+    situation = Situation(scan, SensorModel(), motion, 0.25, Traffic(np.zeros(0), np.zeros(0)))
+    after = prior_update(before, surroundings, situation, bootstrap_proposal, settings, np.random.default_rng(1))
     return float(np.std(after.cloud.state[SPEED])) / 0.5

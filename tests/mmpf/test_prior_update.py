@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,8 @@ from mmpf.options import FilterOptions, ModelErrorOptions
 from mmpf.prediction import bootstrap_proposal, prior_update
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around
-from tests.mmpf.scenes import LinearGaussianMotion, belief_of, scan_of, spot
+from tests.mmpf.scenes import LinearGaussianMotion, belief_of, spot
+from tests.mmpf.test_update_rules import situation_with
 
 PARTICLES = 200_000
 DT_S = 0.5
@@ -27,11 +30,9 @@ def correlated_normal(covariance: FloatArray) -> FloatArray:
 def moved(mixture: Mixture, error: ModelErrorOptions, speed_std_mps: float = 0.0, *, hidden: bool = False) -> Mixture:
     return prior_update(
         mixture,
-        LinearGaussianMotion(speed_std_mps),
-        bootstrap_proposal,
         around(mixture.cloud.state, hidden=hidden),
-        scan_of(DT_S, []),
-        DT_S,
+        replace(situation_with([]), motion=LinearGaussianMotion(speed_std_mps), dt_s=DT_S),
+        bootstrap_proposal,
         FilterOptions(model_error=error),
         np.random.default_rng(2),
     )
@@ -79,11 +80,9 @@ def test_weights_start_from_the_ratio_of_prior_and_proposal_and_components_grow_
     mixture = belief_of([spot(0.0, 5.0)], age_scans=[4])
     after = prior_update(
         mixture,
-        LinearGaussianMotion(),
-        proposal,
         around(mixture.cloud.state),
-        scan_of(DT_S, []),
-        DT_S,
+        replace(situation_with([]), motion=LinearGaussianMotion(), dt_s=DT_S),
+        proposal,
         FilterOptions(model_error=NO_ERROR),
         np.random.default_rng(0),
     )

@@ -9,8 +9,8 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
 from mmpf.options import ReportingOptions
+from mmpf.report import reported_tracks
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
-from mmpf.tracker import reported_tracks
 from mmpf.tracks import TRACK_STATES, Tracks
 from tests.mmpf.scenes import belief_of, spot
 

@@ -10,8 +10,9 @@ import pytest
 from pydantic import ValidationError
 
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions, Settings
+from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
 from mmpf.scan import SensorModel
+from mmpf.settings import Settings
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import HIDDEN, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
@@ -68,6 +69,8 @@ def all_different(group: Settings) -> dict[str, object]:
 
 
 def different(value: object) -> object:
+    if isinstance(value, dict):
+        return {name: different(inner) for name, inner in value.items()}
     if isinstance(value, bool):
         return not value
     if isinstance(value, int):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmpf.compute.arrays import FloatArray
-from mmpf.options import BirthOptions, FilterOptions, JointOptions, ModelErrorOptions
+from mmpf.options import BirthOptions, FilterOptions, JointAssociation, JointOptions, JointResampling, ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.scenes import ROAD, LinearGaussianMotion, detections_at, ego_at
@@ -58,7 +58,7 @@ def test_one_linear_gaussian_target_is_tracked_like_the_exact_kalman_filter(upda
         particles=PARTICLES,
         birth=BIRTH,
         model_error=ModelErrorOptions(speed=0.0, accel=0.0, lat_speed=0.0),
-        joint=JointOptions(young_hits=0, gate_std=20.0),
+        joint=JointOptions(association=JointAssociation(gate_std=20.0), resampling=JointResampling(young_hits=0)),
     )
     runs = np.empty((REPLICATES, STEPS, 4))
     for replicate in range(REPLICATES):

@@ -8,7 +8,7 @@ from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import motion_models
-from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
+from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON
@@ -16,6 +16,10 @@ from mmpf.update import Occlusion, Situation, UpdateRule
 from tests.mmpf.scenes import lane_centre, scan_of
 
 PARTICLES = 400
+
+
+def options_with(settings: dict[str, object]) -> FilterOptions:
+    return FilterOptions.model_validate({"particles": PARTICLES} | settings)
 
 
 def mixture_at(places: list[tuple[float, float]], std_m: float = 1.0) -> Mixture:
@@ -36,9 +40,7 @@ def situation_with(detections: list[tuple[float, float]]) -> Situation:
 
 
 def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float, float]]) -> Mixture:
-    seen = Occlusion(
-        np.full(len(prior.cloud), 0.9), np.full(len(prior.cloud), 0.6), np.zeros(len(prior), dtype=np.bool_)
-    )
+    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.full(len(prior.cloud), 0.6))
     moments, situation = component_moments(prior), situation_with(detections)
     return rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0)).mixture
 
@@ -47,10 +49,8 @@ def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float
 @pytest.mark.parametrize(
     "rule",
     [
-        JointUpdate(FilterOptions(particles=PARTICLES, joint=JointOptions(exclusion_strength=0.0))),
-        MaxLikelihoodUpdate(
-            FilterOptions(particles=PARTICLES, max_likelihood=MaxLikelihoodOptions(gate_std=4.5)),
-        ),
+        JointUpdate(options_with({"joint": {"association": {"exclusion_per_s": 0.0}}})),
+        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}})),
     ],
     ids=["joint", "max_likelihood"],
 )
@@ -63,7 +63,7 @@ def test_a_component_with_no_detection_in_its_gate_keeps_its_weights_at_any_dist
 
 
 def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> None:
-    rule = MaxLikelihoodUpdate(FilterOptions(particles=PARTICLES))
+    rule = MaxLikelihoodUpdate(options_with({}))
     prior = mixture_at([(30.0, lane_centre(2))])
     posterior = weights_after(rule, prior, [(40.0, lane_centre(2))])
     mean = np.average(posterior.cloud.state[LON], weights=np.exp(posterior.cloud.log_weight))
@@ -71,9 +71,7 @@ def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> N
 
 
 def test_component_weights_follow_equation_11() -> None:
-    rule = MaxLikelihoodUpdate(
-        FilterOptions(particles=PARTICLES, max_likelihood=MaxLikelihoodOptions(resample_below=0.0))
-    )
+    rule = MaxLikelihoodUpdate(options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}))
     prior = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(1))], std_m=0.5)
     detections = [(30.2, lane_centre(2)), (61.0, lane_centre(1))]
     posterior = weights_after(rule, prior, detections)
@@ -89,7 +87,7 @@ def test_component_weights_follow_equation_11() -> None:
 
 
 def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() -> None:
-    rule = JointUpdate(FilterOptions(particles=PARTICLES))
+    rule = JointUpdate(options_with({}))
     prior = mixture_at([(30.0, lane_centre(2)), (-30.0, lane_centre(2))])
     posterior = weights_after(rule, prior, [(30.0, lane_centre(2))])
     assert posterior.components.existence[0] > 0.98
@@ -97,9 +95,9 @@ def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() 
 
 
 def test_one_detection_does_not_confirm_two_components() -> None:
-    rule = JointUpdate(FilterOptions(particles=PARTICLES))
+    rule = JointUpdate(options_with({}))
     prior = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=2.0)
-    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.full(len(prior.cloud), 0.6), np.zeros(2, dtype=np.bool_))
+    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.full(len(prior.cloud), 0.6))
     moments, situation = component_moments(prior), situation_with([(30.0, lane_centre(2))])
     updated = rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0))
     assert updated.was_hit.tolist() == [True, False]

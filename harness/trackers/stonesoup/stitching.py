@@ -10,34 +10,31 @@ from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
 from mmpf.compute.arrays import FloatArray, IntArray, joined, taken
-from mmpf.options import Positive, Settings
+from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import TENTATIVE, Tracks
 
 _UNMATCHED_COST = 1e6
 
 
 class StitchingOptions(Settings):
-    """When a new track is an old one come back.
-
-    Attributes:
-        unseen_s: The old track must be unseen for at least this long.
-        overlap_s: It must have been last seen before this long after the new track's first detection.
-        gate_std: Largest longitudinal distance, in standard deviations of the old track's prediction, and
-        margin_m: this much further, since two cars can't be nearer to each other than a length.
-        lat_gate_m: Largest lateral distance.
-        remember_s: A track that ended is remembered until it has been unseen for this long.
-        largest_std_lon_m: And until its prediction has spread to this.
-        speed_noise: Growth of a remembered track's speed variance, m^2/s^3.
-    """
+    """When a new track is an old one come back."""
 
     unseen_s: Positive = 0.2
+    """The old track must be unseen for at least this long."""
     overlap_s: Annotated[float, Field(ge=0.0)] = 0.5
+    """The old track must have been last seen before this long after the new track's first detection."""
     gate_std: Positive = 3.0
+    """Largest longitudinal distance, in standard deviations of the old track's prediction; see ``margin_m``."""
     margin_m: Annotated[float, Field(ge=0.0)] = 3.0
+    """As much further it may be, since two cars can't be nearer to each other than a length."""
     lat_gate_m: Positive = 1.8
+    """Largest lateral distance."""
     remember_s: Positive = 10.0
+    """A track that ended is remembered until it has been unseen for this long."""
     largest_std_lon_m: Positive = 8.0
-    speed_noise: Positive = 1.0
+    """A track that ended is remembered until its prediction has spread to this."""
+    speed_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
+    """Growth of a remembered track's speed variance."""
 
 
 @dataclass(frozen=True)

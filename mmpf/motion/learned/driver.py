@@ -32,7 +32,7 @@ from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
-from mmpf.state import ACCEL, SPEED
+from mmpf.state import ACCEL, LAT, SPEED
 
 CASE = "lane-keeping"
 FURTHEST_LEADER_M = 100.0
@@ -186,7 +186,7 @@ class LearnedDriver:
             drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
             drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
         if self.changes_lanes:
-            self.model.keeper.switch_intentions(state, drawn[INTENTION:], surroundings, dt_s, rng)
+            self.model.keeper.switch_intentions(state[LAT], drawn[INTENTION:], surroundings, dt_s, rng)
         return drawn
 
     def _desired_speed(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:

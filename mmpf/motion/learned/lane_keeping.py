@@ -44,24 +44,22 @@ class LaneKeeper:
         return np.clip(offset + spread, -WIDEST_OFFSET_M, WIDEST_OFFSET_M)
 
     def switch_intentions(
-        self,
-        state: FloatArray,
-        intention: FloatArray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, lat_m: FloatArray, aims: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> None:
-        """Let some drivers take up or end a lane change: rewrites intention and target, shape (2, n)."""
+        """Let some drivers at ``lat_m``, shape (n,), take up or end a lane change.
+
+        Rewrites their ``aims``, shape (2, n): the direction in which each changes lanes, and the place it is after.
+        """
         switch_intentions(
-            intention[0],
-            intention[1],
-            state[LAT],
+            aims[0],
+            aims[1],
+            lat_m,
             surroundings.lane_right_m,
             surroundings.lane_left_m,
             surroundings.has_left_lane,
             surroundings.has_right_lane,
             surroundings.is_hidden,
-            rng.random(int(state.shape[1]), dtype=np.float32),
+            rng.random(len(lat_m), dtype=np.float32),
             self.seen_changes_per_s * dt_s,
             self.changes_per_s * dt_s,
         )

@@ -25,10 +25,10 @@ def test_later_layers_win(tmp_path):
 
 def test_another_tracker_does_not_inherit_the_options_of_an_earlier_layers_tracker(tmp_path):
     file = tmp_path / "a.toml"
-    file.write_text('[tracker]\nname = "mmpf"\nmodel = "cam"\n[tracker.options.joint]\ngate_std = 4.0\n')
+    file.write_text('[tracker]\nname = "mmpf"\nmodel = "cam"\n[tracker.options.joint.association]\ngate_std = 4.0\n')
     assert resolve_run_config(file, {"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
     same = resolve_run_config(file, {"tracker": "mmpf", "particles": 50}).tracker.all_options()
-    assert (same["model"], same["particles"], same["joint"]) == ("cam", 50, {"gate_std": 4.0})
+    assert (same["model"], same["particles"], same["joint"]) == ("cam", 50, {"association": {"gate_std": 4.0}})
 
 
 def test_a_later_density_replaces_an_earlier_demand(tmp_path):
@@ -88,10 +88,15 @@ def test_a_setting_that_makes_no_sense_is_refused(word):
 
 def test_settings_reach_sensor_and_tracker_as_toml_values_or_words():
     config = resolve_run_config(
-        settings=["sensor.range_m=80", "tracker.options.joint.gate_std=4.0", "tracker.options.flag=true", "sensor.a=b"]
+        settings=[
+            "sensor.range_m=80",
+            "tracker.options.joint.association.gate_std=4.0",
+            "tracker.options.flag=true",
+            "sensor.a=b",
+        ]
     )
     assert config.sensor.overrides == {"range_m": 80, "a": "b"}
-    assert config.tracker.options == {"joint": {"gate_std": 4.0}, "flag": True}
+    assert config.tracker.options == {"joint": {"association": {"gate_std": 4.0}}, "flag": True}
 
 
 @pytest.mark.parametrize("option", ["format", "ego"])

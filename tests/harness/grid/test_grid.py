@@ -36,11 +36,13 @@ def test_models_go_with_mmpf_only_and_not_with_a_variant_that_names_its_own():
 
 def test_a_variant_sets_named_settings_and_options_of_its_tracker_alone():
     grid = plan_grid(
-        GridRequest(densities="20", seeds="1", trackers="mmpf,mmpf+update=max_likelihood+max_likelihood.gate_std=4")
+        GridRequest(
+            densities="20", seeds="1", trackers="mmpf,mmpf+update=max_likelihood+max_likelihood.association.gate_std=4"
+        )
     )
     plain, varied = (run.config.tracker for run in grid.runs)
     assert (plain.update, plain.options) == ("joint", {})
-    assert (varied.update, varied.options) == ("max_likelihood", {"max_likelihood": {"gate_std": 4}})
+    assert (varied.update, varied.options) == ("max_likelihood", {"max_likelihood": {"association": {"gate_std": 4}}})
 
 
 def test_a_varied_sensor_makes_new_cells_and_a_varied_tracker_does_not():

@@ -162,6 +162,16 @@ def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(
         run_on(steady_traffic, configured(), tmp_path / "run")
 
 
+def test_a_run_that_breaks_while_it_is_drawn_does_not_look_finished(steady_traffic, tmp_path):
+    def broken(folder: Path) -> None:
+        raise OSError("no space left")
+
+    with pytest.raises(RunError, match="no space left"):
+        run_on(steady_traffic, configured(), tmp_path / "run", draw=Drawing(lambda *_: None, broken))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
+    assert json.loads((tmp_path / "run.incomplete" / "manifest.json").read_text())["status"] == "failed"
+
+
 def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):
     for options in ({"tracker": "mmpf", "model": "warp"}, {"tracker": "none"}, {"tracker": "mmpf", "update": "x"}):
         with pytest.raises(InputError):

@@ -69,6 +69,15 @@ def test_a_wrong_option_is_named():
         build_tracker("oracle-kalman", setting(), {"lon_noise": -1.0})
 
 
+def test_an_option_that_does_not_exist_is_answered_with_those_of_like_name():
+    with pytest.raises(InputError, match=r"'joint.gate_std' of mmpf.*did you mean joint\.association\.gate_std"):
+        build_tracker("mmpf", setting(), {"joint": {"gate_std": 4.0}})
+    with pytest.raises(InputError, match=r"'lon_nois' of oracle-kalman.*did you mean lon_noise"):
+        build_tracker("oracle-kalman", setting(), {"lon_nois": 1.0})
+    with pytest.raises(InputError, match=r"'zzz' of oracle-kalman.*known are lon_noise, lat_noise"):
+        build_tracker("oracle-kalman", setting(), {"zzz": 1.0})
+
+
 @pytest.mark.parametrize("path", ["no_such_package.module:make", "harness.trackers.oracle:no_such_factory"])
 def test_a_dotted_path_that_leads_nowhere_is_refused(path: str):
     with pytest.raises(InputError, match=path):

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from mmpf.around.surroundings import surroundings_of
+from mmpf.cloud.moments import Moments
 from mmpf.motion.protocol import Neighbour, Surroundings
+from mmpf.options import FlowOptions
 from mmpf.road import Lane, Road, highway
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
+from tests.mmpf.scenes import belief_of
 
 RAMPED = Road(
     lanes=(*highway(3).lanes, Lane(number=6, right_m=-3.66, left_m=0.0, start_m=40.0, end_m=90.0)),
@@ -45,10 +48,10 @@ class Scene:
         self.ego_accel = -0.7
 
     def surroundings(self) -> Surroundings:
-        return surroundings_of(
-            self.state, self.component, self.mean, self.length, self.width, self.is_neighbour, self.is_seen, self.ego,
-            self.ego_accel, self.road,
-        )  # fmt: skip
+        states = [self.state[:, self.component == m] for m in range(self.mean.shape[1])]
+        belief = belief_of(states, length_m=self.length, width_m=self.width, confirmed=self.is_neighbour)
+        moments = Moments(self.mean, np.zeros_like(self.mean))
+        return surroundings_of(belief, moments, self.is_seen, self.ego, self.ego_accel, self.road, FlowOptions())
 
     def others(self) -> list[dict[str, float]]:
         """Return everyone that counts as a vehicle, the ego last."""
@@ -193,9 +196,9 @@ def neighbours_of(*, lat: float, other_lat: float, width_m: float = 1.9) -> Surr
     mean = np.zeros((6, 2))
     mean[LON], mean[LAT], mean[SPEED] = [50.0, 70.0], [lat, other_lat], [20.0, 15.0]
     far_ego, width = EgoPose(-500.0, 5.5, 0.0, 20.0, 4.7, 1.9), np.array([1.9, width_m])
-    return surroundings_of(
-        mean, np.arange(2), mean, np.full(2, 4.7), width, np.full(2, True), np.full(2, True), far_ego, 0.0, highway(3)
-    )
+    belief = belief_of([mean[:, :1], mean[:, 1:]], length_m=[4.7, 4.7], width_m=width, confirmed=[True, True])
+    moments, is_seen = Moments(mean, np.zeros_like(mean)), np.full(2, True)
+    return surroundings_of(belief, moments, is_seen, far_ego, 0.0, highway(3), FlowOptions())
 
 
 def test_a_vehicle_on_a_ramp_has_no_lane_lines_and_follows_nobody():

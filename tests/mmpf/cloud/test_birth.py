@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.cloud.birth import Traffic, give_birth
+from mmpf.cloud.birth import Births, Traffic, give_birth
 from mmpf.cloud.mixture import Mixture
 from mmpf.compute.arrays import FloatArray
-from mmpf.options import MEAN_CAR, BirthOptions, Footprint
+from mmpf.options import MEAN_CAR, BirthOptions, FilterOptions, Footprint
 from mmpf.scan import BodySizes, Detections
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from tests.mmpf.scenes import LinearGaussianMotion, belief_of, detections_at, spot
@@ -50,14 +50,14 @@ def born(
     return give_birth(
         mixture,
         np.array(keep if keep is not None else [True] * len(mixture), dtype=np.bool_),
-        detections,
-        np.array(chosen, dtype=np.int64),
-        np.array(existence if existence is not None else [0.2] * len(chosen)),
-        traffic,
+        Births(
+            detections,
+            np.array(chosen, dtype=np.int64),
+            np.array(existence if existence is not None else [0.2] * len(chosen)),
+            traffic,
+        ),
         LinearGaussianMotion(),
-        particles,
-        BirthOptions(**options),
-        vehicle,
+        FilterOptions(particles=particles, birth=BirthOptions(**options), vehicle=vehicle),
         np.random.default_rng(3),
     )
 
@@ -186,14 +186,9 @@ def test_the_motion_model_gives_each_newborn_particle_its_latents() -> None:
     mixture = give_birth(
         Mixture.empty(1),
         np.zeros(0, dtype=np.bool_),
-        detections_at(PLACES),
-        np.array([0, 1]),
-        np.full(2, 0.2),
-        STEADY,
+        Births(detections_at(PLACES), np.array([0, 1]), np.full(2, 0.2), STEADY),
         HabitMotion(),
-        10,
-        BirthOptions(),
-        MEAN_CAR,
+        FilterOptions(particles=10),
         np.random.default_rng(0),
     )
     assert (mixture.cloud.latents == 2.0 * mixture.cloud.state[[LON]]).all()

@@ -11,7 +11,7 @@ from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
-from mmpf.options import FilterOptions, JointOptions
+from mmpf.options import FilterOptions, JointIdentity, JointOptions
 from mmpf.state import LAT, LON
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import situation_with
@@ -113,7 +113,7 @@ def test_components_three_metres_apart_stay_two() -> None:
 
 
 def confirmed_after_finetuning(mixture: Mixture) -> list[bool]:
-    rule = JointUpdate(FilterOptions(particles=PARTICLES, joint=JointOptions(stitch=False)))
+    rule = JointUpdate(FilterOptions(particles=PARTICLES, joint=JointOptions(identity=JointIdentity(stitch=False))))
     finetuned, _ = rule.finetune(mixture, situation_with([]), np.random.default_rng(0))
     return finetuned.components.confirmed.tolist()
 

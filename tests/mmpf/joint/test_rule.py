@@ -16,7 +16,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint.rule import JointUpdate
-from mmpf.options import FilterOptions, JointOptions
+from mmpf.options import FilterOptions
 from mmpf.scan import BodySizes, SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import Occlusion, Situation, Updated
@@ -31,9 +31,15 @@ BIRTH = 0.3
 Place = tuple[float, float]
 
 
-def rule_with(**options: object) -> JointUpdate:
-    joint = JointOptions.model_validate({"resample_below": 0.0, "young_hits": 0, "birth_density": BIRTH} | options)
-    return JointUpdate(FilterOptions(particles=PARTICLES, joint=joint))
+IMMORTAL = {"death_rate_per_s": 0.0}
+ALONE = {"exclusion_per_s": 0.0}
+
+
+def rule_with(**groups: dict[str, object]) -> JointUpdate:
+    """The joint rule without resampling but for what its groups of settings say."""
+    usual = {"association": {"birth_density": BIRTH}, "resampling": {"effective_share": 0.0, "young_hits": 0}}
+    joint = {name: usual.get(name, {}) | groups.get(name, {}) for name in usual | groups}
+    return JointUpdate(FilterOptions.model_validate({"particles": PARTICLES, "joint": joint}))
 
 
 def cloud_at(place: Place, seed: int = 0) -> FloatArray:
@@ -55,7 +61,7 @@ def updated(
     detections: list[Place],
     dt_s: float = 0.1,
 ) -> Updated:
-    occlusion = Occlusion(detected, missed, np.zeros(len(prior), dtype=np.bool_))
+    occlusion = Occlusion(detected, missed)
     situation = replace(situation_with(detections), dt_s=dt_s)
     return rule.measurement_update(prior, component_moments(prior), occlusion, situation, np.random.default_rng(0))
 
@@ -70,7 +76,7 @@ def uneven(low: float, high: float, components: int = 1) -> FloatArray:
 def test_a_missed_component_exists_as_probably_as_the_two_hypotheses_say(existence: float, detected: float) -> None:
     prior = belief_of([cloud_at(PLACE)], existence=[existence])
     every = np.full(PARTICLES, detected)
-    after = updated(rule_with(survival_probability=1.0, exclusion_strength=0.0), prior, every, every, [])
+    after = updated(rule_with(existence=IMMORTAL, association=ALONE), prior, every, every, [])
     expected = existence * (1.0 - detected) / (1.0 - existence * detected)
     assert after.mixture.components.existence == pytest.approx([expected])
     assert after.was_hit.tolist() == [False]
@@ -83,7 +89,7 @@ def test_one_detection_raises_existence_as_much_as_its_three_explanations_say(aw
     state, place = cloud_at(PLACE), (PLACE[0] + away_m, PLACE[1])
     detected, missed = uneven(0.2, 0.9), uneven(0.1, 0.6)
     after = updated(
-        rule_with(survival_probability=1.0, exclusion_strength=0.0, gate_std=50.0),
+        rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0}),
         belief_of([state], existence=[existence]),
         detected,
         missed,
@@ -104,7 +110,7 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
     states = [cloud_at(place, seed) for seed, place in enumerate(places)]
     detected, missed, existence = np.full(2 * PARTICLES, 0.8), np.full(2 * PARTICLES, 0.5), np.array([0.5, 0.4])
     after = updated(
-        rule_with(survival_probability=1.0, exclusion_strength=0.0, gate_std=50.0),
+        rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0}),
         belief_of(states, existence=existence.tolist()),
         detected,
         missed,
@@ -138,8 +144,8 @@ def test_no_detection_however_clear_makes_a_component_certain() -> None:
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])
 def test_the_chance_to_have_left_grows_with_the_time_between_scans(dt_s: float) -> None:
     prior, nothing = belief_of([cloud_at(PLACE)], existence=[0.8]), np.zeros(PARTICLES)
-    after = updated(rule_with(survival_probability=0.9), prior, nothing, nothing, [], dt_s)
-    assert after.mixture.components.existence == pytest.approx([0.8 * 0.9 ** (dt_s / 0.1)])
+    after = updated(rule_with(existence={"death_rate_per_s": 1.05}), prior, nothing, nothing, [], dt_s)
+    assert after.mixture.components.existence == pytest.approx([0.8 * np.exp(-1.05 * dt_s)])
 
 
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.4])
@@ -147,8 +153,8 @@ def test_what_a_hidden_particle_loses_beside_a_seen_vehicle_grows_with_the_time_
     hidden = np.concatenate([spot(*PLACE, particles=10), spot(90.0, lane_centre(4), particles=20)], axis=1)
     prior = belief_of([hidden, spot(*PLACE, particles=10)], confirmed=[True, True], unseen_s=[2.0, 0.0])
     nothing = np.zeros(40)
-    after = updated(rule_with(exclusion_strength=0.9), prior, nothing, nothing, [], dt_s).mixture.cloud
-    lost = np.exp(-0.9 * dt_s / 0.1)
+    after = updated(rule_with(association={"exclusion_per_s": 9.0}), prior, nothing, nothing, [], dt_s).mixture.cloud
+    lost = np.exp(-9.0 * dt_s)
     assert after.log_raw_weight - prior.cloud.log_raw_weight == pytest.approx(
         np.log([lost] * 10 + [1.0] * 20 + [1.0] * 10), abs=1e-9
     )
@@ -162,7 +168,7 @@ def test_particles_are_weighed_by_the_miss_and_by_what_the_detection_says_for_th
     state, place = cloud_at(PLACE), (PLACE[0] + 0.8, PLACE[1])
     weight = np.random.default_rng(5).dirichlet(np.ones(PARTICLES))
     detected, missed = uneven(0.2, 0.9), uneven(0.1, 0.6)
-    rule = rule_with(exclusion_strength=0.0, gate_std=50.0, exclusive=exclusive)
+    rule = rule_with(association=ALONE | {"gate_std": 50.0, "exclusive": exclusive})
     after = updated(rule, belief_of([state], [weight]), detected, missed, [place]).mixture.cloud
     offered = likelihood(state, place) / CLUTTER_DENSITY / (1.0 + BIRTH)
     expected = weight * (1.0 - missed + detected * offered)
@@ -183,9 +189,9 @@ def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_i
     prior = belief_of([cloud_at(PLACE)])
     situation = situation_with([])
     situation = replace(situation, scan=replace(situation.scan, detections=detections))
-    every, hidden = np.full(PARTICLES, 0.5), np.zeros(1, dtype=np.bool_)
+    every = np.full(PARTICLES, 0.5)
     after = rule_with().measurement_update(
-        prior, component_moments(prior), Occlusion(every, every, hidden), situation, np.random.default_rng(0)
+        prior, component_moments(prior), Occlusion(every, every), situation, np.random.default_rng(0)
     )
     known = prior.components
     expected = np.average([known.length_m[0], 5.0], weights=[known.std_length_m[0] ** -2, 1.0])
@@ -194,27 +200,25 @@ def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_i
 
 def test_without_shadows_every_particle_has_the_fixed_probability() -> None:
     prior = belief_of([cloud_at(PLACE), cloud_at((60.0, PLACE[1]))])
-    rule = rule_with(shadow=False, fixed_probability=0.7, missed_detection_cap=0.6)
+    rule = rule_with(detectability={"shadow": False, "fixed_probability": 0.7, "missed_cap": 0.6})
     occlusion = rule.assert_occlusion(prior, component_moments(prior), situation_with([]))
     assert occlusion.detection_probability == pytest.approx(np.full(2 * PARTICLES, 0.7))
     assert occlusion.missed_probability == pytest.approx(np.full(2 * PARTICLES, 0.6))
-    assert occlusion.is_hidden.tolist() == [False, False]
 
 
 @pytest.mark.parametrize(("existence", "hidden"), [(0.9, True), (0.1, False)])
 def test_only_what_probably_exists_hides_what_stands_behind_it(existence: float, hidden: bool) -> None:
     behind = belief_of([spot(15.0, lane_centre(2)), spot(40.0, lane_centre(2))], existence=[existence, 0.9])
     occlusion = rule_with().assert_occlusion(behind, component_moments(behind), situation_with([]))
-    assert occlusion.is_hidden.tolist() == [False, hidden]
     assert occlusion.detection_probability[:10] == pytest.approx(np.full(10, 0.95))
     assert occlusion.missed_probability[:10] == pytest.approx(np.full(10, 0.6))
     assert occlusion.detection_probability[10:] == pytest.approx(np.full(10, 0.02 if hidden else 0.95))
     assert occlusion.missed_probability[10:] == pytest.approx(np.full(10, 0.0 if hidden else 0.6))
 
 
-def changed(mixture: Mixture, situation: Situation, claims: list[float], **options: object) -> Mixture:
+def changed(mixture: Mixture, situation: Situation, claims: list[float], **groups: dict[str, object]) -> Mixture:
     nobody_hit = np.zeros(len(mixture), dtype=np.bool_)
-    change = rule_with(**options).remove_add_merge(
+    change = rule_with(**groups).remove_add_merge(
         Updated(mixture, nobody_hit, np.array(claims), 0.0, 1.0), situation, np.random.default_rng(0)
     )
     assert len(change.mixture) == len(mixture) - change.removed - change.merged + change.added
@@ -224,7 +228,7 @@ def changed(mixture: Mixture, situation: Situation, claims: list[float], **optio
 def test_a_detection_that_nothing_explains_starts_a_component_as_probable_as_births_are_beside_clutter() -> None:
     claims = [0.95, 0.29, 0.31]
     detections = [(30.0, lane_centre(1)), (50.0, lane_centre(1)), (70.0, lane_centre(1))]
-    mixture = changed(belief_of([]), situation_with(detections), claims, birth_unexplained=0.3)
+    mixture = changed(belief_of([]), situation_with(detections), claims, association={"birth_unexplained": 0.3})
     assert mixture.components.existence == pytest.approx([BIRTH / (1.0 + BIRTH) * claim for claim in (0.95, 0.31)])
     assert component_moments(mixture).mean[LON] == pytest.approx([30.0, 70.0], abs=0.5)
 
@@ -293,7 +297,7 @@ def test_one_confirmed_where_a_hidden_one_may_be_is_that_one_unless_told_otherwi
     mixture = belief_of(
         [hidden, spot(32.0, 5.0)], confirmed=[True, False], unseen_s=[2.0, 0.0], hits=[30, 3], existence=[0.9, 0.9]
     )
-    after, _ = rule_with(stitch=stitch).finetune(mixture, situation_with([]), np.random.default_rng(0))
+    after, _ = rule_with(identity={"stitch": stitch}).finetune(mixture, situation_with([]), np.random.default_rng(0))
     assert after.components.track_id.tolist() == names
     assert after.components.confirmed.all()
 
@@ -313,7 +317,7 @@ def test_a_component_whose_particles_disagree_is_resampled_and_the_others_are_le
     states = [cloud_at(PLACE), cloud_at((-30.0, 5.0), 1)]
     prior = belief_of(states, [lopsided, np.full(PARTICLES, 1.0 / PARTICLES)])
     nothing = np.zeros(2 * PARTICLES)
-    after = updated(rule_with(resample_below=0.3), prior, nothing, nothing, [])
+    after = updated(rule_with(resampling={"effective_share": 0.3}), prior, nothing, nothing, [])
     assert np.exp(after.mixture.cloud.log_weight) == pytest.approx(np.full(2 * PARTICLES, 1.0 / PARTICLES))
     assert after.mixture.cloud.state[LON, :PARTICLES] == pytest.approx(np.full(PARTICLES, states[0][LON, 0]), abs=0.1)
     assert (after.mixture.cloud.state[:, PARTICLES:] == states[1]).all()
@@ -324,7 +328,7 @@ def test_a_component_whose_particles_disagree_is_resampled_and_the_others_are_le
 def test_the_entropy_of_the_association_is_that_of_the_hypotheses_of_each_component() -> None:
     state, place = cloud_at(PLACE), (PLACE[0] + 2.2, PLACE[1])
     every = np.full(PARTICLES, 0.5)
-    rule = rule_with(survival_probability=1.0, exclusion_strength=0.0, gate_std=50.0)
+    rule = rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0})
     after = updated(rule, belief_of([state], existence=[0.5]), every, every, [place])
     its_own = 0.5 * 0.5 * likelihood(state, place).mean() / CLUTTER_DENSITY
     other = (0.5 + 0.5 * 0.5) * (1.0 + BIRTH)

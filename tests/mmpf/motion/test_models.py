@@ -8,7 +8,7 @@ import pytest
 import mmpf.motion  # noqa: F401  fills the registry
 from mmpf.motion.idm import TREIBER_2000, idm_acceleration, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic
-from mmpf.motion.protocol import motion_models
+from mmpf.motion.protocol import Memoryless, motion_models, spreads_speed
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around, nobody, states, vehicle
 
@@ -159,6 +159,15 @@ def test_idm_on_a_free_road_accelerates_by_the_published_formula():
     free = idm_acceleration(speed, nobody(states(3)), TREIBER_2000)
     expected = 0.73 * (1.0 - (speed / (120.0 / 3.6)) ** 4)
     np.testing.assert_allclose(free, expected, atol=1e-12)
+
+
+def test_a_function_alone_makes_a_model():
+    model = Memoryless("parked", lambda state, surroundings, dt_s, rng: np.zeros_like(state), spreads_speed=True)
+    state, rng = states(3), np.random.default_rng(0)
+    after, latents = model.propagate(state, model.draw_latents(state, rng), around(state), STEP_S, rng)
+    assert not after.any()
+    assert latents.shape == (model.latent_size, 3) == (0, 3)
+    assert spreads_speed(model)
 
 
 def test_models_are_frozen():

@@ -1,0 +1,38 @@
+"""``settings``: what can be set, and what it means."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def command(
+    word: Annotated[
+        str, typer.Argument(metavar="[WORD]", help="Show only settings with this word in their path or kind.")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the settings as JSON on stdout.")] = False,
+) -> None:
+    """List every setting with its default, unit and meaning, and what there is by name.
+
+    The settings of the run, the traffic, the sensor profiles and all trackers, by
+    their paths in config.toml and for --set; networks, profiles, trackers, models.
+
+    Examples:
+      python -m harness settings
+      python -m harness settings association
+      python -m harness run --set tracker.options.joint.association.gate_std=4
+    """
+    from harness.settings.listing import all_settings  # noqa: PLC0415
+
+    rows = all_settings(word)
+    if as_json:
+        import json  # noqa: PLC0415
+        from dataclasses import asdict  # noqa: PLC0415
+
+        typer.echo(json.dumps([asdict(row) for row in rows], indent=2, ensure_ascii=False, default=str))
+        return
+
+    from harness.settings.table import print_settings  # noqa: PLC0415
+
+    print_settings(rows)

@@ -1,0 +1,1 @@
+"""Which settings and named things there are, for people and programs to look up."""

@@ -1,0 +1,118 @@
+"""All that ``config.toml`` takes, with defaults, units and meanings, collected from where each is defined."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+import mmpf.motion  # noqa: F401  fills the registry of motion models
+from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, TrackerConfig
+from harness.errors import InputError
+from harness.sensor.profiles import sensor_profiles
+from harness.trackers.catalogue import available_trackers, tracker_options, tuned_options
+from harness.truth.network.network import available_networks
+from mmpf.motion.protocol import motion_models
+from mmpf.settings import fields_of, unit_of
+
+# Options that ``config.toml`` has beside the tracker's name.
+NAMED_OPTIONS = tuple(TrackerConfig(name="any").model_dump(exclude={"name", "options"}))
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting, or one named thing that a setting takes.
+
+    Attributes:
+        key: Dotted path as in ``config.toml``; with ``=NAME`` behind it for a named thing.
+        default: Value where nobody sets it; None for none, and for a named thing.
+        unit: Unit; empty for a word or a pure number.
+        meaning: What it is.
+        kind: ``run``, ``sensor PROFILE`` or ``tracker NAME`` for settings; ``network``, ``sensor profile``,
+            ``tracker`` or ``motion model`` for named things.
+    """
+
+    key: str
+    default: object
+    unit: str
+    meaning: str
+    kind: str
+
+
+def all_settings(word: str = "") -> list[Setting]:
+    """Return what can be set, group by group.
+
+    Args:
+        word: Only what has this in its key or kind; everything if empty.
+
+    Raises:
+        InputError: Nothing has.
+    """
+    found = [row for row in _everything() if word.lower() in row.key.lower() or word.lower() in row.kind]
+    if not found:
+        raise InputError(f"`word` {word!r}: no setting has that in its name; leave it out to see all of them")
+    return found
+
+
+def _everything() -> Iterator[Setting]:
+    run = list(_rows("", RunConfig(), "run"))
+    yield from (row for row in run if not row.key.startswith(("sensor.", "tracker.")))
+    for network in available_networks():
+        yield _named("traffic.net", network.name, network.description, "network")
+    yield from (row for row in run if row.key.startswith("sensor."))
+    for name in sensor_profiles:
+        yield _named("sensor.profile", name, _summary(sensor_profiles[name]), "sensor profile")
+    yield from _sensors()
+    yield from (row for row in run if row.key.startswith("tracker.") and row.key != "tracker.options")
+    for name, description in available_trackers().items():
+        yield _named("tracker.name", name, description, "tracker")
+    for name in motion_models:
+        yield _named("tracker.model", name, _summary(motion_models[name]), "motion model")
+    for name in available_trackers():
+        yield from _tracker(name)
+
+
+def _tracker(name: str) -> Iterator[Setting]:
+    """Yield a tracker's options as they are tuned; those that have a place of their own in ``config.toml``, there."""
+    for row in _rows("", tracker_options(name).model_validate(tuned_options(name)), f"tracker {name}"):
+        if row.key not in NAMED_OPTIONS:
+            yield replace(row, key=f"tracker.options.{row.key}")
+        elif name != DEFAULT_TRACKER:
+            yield replace(row, key=f"tracker.{row.key}")
+
+
+def _sensors() -> Iterator[Setting]:
+    """Yield the settings of the usual profile, and of the others what is different there."""
+    usual = SensorConfig().profile
+    known = list(_rows("sensor.", sensor_profiles[usual](), f"sensor {usual}"))
+    yield from known
+    for profile in sorted(set(sensor_profiles) - {usual}):
+        rows = _rows("sensor.", sensor_profiles[profile](), f"sensor {profile}")
+        yield from (row for row, other in zip(rows, known, strict=True) if row.default != other.default)
+
+
+def _rows(prefix: str, settings: BaseModel, kind: str) -> Iterator[Setting]:
+    for key, field in fields_of(type(settings)):
+        *groups, name = key.split(".")
+        group = functools.reduce(getattr, groups, settings)
+        default = field.get_default() if group is None else getattr(group, name)
+        if default is PydanticUndefined:
+            default = None
+        if isinstance(default, float) and math.isinf(default):
+            default = str(default)  # as TOML writes it; JSON has none
+        meaning = " ".join((field.description or "").replace("``", "").split())
+        yield Setting(prefix + key, default, unit_of(key, field), meaning, kind)
+
+
+def _named(key: str, name: str, meaning: str, kind: str) -> Setting:
+    return Setting(f"{key}={name}", None, "", meaning, kind)
+
+
+def _summary(thing: object) -> str:
+    summary = (inspect.getdoc(thing) or "").partition("\n\n")[0].removeprefix("Return ")
+    return summary[:1].upper() + summary[1:]

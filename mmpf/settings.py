@@ -1,0 +1,55 @@
+"""What a setting is: a frozen field with bounds, a meaning and a unit, found by its dotted key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, get_args
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+
+# Of two endings that fit a name the longer one comes first.
+UNITS_BY_ENDING = {
+    "_per_s": "1/s",
+    "_per_scan": "1/scan",
+    "_mps2": "m/s²",
+    "_mps": "m/s",
+    "_rad": "rad",
+    "_deg": "°",
+    "_std": "σ",  # noqa: RUF001
+    "_m": "m",
+    "_s": "s",
+}
+
+
+class Settings(BaseModel):
+    """Base of all settings: frozen, a key that does not exist is an error, and each field says what it means."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+def in_unit(unit: str) -> Any:  # noqa: ANN401
+    """Return what states the unit of a setting whose name does not tell it, for ``Annotated``."""
+    return Field(json_schema_extra={"unit": unit})
+
+
+def unit_of(key: str, field: FieldInfo) -> str:
+    """Return a setting's unit: what stands beside it, or the ending of its name; empty for a pure number or a word."""
+    if isinstance(field.json_schema_extra, dict) and "unit" in field.json_schema_extra:
+        return str(field.json_schema_extra["unit"])
+    return next((unit for ending, unit in UNITS_BY_ENDING.items() if key.endswith(ending)), "")
+
+
+def fields_of(settings: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    """Yield each setting with its dotted key, those of groups within groups too, in the order of their definition."""
+    for name, field in settings.model_fields.items():
+        kinds = [kind for kind in (field.annotation, *get_args(field.annotation)) if isinstance(kind, type)]
+        group = next((kind for kind in kinds if issubclass(kind, BaseModel)), None)
+        if group is None:
+            yield f"{prefix}{name}", field
+        else:
+            yield from fields_of(group, f"{prefix}{name}.")
