@@ -155,7 +155,8 @@ def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
         one.name or "": one.opts[0] if isinstance(one, TyperOption) else one.metavar or one.name or ""
         for one in parameters
     }
-    return re.sub(r"`([a-z_]+)`", lambda match: typed.get(match[1], match[1]), message)
+    # A grid takes lists of what a run takes one of: there `tracker` is --trackers.
+    return re.sub(r"`([a-z_]+)`", lambda match: typed.get(match[1]) or typed.get(f"{match[1]}s", match[1]), message)
 
 
 def _complain(message: str, exit_code: int) -> int:

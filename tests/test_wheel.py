@@ -26,7 +26,7 @@ def test_the_wheel_alone_has_all_that_a_run_needs(tmp_path):
     assert top == {"harness", "mmpf"}
 
     script = (
-        "import harness, json; run = harness.run(duration=0.5, particles=50, out='run');"
+        "import harness, json; run = harness.run(duration=0.5, tracker='oracle-kalman', out='run');"
         "print(json.dumps([harness.__file__, bool(len(run.truth))]))"
     )
     answer = subprocess.run(

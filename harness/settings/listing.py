@@ -7,6 +7,7 @@ import inspect
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
@@ -16,8 +17,10 @@ from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, Track
 from harness.errors import InputError
 from harness.sensor.profiles import sensor_profiles
 from harness.trackers.catalogue import available_trackers, tracker_options, tuned_options
+from harness.trackers.protocol import trackers
 from harness.truth.network.network import available_networks
 from mmpf.motion.protocol import motion_models
+from mmpf.registry import Registry, UnknownNameError
 from mmpf.settings import fields_of, unit_of
 
 # Options that ``config.toml`` has beside the tracker's name.
@@ -71,8 +74,10 @@ def _everything() -> Iterator[Setting]:
     yield from (row for row in run if row.key.startswith("tracker.") and row.key != "tracker.options")
     for name, description in available_trackers().items():
         yield _named("tracker.name", name, description, "tracker")
+    for name in sorted({*trackers} - {*available_trackers()}):
+        yield _named("tracker.name", name, _summary_of(trackers, name), "tracker")
     for name in motion_models:
-        yield _named("tracker.model", name, _summary(motion_models[name]), "motion model")
+        yield _named("tracker.model", name, _summary_of(motion_models, name), "motion model")
     for name in available_trackers():
         yield from _tracker(name)
 
@@ -111,6 +116,14 @@ def _rows(prefix: str, settings: BaseModel, kind: str) -> Iterator[Setting]:
 
 def _named(key: str, name: str, meaning: str, kind: str) -> Setting:
     return Setting(f"{key}={name}", None, "", meaning, kind)
+
+
+def _summary_of(registry: Registry[Any], name: str) -> str:
+    """Return what an entry says of itself; of a plug-in that can't be imported, why."""
+    try:
+        return _summary(registry[name])
+    except UnknownNameError as error:
+        return str(error)
 
 
 def _summary(thing: object) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 import harness
 from harness.cli import run_command_line
+from harness.settings.listing import all_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
 from mmpf import SensorModel, highway, motion_model, motion_models
@@ -79,6 +80,14 @@ def test_a_broken_plug_in_is_told_in_one_line_and_breaks_no_other(example, setti
     assert len(told) == 1
     assert "broken-one" in told[0]
     assert "no_such_module_at_all" in told[0]
+
+
+def test_plug_ins_are_listed_with_what_they_say_of_themselves_or_why_they_are_broken(example):
+    install(example, "broken-one", {"mmpf.motion_models": {"broken": "no_such_module_at_all:Model"}})
+    meanings = {row.key: row.meaning for row in all_settings()}
+    assert meanings["tracker.name=echo"] == "Every detection is a track of its own for one step."
+    assert meanings["tracker.model=standstill"] == "Every vehicle stays where it is."
+    assert "no_such_module_at_all" in meanings["tracker.model=broken"]
 
 
 def test_a_name_that_two_packages_declare_is_refused_with_both(example, setting):
