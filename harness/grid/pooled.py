@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.grid.cells import RECORDING
-from harness.grid.coasting import COASTING
 from harness.grid.rows import column_of
 from harness.grid.summary import labelled
 from harness.scoring.metrics import quantities
@@ -22,10 +21,6 @@ if TYPE_CHECKING:
 
 
 DRAWS = 2000
-HIDDEN_AGAINST_COASTING = 0.7
-# Times hidden, from and to, that this is aimed at; the last is all of them together.
-JUDGED = ((2.0, 3.0), (0.0, None))
-JPDA, OURS = "stonesoup-jpda", "mmpf"
 
 
 def pooled_quantities() -> list[Quantity]:
@@ -101,15 +96,6 @@ class FileCount:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What was aimed at on recorded traffic and what came of it."""
-
-    text: str
-    met: bool
-    measured: str
-
-
-@dataclass(frozen=True)
 class Pooled:
     """Everything that a grid over recorded traffic tells.
 
@@ -118,14 +104,12 @@ class Pooled:
         id_switches: Identity switches of each tracker over all files.
         means: Each tracker's scores.
         hidden: Each tracker's errors by the time since the last detection, all times together last.
-        verdicts: Targets.
     """
 
     files: Sequence[FileCount]
     id_switches: dict[str, int]
     means: Sequence[Mean]
     hidden: Sequence[HiddenError]
-    verdicts: Sequence[Verdict]
 
 
 def pool_files(table: pd.DataFrame) -> Pooled:
@@ -139,7 +123,7 @@ def pool_files(table: pd.DataFrame) -> Pooled:
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
     means = [_mean(label, quantity, runs) for label, runs in groups for quantity in pooled_quantities()]
-    return Pooled(_files(done), switches, means, hidden, _verdicts(switches, hidden))
+    return Pooled(_files(done), switches, means, hidden)
 
 
 def _files(done: pd.DataFrame) -> list[FileCount]:
@@ -206,28 +190,3 @@ def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[fl
     interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
     ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
     return float(sums.sum()) / total, ends
-
-
-def _verdicts(switches: dict[str, int], hidden: Sequence[HiddenError]) -> list[Verdict]:
-    """Hold each variant of the project's own tracker against JPDA's switches and against coasting."""
-    verdicts = []
-    for label, own_switches in switches.items():
-        if not label.startswith(OURS):
-            continue
-        if JPDA in switches:
-            text = f"{label}: fewer identity switches than {JPDA}"
-            verdicts.append(Verdict(text, own_switches < switches[JPDA], f"{own_switches} to {switches[JPDA]}"))
-        verdicts += [
-            _below_coasting(error)
-            for error in hidden
-            if error.tracker == label and (error.from_s, error.to_s) in JUDGED and error.ratio is not None
-        ]
-    return verdicts
-
-
-def _below_coasting(error: HiddenError) -> Verdict:
-    ratio = error.ratio if error.ratio is not None else np.nan
-    when = "hidden" if error.to_s is None else f"{error.from_s:g} to {error.to_s:g} s hidden"
-    text = f"{error.tracker}: error while {when} at most {HIDDEN_AGAINST_COASTING:g} of coasting's ({COASTING})"
-    ends = f" [{error.ratio_ci95[0]:.2f}, {error.ratio_ci95[1]:.2f}]" if error.ratio_ci95 is not None else ""
-    return Verdict(text, ratio <= HIDDEN_AGAINST_COASTING, f"{ratio:.2f}{ends} over {error.n} vehicle-steps")

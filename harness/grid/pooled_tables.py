@@ -17,7 +17,7 @@ TITLE = "Recorded traffic"
 
 
 def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
-    """Return all tables, what was aimed at, and what failed."""
+    """Return all tables and what failed."""
     lines = [
         f"# {TITLE}",
         "",
@@ -34,10 +34,6 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
         *_hidden_table(pooled),
         "",
         "![hidden](figures/hidden.png)",
-        "",
-        "## Targets",
-        "",
-        *(f"- {'met' if verdict.met else 'MISSED'}: {verdict.text}: {verdict.measured}" for verdict in pooled.verdicts),
         "",
         "## Files",
         "",
