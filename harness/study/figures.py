@@ -93,7 +93,7 @@ def _particles(axis: Axes, result: StudyResult, occlusion: str, model: str, pane
     row, kept_row, _ = panel
     truth = result.example_truth
     time_s = np.arange(len(truth)) * result.step_s
-    values = result.examples[occlusion, model].state[:, kept_row]
+    values = result.examples[occlusion, model][:, kept_row]
     reference = _steady(truth, result.step_s) if row == LON else np.zeros(len(truth))
     shown = slice(DRAW_EVERY - 1, None, DRAW_EVERY)
     times = np.repeat(time_s[1:][shown, None], values.shape[1], axis=1)
@@ -110,7 +110,7 @@ def _bound_by_truth_and_particles(
     row, kept_row, _ = panel
     truth = result.example_truth
     reference = _steady(truth, result.step_s) if row == LON else np.zeros(len(truth))
-    clouds = [result.examples[occlusion, model].state[:, kept_row] - reference[1:, None] for model in models]
+    clouds = [result.examples[occlusion, model][:, kept_row] - reference[1:, None] for model in models]
     low = min([np.quantile(cloud, 0.02) for cloud in clouds] + [(truth[:, row] - reference).min()])
     high = max([np.quantile(cloud, 0.98) for cloud in clouds] + [(truth[:, row] - reference).max()])
     axis.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))

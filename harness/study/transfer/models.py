@@ -10,10 +10,9 @@ import numpy as np
 
 from harness.driving.following import Following
 from harness.study.transfer.traffic import HeldOutSet, Say, as_one_vehicle_each
-from harness.training.driver_fit import fit_follower, fit_short
+from harness.training.driver_fit import fit_follower, fit_short, situation_columns
 from harness.training.rival_fit import fit_idm
 from harness.truth.frame import STEP_S
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise
 from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
@@ -95,7 +94,8 @@ def input_rows(models: Sequence[TrainedModel], tested: HeldOutSet) -> list[dict[
         models: Models, of which those of the kind ``gmm`` count.
         tested: Test traffic.
     """
-    seen = situations(tested)
+    # All true situations of the windows behind the test set, shape (n, 5).
+    seen = situation(*(column.ravel() for column in situation_columns(tested.led)))
     rows = []
     for entry in models:
         if not isinstance(entry.model, LearnedDriver):
@@ -119,10 +119,3 @@ def input_rows(models: Sequence[TrainedModel], tested: HeldOutSet) -> list[dict[
                 }
             )
     return rows
-
-
-def situations(tested: HeldOutSet) -> FloatArray:
-    """Return all true situations of the windows behind a test set, shape (n, 5)."""
-    led = tested.led
-    columns = (led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2)
-    return situation(*(column.ravel() for column in columns))
