@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.grid.cells import RECORDING
-from harness.grid.rows import column_of
-from harness.grid.summary import labelled
+from harness.grid.summary import labelled, summed_by, sums_and_weights
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import cluster_bootstrap
@@ -136,10 +135,7 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 
 
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
-    values = column_of(runs, quantity.key)
-    weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
-    sums = values * weight if quantity.scale is None else quantity.scale * values
-    sums, counts = _by_file(runs, sums, weight)
+    sums, counts = summed_by(RECORDING, runs, *sums_and_weights(runs, quantity))
     mean, interval = _ratio(sums, counts)
     return Mean(label, quantity.pooled, mean, interval, int(counts.sum()))
 
@@ -153,8 +149,8 @@ def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
         n, own, coasting = (
             runs[f"{key}.{name}"].to_numpy(dtype=np.float64) for name in ("n", "lon_m", "coasting_lon_m")
         )
-        own_sums, counts = _by_file(runs, own * n, n)
-        coasting_sums, _ = _by_file(runs, coasting * n, n)
+        own_sums, counts = summed_by(RECORDING, runs, own * n, n)
+        coasting_sums, _ = summed_by(RECORDING, runs, coasting * n, n)
         is_bin = f"{key}.from_s" in runs
         lon_m, lon_interval = _ratio(own_sums, counts)
         ratio, ratio_interval = _ratio(own_sums, coasting_sums)
@@ -172,14 +168,6 @@ def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
             )
         )
     return errors
-
-
-def _by_file(runs: pd.DataFrame, sums: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return sums and weights of each file, seeds of one file together; runs without a value count nothing."""
-    known = np.isfinite(sums) & np.isfinite(weight)
-    file = np.unique(runs[RECORDING].to_numpy(dtype=str), return_inverse=True)[1]
-    summed, counted = (np.bincount(file, weights=np.where(known, values, 0.0)) for values in (sums, weight))
-    return summed.astype(np.float64), counted.astype(np.float64)
 
 
 def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[float, float] | None]:
