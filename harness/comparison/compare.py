@@ -94,7 +94,7 @@ def _arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
     first, second = (runfolder.read_table(side.folder, runfolder.ERRORS, "compare", columns) for side in (a, b))
     pairs = paired_errors(first, second)
     label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
-    return [_of_vehicles(label, each, pairs) or _of_runs(label, each, a, b) for each in compared_quantities()]
+    return [_arm(label, each, pairs, a, b) for each in compared_quantities()]
 
 
 def _check_same_traffic(a: Source, b: Source) -> None:
@@ -107,23 +107,19 @@ def _check_same_traffic(a: Source, b: Source) -> None:
         )
 
 
-def _of_vehicles(label: str, quantity: Quantity, pairs: pd.DataFrame) -> Arms | None:
+def _arm(label: str, quantity: Quantity, pairs: pd.DataFrame, a: Source, b: Source) -> Arms:
     table, state, *name = quantity.key.split(".")
     if table != "mae" or name[0] not in ERROR_COLUMNS:
-        return None
+        of_a, of_b = (column_of(side.rows, quantity.key) for side in (a, b))
+        return Arms(label, quantity, of_a, of_b, testable=False)
     rows = pairs[pairs["state"] == state]
     vehicle = [rows["episode"], rows["vehicle_id"]]
-    a, b = (_vehicle_means(rows[f"{ERROR_COLUMNS[name[0]]}_{side}"], vehicle) for side in ("a", "b"))
-    return Arms(label, quantity, a, b)
+    of_a, of_b = (_vehicle_means(rows[f"{ERROR_COLUMNS[name[0]]}_{side}"], vehicle) for side in ("a", "b"))
+    return Arms(label, quantity, of_a, of_b)
 
 
 def _vehicle_means(errors: pd.Series[float], vehicle: list[pd.Series[str]]) -> FloatArray:
     return np.asarray(errors.abs().groupby(vehicle).mean(), dtype=np.float64)
-
-
-def _of_runs(label: str, quantity: Quantity, a: Source, b: Source) -> Arms:
-    of_a, of_b = (column_of(side.rows, quantity.key) for side in (a, b))
-    return Arms(label, quantity, of_a, of_b, testable=False)
 
 
 def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, pd.DataFrame]]:

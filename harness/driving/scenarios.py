@@ -40,14 +40,9 @@ def _open_scenario(network: Network, scenario: Scenario) -> TruthSource:
 def record_scenarios(
     network: Network, wanted: Sequence[Scenario], cache: Path | None, say: Callable[[str], None]
 ) -> list[Path]:
-    """Record what is not recorded yet and return the files.
+    """Record what is not recorded yet, one line each to ``say``, and return the files.
 
-    Args:
-        network: Where the traffic runs.
-        wanted: What is to be recorded.
-        cache: Folder of the recordings; none for the usual one.
-        say: Told one line a recording.
+    They lie in ``cache``, or without it in the usual folder, which differs for other drivers on the same network.
     """
-    # Recordings of other drivers on the same network lie in another folder.
     usual = Path("results") / "cache" / "traffic" / f"{network.name}-{network.fingerprint()}"
     return record_all(wanted, cache or usual, partial(_open_scenario, network), say)

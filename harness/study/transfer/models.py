@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from harness.driving.following import Following
-from harness.study.transfer.traffic import HeldOutSet, Say, as_one_vehicle_each
+from harness.study.transfer.traffic import HeldOutSet, Say
 from harness.training.driver_fit import fit_follower, fit_short, situation_columns
 from harness.training.rival_fit import fit_idm
 from harness.truth.frame import STEP_S
@@ -71,7 +71,9 @@ def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> l
     say(f"{trained_on}: fitting gmm-short")
     short = short_term_driver(fit_short(windows, COMPONENTS, seed))
     say(f"{trained_on}: fitting idm")
-    parameters = fit_idm(as_one_vehicle_each(windows), seed, STEP_S)
+    # The fit takes one window of each vehicle; here it is to take all.
+    each_alone = replace(windows, vehicle=np.arange(len(windows)))
+    parameters = fit_idm(each_alone, seed, STEP_S)
     driver = intelligent_driver(parameters, process_noise("idm-fitted"), "idm-fitted")
     models: tuple[MotionModel, ...] = (_lane_keeping(learned), short, driver)
     return [TrainedModel(name, trained_on, model) for name, model in zip(LEARNED, models, strict=True)]
