@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.comparison.sources import SETTING, Source
-from harness.comparison.vehicles import arms_by_vehicle
 from harness.comparison.verdicts import BETTER, WORSE, Arms, Verdict, compared_quantities, fewest_pairs, judge
 from harness.errors import InputError
 from harness.grid.rows import column_of
+from harness.runfolder import folder as runfolder
+from harness.scoring.paired import KEYS, QUANTITIES, paired_errors
+from harness.scoring.quantity import Quantity
 from harness.writing.numbers import without_nan
+from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
+ERROR_COLUMNS = {"lon_m": "lon_error_m", "lat_m": "lat_error_m", "speed_mps": "speed_error_mps"}
 FOLLOWED, HIDDEN = "hidden_outcomes.tracked_percent", ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
 
@@ -67,7 +71,7 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
     """
     notes = [f"{side.failed} failed runs of {side.name} are left out." for side in (a, b) if side.failed]
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
-        arms, note = arms_by_vehicle(a, b), "One seed: vehicles are paired, so this tells nothing of other traffic."
+        arms, note = _arms_by_vehicle(a, b), "One seed: vehicles are paired, so this tells nothing of other traffic."
         return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), (note, *notes), tolerance)
     arms = []
     for label, rows_a, rows_b in _matching_labels(a, b):
@@ -78,6 +82,44 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
         )
     verdicts = tuple(judge(arms, tolerance))
     return Comparison(a.name, b.name, verdicts, (*notes, *_power_notes(arms), *_survivor_notes(verdicts)), tolerance)
+
+
+def _arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
+    """Return the mean absolute errors of each vehicle in both runs, over the steps at which both follow it.
+
+    Scores of a whole run, which no vehicle has of its own, are given untested.
+    """
+    _check_same_traffic(a, b)
+    columns = (*KEYS, *QUANTITIES, "state", "seconds_hidden", "outcome")
+    first, second = (runfolder.read_table(side.folder, runfolder.ERRORS, "compare", columns) for side in (a, b))
+    pairs = paired_errors(first, second)
+    label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
+    return [_arm(label, each, pairs, a, b) for each in compared_quantities()]
+
+
+def _check_same_traffic(a: Source, b: Source) -> None:
+    places = ["step", "vehicle_id", "lon_m", "lat_m"]
+    first, second = (runfolder.read_table(side.folder, runfolder.TRUTH, "compare", places)[places] for side in (a, b))
+    if not first.equals(second):
+        raise InputError(
+            f"compare: {a.name} and {b.name} are single runs on different traffic, which tells nothing; make the "
+            f"second with `replay` {a.folder}, or compare grids of several seeds"
+        )
+
+
+def _arm(label: str, quantity: Quantity, pairs: pd.DataFrame, a: Source, b: Source) -> Arms:
+    table, state, *name = quantity.key.split(".")
+    if table != "mae" or name[0] not in ERROR_COLUMNS:
+        of_a, of_b = (column_of(side.rows, quantity.key) for side in (a, b))
+        return Arms(label, quantity, of_a, of_b, testable=False)
+    rows = pairs[pairs["state"] == state]
+    vehicle = [rows["episode"], rows["vehicle_id"]]
+    of_a, of_b = (_vehicle_means(rows[f"{ERROR_COLUMNS[name[0]]}_{side}"], vehicle) for side in ("a", "b"))
+    return Arms(label, quantity, of_a, of_b)
+
+
+def _vehicle_means(errors: pd.Series[float], vehicle: list[pd.Series[str]]) -> FloatArray:
+    return np.asarray(errors.abs().groupby(vehicle).mean(), dtype=np.float64)
 
 
 def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, pd.DataFrame]]:
@@ -104,34 +146,25 @@ def _arms(label: str, a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> 
     keys_a = {key: place for place, key in enumerate(zip(stratum_a.tolist(), a["seed"], strict=True))}
     keys_b = {key: place for place, key in enumerate(zip(stratum_b.tolist(), b["seed"], strict=True))}
     common = [key for key in keys_a if key in keys_b]
-    if common:
-        of_a, of_b = [keys_a[key] for key in common], [keys_b[key] for key in common]
-        return [
-            Arms(label, quantity, column_of(a, quantity.key)[of_a], column_of(b, quantity.key)[of_b])
-            for quantity in compared_quantities()
-        ]
-    kept_a, kept_b = np.isin(stratum_a, stratum_b), np.isin(stratum_b, stratum_a)
+    of_a, of_b = (np.array([keys[key] for key in common], dtype=np.int64) for keys in (keys_a, keys_b))
+    strata = None
+    if not common:
+        of_a, of_b = (np.flatnonzero(np.isin(*pair)) for pair in ((stratum_a, stratum_b), (stratum_b, stratum_a)))
+        strata = stratum_a[of_a], stratum_b[of_b]
     return [
-        Arms(
-            label,
-            quantity,
-            column_of(a, quantity.key)[kept_a],
-            column_of(b, quantity.key)[kept_b],
-            False,
-            stratum_a[kept_a],
-            stratum_b[kept_b],
-        )
+        Arms(label, quantity, column_of(a, quantity.key)[of_a], column_of(b, quantity.key)[of_b], strata)
         for quantity in compared_quantities()
     ]
 
 
 def _power_notes(arms: list[Arms]) -> list[str]:
     notes = []
-    if any(not arm.paired for arm in arms):
+    paired = all(arm.strata is None for arm in arms)
+    if not paired:
         notes.append("No seeds in common: whole arms are compared, which shows only larger differences than pairs do.")
     pairs = min(len(arm.a) for arm in arms)
     needed = fewest_pairs(len(arms))
-    if all(arm.paired for arm in arms) and pairs < needed:
+    if paired and pairs < needed:
         notes.append(
             f"{pairs} pairs are too few for any verdict on {len(arms)} metrics: {needed} are needed; add seeds."
         )

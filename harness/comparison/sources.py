@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InputError
 from harness.grid.rows import flattened
 from harness.grid.stress import GRID, RUNS
-from harness.grid.summary import label_of
+from harness.grid.summary import labelled
 from harness.runfolder import folder as runfolder
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-IDENTITY = ("tracker", "variant", "model", "update", "label")
 STANDARD = "standard"
 SETTING = ("net", "density", "demand")
 
@@ -67,13 +66,12 @@ def open_source(text: str, parameter: str) -> Source:
     rows = source.rows[source.rows["label"] == label]
     if not len(rows):
         raise InputError(f"`{parameter}`: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
-    return Source(text, folder, rows, source.failed, source.is_run, source.axes)
+    return replace(source, rows=rows)
 
 
 def _open_grid(name: str, folder: Path, parameter: str) -> Source:
     table = runfolder.read_table(folder, RUNS, parameter, (*SETTING, "seed", "succeeded", "variant", "model"))
-    done = table[table["succeeded"].astype(bool)].copy()
-    done["label"] = [label_of(row) for _, row in done.iterrows()]
+    done = labelled(table)
     try:
         vary = json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]
     except (OSError, ValueError, KeyError):
@@ -95,7 +93,5 @@ def _open_run(name: str, folder: Path, parameter: str) -> Source:
             f"`{parameter}`: {folder / runfolder.METRICS} is missing or broken; make the run again"
         ) from None
     run = metrics.pop("run")
-    row = {**run, "variant": run["tracker"], **flattened(metrics)}
-    table = pd.DataFrame([row])
-    table["label"] = [label_of(one) for _, one in table.iterrows()]
-    return Source(name, folder, table, 0, True)
+    row = {**run, "variant": run["tracker"], **flattened(metrics), "succeeded": True}
+    return Source(name, folder, labelled(pd.DataFrame([row])).drop(columns="succeeded"), 0, True)

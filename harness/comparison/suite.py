@@ -18,8 +18,6 @@ SUITES = {
     ),
 }
 BASELINE = Path("results/reference")
-
-
 KEPT = (RUNS, GRID, TABLE, runfolder.MANIFEST)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,9 +31,8 @@ class Arms:
         quantity: What the values are of.
         a: Values of the first arm, shape (n,).
         b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
-        paired: Whether a and b were made on the same traffic and detections.
-        stratum_a: Setting of each value of a where not paired, shape (n,): densities and the like are kept apart.
-        stratum_b: Likewise of b.
+        strata: Setting of each value of a and of b, each of shape (n,): densities and the like are kept apart; None
+            where a and b are paired, that is were made on the same traffic and detections.
         testable: Whether a test makes sense; a single value of each arm can't be tested.
     """
 
@@ -41,9 +40,7 @@ class Arms:
     quantity: Quantity
     a: FloatArray
     b: FloatArray
-    paired: bool = True
-    stratum_a: IntArray | None = None
-    stratum_b: IntArray | None = None
+    strata: tuple[IntArray, IntArray] | None = None
     testable: bool = True
 
 
@@ -152,13 +149,9 @@ def unpaired_difference(
 def _cleaned(arms: Arms) -> Arms:
     """Leave out values that are nan, with their partners where paired."""
     a, b = np.isfinite(arms.a), np.isfinite(arms.b)
-    if arms.paired:
-        return Arms(arms.label, arms.quantity, arms.a[a & b], arms.b[a & b], testable=arms.testable)
-    assert arms.stratum_a is not None
-    assert arms.stratum_b is not None
-    return Arms(
-        arms.label, arms.quantity, arms.a[a], arms.b[b], False, arms.stratum_a[a], arms.stratum_b[b], arms.testable
-    )
+    if arms.strata is None:
+        return replace(arms, a=arms.a[a & b], b=arms.b[a & b])
+    return replace(arms, a=arms.a[a], b=arms.b[b], strata=(arms.strata[0][a], arms.strata[1][b]))
 
 
 def _difference(arms: Arms, draws: int) -> PairedDifference:
@@ -166,11 +159,9 @@ def _difference(arms: Arms, draws: int) -> PairedDifference:
     if not arms.testable:
         mean = float(arms.b.mean() - arms.a.mean()) if len(arms.a) and len(arms.b) else np.nan
         return PairedDifference(mean, Interval(np.nan, np.nan), np.nan)
-    if arms.paired:
+    if arms.strata is None:
         return paired_difference(arms.a, arms.b, rng, draws=draws)
-    assert arms.stratum_a is not None
-    assert arms.stratum_b is not None
-    return unpaired_difference(arms.a, arms.b, arms.stratum_a, arms.stratum_b, rng, draws)
+    return unpaired_difference(arms.a, arms.b, *arms.strata, rng, draws)
 
 
 def _verdict(arms: Arms, difference: PairedDifference, p: float, tolerance: float) -> Verdict:

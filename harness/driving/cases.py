@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -63,12 +64,8 @@ def following_cases(
 
 def cases_of(windows: Following, step_s: float) -> Cases:
     """Return every window as a case."""
-    steps = windows.lon_m.shape[1]
-
-    def surroundings(state: FloatArray, step: int, hidden: bool) -> Surroundings:
-        return surroundings_at(windows, state, step, hidden)
-
-    return Cases(np.stack([states_at(windows, step) for step in range(steps)]), surroundings, step_s)
+    states = [_states_at(windows, step) for step in range(windows.lon_m.shape[1])]
+    return Cases(np.stack(states), partial(_behind_leaders, windows), step_s)
 
 
 def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:
@@ -81,11 +78,7 @@ def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.r
         rng: Source of randomness.
     """
     chosen = changes.take(np.sort(rng.permutation(len(changes))[:count]))
-
-    def surroundings(state: FloatArray, step: int, hidden: bool) -> Surroundings:
-        return _around_a_change(chosen, state, step, hidden)
-
-    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), surroundings, step_s)
+    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen), step_s)
 
 
 def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden: bool) -> Surroundings:
@@ -135,7 +128,7 @@ def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> N
     return Neighbour(*(np.where(condition, getattr(yes, name), getattr(no, name)) for name in columns))
 
 
-def states_at(windows: Following, step: int) -> FloatArray:
+def _states_at(windows: Following, step: int) -> FloatArray:
     """Return the true states at a step, shape (6, windows): lateral from the lane's middle, its acceleration zero."""
     state = np.empty((STATE_SIZE, len(windows)))
     state[LON], state[LAT] = windows.lon_m[:, step], windows.offset_m[:, step]
@@ -144,15 +137,8 @@ def states_at(windows: Following, step: int) -> FloatArray:
     return state
 
 
-def surroundings_at(windows: Following, state: FloatArray, step: int, hidden: bool = False) -> Surroundings:
-    """Return what particles know behind the true leaders of a step.
-
-    Args:
-        windows: The windows, m of them.
-        state: Particle states, shape (6, m * p), the p particles of each window side by side.
-        step: Step whose leaders are taken.
-        hidden: Whether the vehicles count as unseen.
-    """
+def _behind_leaders(windows: Following, state: FloatArray, step: int, hidden: bool) -> Surroundings:
+    """Return what particles know behind the true leaders of a step, the particles of each window side by side."""
     particles = state.shape[1] // len(windows)
     own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)
     nobody, no_lane = _nobody(state, own_length), np.zeros(state.shape[1], dtype=np.bool_)

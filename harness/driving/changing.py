@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.driving.neighbours import NOBODY, Ordering, Others, order_by_lane, row_ahead, row_behind
+from harness.driving.neighbours import Others, order_by_lane, others_at, row_ahead, row_behind
 from harness.driving.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import FloatArray, IntArray
@@ -65,23 +65,20 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
     direction = np.sign(second.mean(axis=1) - first.mean(axis=1))
     ordering = order_by_lane(recording)
     step, lon = recording.step[rows], recording.lon_m[rows]
-    on_original, on_target = (
-        np.broadcast_to(original[:, None], rows.shape),
-        np.broadcast_to(target[:, None], rows.shape),
-    )
+    on_original, on_target = original[:, None], target[:, None]
     return LaneChanges(
         state=_mirrored_states(recording, rows, direction, first.mean(axis=1), step_s),
         length_m=recording.length_m[rows[:, 0]],
         lane_width_m=np.abs(second.mean(axis=1) - first.mean(axis=1)),
-        leader=_others(recording, _ahead(ordering, step, on_original, lon)),
-        follower=_others(recording, _behind(ordering, step, on_target, lon)),
-        target_leader=_others(recording, _ahead(ordering, step, on_target, lon)),
+        leader=others_at(recording, row_ahead(ordering, step, on_original, lon)),
+        follower=others_at(recording, row_behind(ordering, step, on_target, lon)),
+        target_leader=others_at(recording, row_ahead(ordering, step, on_target, lon)),
     )
 
 
 def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
     """Cut recordings that lie in files into windows around lane changes."""
-    return join_changes([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)])
+    return _made_of([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)], np.concatenate)
 
 
 def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
@@ -99,11 +96,6 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
         changes += int((driven_on & (lane[1:] != lane[:-1])).sum())
         steps += int(driven_on.sum())
     return changes / (2.0 * steps * step_s) if steps else 0.0
-
-
-def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:
-    """Put the windows of several recordings together."""
-    return _made_of(parts, np.concatenate)
 
 
 def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
@@ -143,29 +135,9 @@ def _mirrored_states(
     recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray, step_s: float
 ) -> FloatArray:
     state = np.empty((STATE_SIZE, *rows.shape))
-    state[LON], state[SPEED], state[ACCEL] = (
-        recording.lon_m[rows],
-        recording.speed_mps[rows],
-        recording.accel_mps2[rows],
-    )
+    state[LON], state[SPEED] = recording.lon_m[rows], recording.speed_mps[rows]
+    state[ACCEL] = recording.accel_mps2[rows]
     state[LAT] = direction[:, None] * (recording.lat_m[rows] - origin_m[:, None])
     state[LAT_SPEED] = direction[:, None] * recording.lat_speed_mps[rows]
     state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / step_s
     return state
-
-
-def _ahead(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
-    return row_ahead(ordering, step.ravel(), lane.ravel(), lon_m.ravel()).reshape(step.shape)
-
-
-def _behind(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
-    return row_behind(ordering, step.ravel(), lane.ravel(), lon_m.ravel()).reshape(step.shape)
-
-
-def _others(recording: Recording, rows: IntArray) -> Others:
-    missing = rows == NOBODY
-
-    def of(column: FloatArray) -> FloatArray:
-        return np.where(missing, np.nan, column[rows])
-
-    return Others(of(recording.lon_m), of(recording.speed_mps), of(recording.accel_mps2), of(recording.length_m))

@@ -88,7 +88,8 @@ def follow(
         if measurements is not None and noise is not None:
             away = state[list(MEASURED)].reshape(3, cases.count, particles) - measurements[step][:, :, None]
             log_weight = log_weight - 0.5 * ((away / noise.as_column()[:, :, None]) ** 2).sum(axis=0)
-        weight = _normalised(log_weight)
+        weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
+        weight /= weight.sum(axis=1, keepdims=True)
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)
         belief = _belief(state, latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
         if measurements is not None:
@@ -102,8 +103,3 @@ def _belief(state: FloatArray, latents: FloatArray, log_weight: FloatArray, case
     component = np.repeat(np.arange(cases), state.shape[1] // cases)
     cloud = ParticleCloud(state, log_weight, log_weight, component, np.zeros(len(component)), latents)
     return Mixture(cloud, Components.newborn(np.arange(cases), np.ones(cases)))
-
-
-def _normalised(log_weight: FloatArray) -> FloatArray:
-    weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
-    return np.asarray(weight / weight.sum(axis=1, keepdims=True))

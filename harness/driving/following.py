@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.driving.neighbours import NOBODY, Others, clear_gap_m, order_by_lane, row_ahead
+from harness.driving.neighbours import NOBODY, Others, clear_gap_m, order_by_lane, others_at, row_ahead
 from harness.driving.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
@@ -152,11 +152,7 @@ def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) ->
 def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> Following:
     strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
     lines = np.array([strip.get(int(number), (np.nan, np.nan)) for number in recording.lane[own[:, 0]]]).reshape(-1, 2)
-    no_leader = leader == NOBODY
-
-    def of_leader(column: FloatArray) -> FloatArray:
-        return np.where(no_leader, np.nan, column[leader])
-
+    leaders = others_at(recording, leader)
     return Following(
         lon_m=recording.lon_m[own],
         offset_m=recording.lat_m[own] - lines.mean(axis=1)[:, None],
@@ -165,10 +161,10 @@ def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, a
         accel_mps2=recording.accel_mps2[own],
         length_m=recording.length_m[own[:, 0]],
         lane_width_m=lines[:, 1] - lines[:, 0],
-        leader_lon_m=of_leader(recording.lon_m),
-        leader_speed_mps=of_leader(recording.speed_mps),
-        leader_accel_mps2=of_leader(recording.accel_mps2),
-        leader_length_m=of_leader(recording.length_m)[:, 0],
+        leader_lon_m=leaders.lon_m,
+        leader_speed_mps=leaders.speed_mps,
+        leader_accel_mps2=leaders.accel_mps2,
+        leader_length_m=leaders.length_m[:, 0],
         vehicle=recording.vehicle[own[:, 0]],
         after_cut_in=after_cut_in,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -62,6 +62,12 @@ def clear_gap_m(recording: Recording, behind: IntArray, ahead: IntArray) -> Floa
     missing = (behind == NOBODY) | (ahead == NOBODY)
     half_lengths = 0.5 * (recording.length_m[behind] + recording.length_m[ahead])
     return np.where(missing, np.inf, recording.lon_m[ahead] - recording.lon_m[behind] - half_lengths)
+
+
+def others_at(recording: Recording, rows: IntArray) -> Others:
+    """Return the vehicles of some rows of a recording; nan where a row is ``NOBODY``."""
+    columns = (getattr(recording, column.name) for column in fields(Others))
+    return Others(*(np.where(rows == NOBODY, np.nan, column[rows]) for column in columns))
 
 
 def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:

@@ -45,15 +45,15 @@ def pairs_file(folder: Path) -> Path:
     return path
 
 
-def snippet_files(folder: Path, patterns: tuple[str, ...] = SNIPPETS) -> list[Path]:
+def snippet_files(folder: Path) -> list[Path]:
     """Return the files of recorded traffic, sorted by name within each layout.
 
     Raises:
         InputError: There is none.
     """
-    found = [path for pattern in patterns for path in sorted(folder.glob(pattern))]
+    found = [path for pattern in SNIPPETS for path in sorted(folder.glob(pattern))]
     if not found:
         raise InputError(
-            f"`{PARAMETER}`: {folder} has no recorded traffic ({', '.join(patterns)}); name another folder"
+            f"`{PARAMETER}`: {folder} has no recorded traffic ({', '.join(SNIPPETS)}); name another folder"
         )
     return found

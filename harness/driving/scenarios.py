@@ -13,7 +13,6 @@ from harness.truth.network.network import Network
 DENSITIES_VEH_PER_KM_LANE = (8.0, 15.0, 22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
 FIRST_TRAINING_SEED = 1000
 FIRST_TUNING_SEED = 100
-FIRST_REPORTING_SEED = 0
 TRAINING_DURATION_S = 200.0
 TUNING_DURATION_S = 100.0
 REPORTING_DURATION_S = 60.0
@@ -25,7 +24,7 @@ def scenarios(first_seed: int, count: int, duration_s: float) -> list[Scenario]:
     return [Scenario(densities[k % len(densities)], first_seed + k, duration_s) for k in range(count)]
 
 
-def open_scenario(network: Network, scenario: Scenario) -> TruthSource:
+def _open_scenario(network: Network, scenario: Scenario) -> TruthSource:
     """Start SUMO for one scenario, with no ego vehicle."""
     from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415  starts libsumo
 
@@ -41,17 +40,9 @@ def open_scenario(network: Network, scenario: Scenario) -> TruthSource:
 def record_scenarios(
     network: Network, wanted: Sequence[Scenario], cache: Path | None, say: Callable[[str], None]
 ) -> list[Path]:
-    """Record what is not recorded yet and return the files.
+    """Record what is not recorded yet, one line each to ``say``, and return the files.
 
-    Args:
-        network: Where the traffic runs.
-        wanted: What is to be recorded.
-        cache: Folder of the recordings; none for the usual one.
-        say: Told one line a recording.
+    They lie in ``cache``, or without it in the usual folder, which differs for other drivers on the same network.
     """
-    return record_all(wanted, cache or default_cache(network), partial(open_scenario, network), say)
-
-
-def default_cache(network: Network) -> Path:
-    """Return the folder where recordings of a network are kept; other drivers have another one."""
-    return Path("results") / "cache" / "traffic" / f"{network.name}-{network.fingerprint()}"
+    usual = Path("results") / "cache" / "traffic" / f"{network.name}-{network.fingerprint()}"
+    return record_all(wanted, cache or usual, partial(_open_scenario, network), say)

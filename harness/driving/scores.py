@@ -17,6 +17,7 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 QUANTITIES = {"lon_m": LON, "lat_m": LAT, "speed_mps": SPEED, "lat_speed_mps": LAT_SPEED}
 INTERVAL = (0.025, 0.975)
 RESAMPLES = 1000
+HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
 
 
 @dataclass(frozen=True)

@@ -204,15 +204,12 @@ def _compressed(demand: DemandFile, compression: float) -> DemandFile:
 
 
 def _line(number: int, trial: Trial) -> str:
-    parts = [f"{name}: {_short(figures)}" for name, figures in trial.simulated.items()]
-    return f"trial {number}, misfit {trial.misfit:.2f} (1 = targets just met); " + "; ".join(parts)
-
-
-def _short(figures: PeriodStatistics) -> str:
-    return (
-        f"{figures.mean_speed_mps:.2f} m/s, {figures.flow_veh_per_h:.0f} veh/h, "
+    parts = (
+        f"{name}: {figures.mean_speed_mps:.2f} m/s, {figures.flow_veh_per_h:.0f} veh/h, "
         f"{100.0 * figures.share_below_4mps:.1f} % slow, waves {figures.wave_mps:.1f} m/s"
+        for name, figures in trial.simulated.items()
     )
+    return f"trial {number}, misfit {trial.misfit:.2f} (1 = targets just met); " + "; ".join(parts)
 
 
 def _trial_table(trial: Trial) -> dict[str, Any]:

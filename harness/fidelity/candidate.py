@@ -61,8 +61,7 @@ def first_candidate(
     network: Network, site: MeasuredSite, names: tuple[str, ...], keep_drivers: bool = False
 ) -> Candidate:
     """Return what the measurements say by themselves: densities of each five minutes, gaps that carry the flow."""
-    minimum_gap_m = network.drivers.minimum_gap_m
-    relation = Equilibrium(minimum_gap_m=minimum_gap_m)
+    relation = Equilibrium(minimum_gap_m=network.drivers.minimum_gap_m)
     headways = [_headway_s(site.periods[name].statistics, relation) for name in names]
     drivers = network.drivers
     if not keep_drivers:
@@ -177,12 +176,8 @@ def _improved_demand(
     demand: DemandFile, simulated: PeriodStatistics, measured: PeriodStatistics, drivers: Drivers, step: float
 ) -> DemandFile:
     relation = Equilibrium.of(drivers)
-    ratios = [
-        wished / found
-        for wished, found in zip(
-            _quarter_headways_s(measured, relation), _quarter_headways_s(simulated, relation), strict=True
-        )
-    ]
+    headways = (_quarter_headways_s(statistics, relation) for statistics in (measured, simulated))
+    ratios = [wished / found for wished, found in zip(*headways, strict=True)]
     profile = tuple(
         (place, round(float(np.clip(factor * ratio**step, *FACTOR_RANGE)), 4))
         for (place, factor), ratio in zip(demand.headway_profile, [*ratios, 1.0], strict=True)
@@ -237,13 +232,9 @@ def _headway_s(statistics: PeriodStatistics, relation: Equilibrium) -> float:
 
 
 def _quarter_headways_s(statistics: PeriodStatistics, relation: Equilibrium) -> list[float]:
-    spacings_m = [
-        3600.0 * MAIN_LANES * speed / flow
-        for speed, flow in zip(statistics.quarter_speed_mps, statistics.quarter_flow_veh_per_h, strict=True)
-    ]
     return [
-        max(0.1, spacing_m - relation.standing_spacing_m) / speed
-        for spacing_m, speed in zip(spacings_m, statistics.quarter_speed_mps, strict=True)
+        max(0.1, 3600.0 * MAIN_LANES * speed / flow - relation.standing_spacing_m) / speed
+        for speed, flow in zip(statistics.quarter_speed_mps, statistics.quarter_flow_veh_per_h, strict=True)
     ]
 
 

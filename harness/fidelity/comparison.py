@@ -184,11 +184,8 @@ def distances(simulated: Samples, recorded: Samples) -> tuple[Distance, ...]:
         first, second = simulated.values[quantity], recorded.values[quantity]
         if len(first) and len(second):
             distance = float(wasserstein_distance(first, second))
-            found.append(
-                Distance(
-                    quantity, unit, distance, float(np.mean(first)), float(np.mean(second)), len(first), len(second)
-                )
-            )
+            means = float(np.mean(first)), float(np.mean(second))
+            found.append(Distance(quantity, unit, distance, *means, len(first), len(second)))
     if simulated.vehicle_km > 0.0 and recorded.vehicle_km > 0.0:
         rates = simulated.changes_per_km, recorded.changes_per_km
         found.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "
 SIMULATED, RECORDED = "#0072B2", "#D55E00"
 FASTEST_SHOWN_MPS = 20.0
 BINS = 40
-LABELS = {name: name.replace("_", " ") for name in UNITS}
 
 
 def write_fidelity(result: Fidelity, folder: Path) -> None:
@@ -55,7 +54,7 @@ def as_markdown(result: Fidelity) -> str:
         f"{result.setting['minutes']:g} simulated minutes on each of {len(result.setting['seeds'])} seeds a period; "
         f"the first minutes that the recording undercounts are left out on both sides. Measured: {result.source}.",
         "",
-        *markdown_table(TARGET_HEADINGS, target_rows(result)),
+        *markdown_table(TARGET_HEADINGS, _target_rows(result)),
         "",
         summary(result),
         "",
@@ -79,7 +78,7 @@ def as_markdown(result: Fidelity) -> str:
 
 def print_fidelity(result: Fidelity) -> None:
     """Print the same on stderr."""
-    parts: list[Table | Text] = [_table("Simulated and measured traffic", TARGET_HEADINGS, list(target_rows(result)))]
+    parts: list[Table | Text] = [_table("Simulated and measured traffic", TARGET_HEADINGS, _target_rows(result))]
     if result.distances:
         rows = [_distance_row(entry) for entry in result.distances]
         parts.append(_table("Distances between distributions", DISTANCE_HEADINGS, rows))
@@ -93,11 +92,8 @@ def summary(result: Fidelity) -> str:
     return f"{sum(target.met for target in listed)} of {len(listed)} targets are met."
 
 
-def target_rows(result: Fidelity) -> Iterator[tuple[str, ...]]:
-    """Yield one row a target."""
-    for period in result.periods:
-        for target in period.targets:
-            yield _target_row(period, target)
+def _target_rows(result: Fidelity) -> list[tuple[str, ...]]:
+    return [_target_row(period, target) for period in result.periods for target in period.targets]
 
 
 def _target_row(period: Period, target: Target) -> tuple[str, ...]:
@@ -114,12 +110,12 @@ def _target_row(period: Period, target: Target) -> tuple[str, ...]:
 
 
 def _distance_row(entry: Distance) -> tuple[str, ...]:
-    numbers = (f"{value:.2f}" for value in (entry.simulated_mean, entry.measured_mean))
     return (
         entry.quantity.replace("_", " "),
         f"{entry.distance:.2f}",
         entry.unit,
-        *numbers,
+        f"{entry.simulated_mean:.2f}",
+        f"{entry.measured_mean:.2f}",
         str(entry.simulated_n),
         str(entry.measured_n),
     )
@@ -205,7 +201,7 @@ def distributions(simulated: dict[str, FloatArray], recorded: dict[str, FloatArr
     panels = figure.subplots(2, 4)
     for axes, (quantity, unit) in zip(panels.flat, UNITS.items(), strict=True):
         first, second = simulated[quantity], recorded[quantity]
-        axes.set_xlabel(f"{LABELS[quantity]}, {unit}")
+        axes.set_xlabel(f"{quantity.replace('_', ' ')}, {unit}")
         axes.set_yticks([])
         axes.spines[["top", "right", "left"]].set_visible(False)
         if not len(first) or not len(second):

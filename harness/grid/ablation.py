@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,42 +21,26 @@ DEFAULT = "mmpf"
 DRAWS = 2000
 
 
-@dataclass(frozen=True)
-class Ablation:
-    """One arm of the study.
-
-    Attributes:
-        variant: The tracker as ``trackers`` of a stress test takes it.
-        what: What is different from the default, in words.
-    """
-
-    variant: str
-    what: str
-
-
-ABLATIONS = (
-    Ablation(DEFAULT, "the default: soft joint association"),
-    Ablation("mmpf+joint.detectability.shadow=false", "detection probability the same everywhere, blind to shadows"),
-    Ablation(
-        "mmpf+joint.association.exclusive=false", "a detection may serve several components (no belief propagation)"
+ABLATIONS = {
+    DEFAULT: "the default: soft joint association",
+    "mmpf+joint.detectability.shadow=false": "detection probability the same everywhere, blind to shadows",
+    "mmpf+joint.association.exclusive=false": "a detection may serve several components (no belief propagation)",
+    "mmpf+joint.identity.stitch=false": "no identity handed to a component confirmed near a hidden one",
+    "mmpf+joint.detectability.missed_cap=0.95": "misses taken as independent in time (cap 0.95 for 0.6)",
+    "mmpf+joint.association.exclusion_per_s=0": "hidden particles may lie on seen vehicles",
+    "mmpf+joint.resampling.kernel_width=0": "resampled particles are copies, not smoothed by a kernel",
+    "mmpf+joint.resampling.young_hits=0": "young components resampled like all others, not from a Gaussian",
+    "mmpf+birth.other_speed_std_mps=2.5": "newborn speeds near the neighbours' only",
+    "mmpf+model_error.speed=0+model_error.accel=0+model_error.lat_speed=0": "no noise beside the model's own",
+    "mmpf+update=max_likelihood": "the paper's rule as it is written",
+    "mmpf+update=max_likelihood+max_likelihood.association.gate_std=6": (
+        "the paper's rule, no update without a detection"
     ),
-    Ablation("mmpf+joint.identity.stitch=false", "no identity handed to a component confirmed near a hidden one"),
-    Ablation("mmpf+joint.detectability.missed_cap=0.95", "misses taken as independent in time (cap 0.95 for 0.6)"),
-    Ablation("mmpf+joint.association.exclusion_per_s=0", "hidden particles may lie on seen vehicles"),
-    Ablation("mmpf+joint.resampling.kernel_width=0", "resampled particles are copies, not smoothed by a kernel"),
-    Ablation("mmpf+joint.resampling.young_hits=0", "young components resampled like all others, not from a Gaussian"),
-    Ablation("mmpf+birth.other_speed_std_mps=2.5", "newborn speeds near the neighbours' only"),
-    Ablation("mmpf+model_error.speed=0+model_error.accel=0+model_error.lat_speed=0", "no noise beside the model's own"),
-    Ablation("mmpf+update=max_likelihood", "the paper's rule as it is written"),
-    Ablation(
-        "mmpf+update=max_likelihood+max_likelihood.association.gate_std=6",
-        "the paper's rule, no update without a detection",
+    "mmpf+update=max_likelihood+max_likelihood.existence.floor_weight=0.01": (
+        "the paper's rule, component weights kept from starving"
     ),
-    Ablation(
-        "mmpf+update=max_likelihood+max_likelihood.existence.floor_weight=0.01",
-        "the paper's rule, component weights kept from starving",
-    ),
-)
+}
+"""What is different from the default in each arm, by its tracker as ``trackers`` of a stress test takes it."""
 
 
 def ablated_quantities() -> list[Quantity]:
@@ -67,8 +50,7 @@ def ablated_quantities() -> list[Quantity]:
 
 def ablation_request(net: str, seeds: str, duration_s: float) -> GridRequest:
     """Return the grid of all arms in dense traffic, where association is hard."""
-    variants = ",".join(ablation.variant for ablation in ABLATIONS)
-    return GridRequest(net=net, densities="45", trackers=variants, seeds=seeds, duration_s=duration_s)
+    return GridRequest(net=net, densities="45", trackers=",".join(ABLATIONS), seeds=seeds, duration_s=duration_s)
 
 
 def ablation_rows(runs: pd.DataFrame) -> list[dict[str, Any]]:
@@ -85,9 +67,9 @@ def ablation_rows(runs: pd.DataFrame) -> list[dict[str, Any]]:
     finished = runs[runs["succeeded"]].reindex(columns=["variant", "seed", *(measure.key for measure in measures)])
     default = finished[finished["variant"] == DEFAULT].set_index("seed")
     rows = []
-    for ablation in ABLATIONS:
-        own = finished[finished["variant"] == ablation.variant].set_index("seed")
-        row: dict[str, Any] = {"variant": ablation.variant, "what": ablation.what, "runs": len(own)}
+    for variant, what in ABLATIONS.items():
+        own = finished[finished["variant"] == variant].set_index("seed")
+        row: dict[str, Any] = {"variant": variant, "what": what, "runs": len(own)}
         for measure in measures:
             values = own[measure.key].astype(float)
             difference = np.asarray((values - default[measure.key].astype(float)).dropna(), dtype=np.float64)

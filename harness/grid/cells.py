@@ -52,10 +52,6 @@ class Cell:
         """A configuration that traffic and sensor can be opened from."""
         return self.runs[0].config
 
-    def describe(self) -> str:
-        """Return what is simulated in a few words."""
-        return f"{self.config.traffic.net} {_traffic_word(self.config)} seed {self.config.seed}"
-
 
 @dataclass(frozen=True)
 class PlannedRun:

@@ -86,7 +86,7 @@ def plan_grid(request: GridRequest) -> Grid:
     for place, varied in itertools.product(places, _combinations(shared)):
         # Every configuration is checked once; only the seed differs among those that follow.
         first = [
-            PlannedRun(_config(request, variant, place, seeds[0], each), variant.text, _kept(variant, each))
+            PlannedRun(_config(request, variant, place, seeds[0], each), variant.text, each)
             for variant in variants
             for each in ([varied | more for more in _combinations(own)] if variant.takes_settings else [varied])
         ]
@@ -212,7 +212,3 @@ def with_example(error: InputError, varied: Iterable[str]) -> InputError:
     if any(key.split(".", 1)[-1] in str(error) for key in varied):
         return InputError(f"`vary`: {error}; for example `vary` {VARY_EXAMPLE}")
     return error
-
-
-def _kept(variant: _Variant, varied: Mapping[str, float]) -> dict[str, float]:
-    return {key: value for key, value in varied.items() if variant.takes_settings or not key.startswith("tracker.")}

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.grid.cells import RECORDING
-from harness.grid.coasting import COASTING
-from harness.grid.rows import column_of
-from harness.grid.summary import labelled
+from harness.grid.summary import labelled, summed_by, sums_and_weights
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import cluster_bootstrap
@@ -22,10 +20,6 @@ if TYPE_CHECKING:
 
 
 DRAWS = 2000
-HIDDEN_AGAINST_COASTING = 0.7
-# Times hidden, from and to, that this is aimed at; the last is all of them together.
-JUDGED = ((2.0, 3.0), (0.0, None))
-JPDA, OURS = "stonesoup-jpda", "mmpf"
 
 
 def pooled_quantities() -> list[Quantity]:
@@ -101,15 +95,6 @@ class FileCount:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What was aimed at on recorded traffic and what came of it."""
-
-    text: str
-    met: bool
-    measured: str
-
-
-@dataclass(frozen=True)
 class Pooled:
     """Everything that a grid over recorded traffic tells.
 
@@ -118,14 +103,12 @@ class Pooled:
         id_switches: Identity switches of each tracker over all files.
         means: Each tracker's scores.
         hidden: Each tracker's errors by the time since the last detection, all times together last.
-        verdicts: Targets.
     """
 
     files: Sequence[FileCount]
     id_switches: dict[str, int]
     means: Sequence[Mean]
     hidden: Sequence[HiddenError]
-    verdicts: Sequence[Verdict]
 
 
 def pool_files(table: pd.DataFrame) -> Pooled:
@@ -139,7 +122,7 @@ def pool_files(table: pd.DataFrame) -> Pooled:
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
     means = [_mean(label, quantity, runs) for label, runs in groups for quantity in pooled_quantities()]
-    return Pooled(_files(done), switches, means, hidden, _verdicts(switches, hidden))
+    return Pooled(_files(done), switches, means, hidden)
 
 
 def _files(done: pd.DataFrame) -> list[FileCount]:
@@ -152,10 +135,7 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 
 
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
-    values = column_of(runs, quantity.key)
-    weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
-    sums = values * weight if quantity.scale is None else quantity.scale * values
-    sums, counts = _by_file(runs, sums, weight)
+    sums, counts = summed_by(RECORDING, runs, *sums_and_weights(runs, quantity))
     mean, interval = _ratio(sums, counts)
     return Mean(label, quantity.pooled, mean, interval, int(counts.sum()))
 
@@ -169,8 +149,8 @@ def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
         n, own, coasting = (
             runs[f"{key}.{name}"].to_numpy(dtype=np.float64) for name in ("n", "lon_m", "coasting_lon_m")
         )
-        own_sums, counts = _by_file(runs, own * n, n)
-        coasting_sums, _ = _by_file(runs, coasting * n, n)
+        own_sums, counts = summed_by(RECORDING, runs, own * n, n)
+        coasting_sums, _ = summed_by(RECORDING, runs, coasting * n, n)
         is_bin = f"{key}.from_s" in runs
         lon_m, lon_interval = _ratio(own_sums, counts)
         ratio, ratio_interval = _ratio(own_sums, coasting_sums)
@@ -190,14 +170,6 @@ def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
     return errors
 
 
-def _by_file(runs: pd.DataFrame, sums: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return sums and weights of each file, seeds of one file together; runs without a value count nothing."""
-    known = np.isfinite(sums) & np.isfinite(weight)
-    file = np.unique(runs[RECORDING].to_numpy(dtype=str), return_inverse=True)[1]
-    summed, counted = (np.bincount(file, weights=np.where(known, values, 0.0)) for values in (sums, weight))
-    return summed.astype(np.float64), counted.astype(np.float64)
-
-
 def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[float, float] | None]:
     """Return the ratio of the totals and its bootstrap interval over files."""
     total = float(counts.sum())
@@ -206,28 +178,3 @@ def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[fl
     interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
     ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
     return float(sums.sum()) / total, ends
-
-
-def _verdicts(switches: dict[str, int], hidden: Sequence[HiddenError]) -> list[Verdict]:
-    """Hold each variant of the project's own tracker against JPDA's switches and against coasting."""
-    verdicts = []
-    for label, own_switches in switches.items():
-        if not label.startswith(OURS):
-            continue
-        if JPDA in switches:
-            text = f"{label}: fewer identity switches than {JPDA}"
-            verdicts.append(Verdict(text, own_switches < switches[JPDA], f"{own_switches} to {switches[JPDA]}"))
-        verdicts += [
-            _below_coasting(error)
-            for error in hidden
-            if error.tracker == label and (error.from_s, error.to_s) in JUDGED and error.ratio is not None
-        ]
-    return verdicts
-
-
-def _below_coasting(error: HiddenError) -> Verdict:
-    ratio = error.ratio if error.ratio is not None else np.nan
-    when = "hidden" if error.to_s is None else f"{error.from_s:g} to {error.to_s:g} s hidden"
-    text = f"{error.tracker}: error while {when} at most {HIDDEN_AGAINST_COASTING:g} of coasting's ({COASTING})"
-    ends = f" [{error.ratio_ci95[0]:.2f}, {error.ratio_ci95[1]:.2f}]" if error.ratio_ci95 is not None else ""
-    return Verdict(text, ratio <= HIDDEN_AGAINST_COASTING, f"{ratio:.2f}{ends} over {error.n} vehicle-steps")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import astuple
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from harness.grid.coasting import COASTING
-from harness.grid.pooled import HiddenError, Mean, Pooled, pooled_quantities
-from harness.grid.tables import COLOURS
+from harness.grid.pooled import HiddenError, Pooled, pooled_quantities
+from harness.grid.tables import COLOURS, value_cell
 from harness.writing.markdown import markdown_table
 from harness.writing.plots import label_ends
 
@@ -17,7 +18,7 @@ TITLE = "Recorded traffic"
 
 
 def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
-    """Return all tables, what was aimed at, and what failed."""
+    """Return all tables and what failed."""
     lines = [
         f"# {TITLE}",
         "",
@@ -35,10 +36,6 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
         "",
         "![hidden](figures/hidden.png)",
         "",
-        "## Targets",
-        "",
-        *(f"- {'met' if verdict.met else 'MISSED'}: {verdict.text}: {verdict.measured}" for verdict in pooled.verdicts),
-        "",
         "## Files",
         "",
         *_file_table(pooled),
@@ -53,7 +50,7 @@ def _score_table(pooled: Pooled) -> list[str]:
     found = {(mean.tracker, mean.quantity): mean for mean in pooled.means}
     columns = pooled_quantities()
     rows = [
-        [label, str(switches), *(_cell(found[label, column.pooled], column.decimals) for column in columns)]
+        [label, str(switches), *(value_cell(found[label, column.pooled], column.decimals) for column in columns)]
         for label, switches in pooled.id_switches.items()
     ]
     return markdown_table(["tracker", "identity switches", *(column.label for column in columns)], rows)
@@ -67,13 +64,7 @@ def _hidden_table(pooled: Pooled) -> list[str]:
 
 
 def _file_table(pooled: Pooled) -> list[str]:
-    rows = [
-        [
-            count.file,
-            *map(str, (count.vehicles_read, count.vehicles_kept, count.vehicles_left_out, count.egos, count.runs)),
-        ]
-        for count in pooled.files
-    ]
+    rows = [list(map(str, astuple(count))) for count in pooled.files]
     total = ["all", *(str(sum(int(row[place]) for row in rows)) for place in range(1, 6))]
     heads = ["file", "vehicles read", "driven", "left out", "carried the sensor", "runs"]
     return markdown_table(heads, [*rows, total])
@@ -81,13 +72,6 @@ def _file_table(pooled: Pooled) -> list[str]:
 
 def _time(error: HiddenError) -> str:
     return "all" if error.to_s is None else f"{error.from_s:g} to {error.to_s:g} s"
-
-
-def _cell(mean: Mean, decimals: int) -> str:
-    if mean.mean is None:
-        return "-"
-    text = f"{mean.mean:.{decimals}f}"
-    return f"{text} [{mean.ci95[0]:.{decimals}f}, {mean.ci95[1]:.{decimals}f}]" if mean.ci95 is not None else text
 
 
 def _hidden_cell(error: HiddenError) -> str:

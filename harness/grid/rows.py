@@ -61,11 +61,6 @@ def column_of(table: pd.DataFrame, name: str) -> FloatArray:
     return table[name].to_numpy(dtype=np.float64) if name in table else np.full(len(table), np.nan)
 
 
-def is_timing(column: str) -> bool:
-    """Return whether a column holds wall time, which differs between runs of the same configuration."""
-    return column == "total_s" or (column.startswith("timing.") and column != "timing.steps")
-
-
 def write_row(folder: Path, key: str, row: Row) -> None:
     """Write a run's row so that it is there whole or not at all."""
     final = folder / f"{key}.json"

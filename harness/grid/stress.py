@@ -47,7 +47,7 @@ class FinishedGrid:
     @property
     def failures(self) -> list[str]:
         """One line for each run that failed."""
-        return [failure["run"] + ": " + failure["error"] for failure in self.summary["failures"]]
+        return _lines(self.summary["failures"])
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def run_stress(
     """
     user = user or Telling()
     grid = plan_grid(request)
-    check_grid(grid, user.tell)
+    _check_grid(grid, user.tell)
     rows_folder = _open_folder(out, resume)
     done = read_rows(rows_folder, (run.key for run in grid.runs))
     if retry_failed:
@@ -101,9 +101,11 @@ def run_stress(
     _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
     if done and versions != _versions(out):
         user.warn(f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?")
-    open_cells = [cell for cell in (_without(cell, done) for cell in grid.cells) if cell.runs]
-    if open_cells:
-        _forget_outcome(out)
+    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
+    open_cells = [cell for cell in left if cell.runs]
+    # What was made of fewer runs goes.
+    for name in (RUNS, SUMMARY, TABLE) if open_cells else ():
+        (out / name).unlink(missing_ok=True)
     (out / GRID).write_text(json.dumps(asdict(request), indent=2) + "\n", encoding="utf-8")
     total = len(grid.runs) - len(done)
     title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
@@ -126,16 +128,8 @@ def run_stress(
     return finished
 
 
-def check_grid(grid: Grid, tell: Callable[[str], object] = str) -> None:
-    """Find a wrong network, recording, sensor or tracker before any run is made.
-
-    Args:
-        grid: The grid.
-        tell: Called with what was read of each recording.
-
-    Raises:
-        InputError: One is wrong.
-    """
+def _check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
+    """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings."""
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     traffic = grid.cells[0].config.traffic
@@ -198,16 +192,6 @@ def _versions(out: Path) -> Any:  # noqa: ANN401
         return manifest["git_revision"], manifest["versions"]
     except (OSError, ValueError, KeyError):
         return None
-
-
-def _without(cell: Cell, done: Mapping[str, Row]) -> Cell:
-    return Cell(tuple(run for run in cell.runs if run.key not in done))
-
-
-def _forget_outcome(out: Path) -> None:
-    """Remove what was made of fewer runs."""
-    for name in (RUNS, SUMMARY, TABLE):
-        (out / name).unlink(missing_ok=True)
 
 
 def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:

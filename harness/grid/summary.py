@@ -81,24 +81,21 @@ class Break:
     at_lowest: bool
 
 
-def label_of(row: pd.Series) -> str:
+def _label_of(row: pd.Series) -> str:
     """Return what a run is called in tables and figures: the tracker as it was written, and its model."""
     model = row["model"]
-    return (
-        f"{row['variant']} {model}"
-        if isinstance(model, str) and "model=" not in row["variant"]
-        else str(row["variant"])
-    )
+    told = isinstance(model, str) and "model=" not in row["variant"]
+    return f"{row['variant']} {model}" if told else str(row["variant"])
 
 
 def labelled(table: pd.DataFrame) -> pd.DataFrame:
     """Return the runs that succeeded, with a column ``label``."""
     done = table[table["succeeded"].astype(bool)].copy()
-    done["label"] = [label_of(row) for _, row in done.iterrows()]
+    done["label"] = [_label_of(row) for _, row in done.iterrows()]
     return done
 
 
-def axes_of(table: pd.DataFrame, varied: Sequence[str]) -> list[str]:
+def _axes_of(table: pd.DataFrame, varied: Sequence[str]) -> list[str]:
     """Return the axes that have curves: density or demand, and every varied key with at least two values."""
     own = [axis for axis in varied if _values(table, axis) > 1]
     traffic = [axis for axis in ("density", "demand") if _values(table, axis) > 1]
@@ -120,7 +117,7 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
     """
     done = labelled(table)
     points = []
-    for axis in axes_of(done, varied) if len(done) else []:
+    for axis in _axes_of(done, varied) if len(done) else []:
         for (label, value), runs in done.groupby(["label", axis], sort=False):
             points += [
                 _point(str(label), axis, value if isinstance(value, str) else float(str(value)), quantity, runs)
@@ -138,7 +135,7 @@ def breaks(table: pd.DataFrame) -> list[Break]:
 
 
 def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: pd.DataFrame) -> Point:
-    sums, counts = _by_seed(runs, quantity)
+    sums, counts = summed_by("seed", runs, *sums_and_weights(runs, quantity))
     total = float(counts.sum())
     interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
     return Point(
@@ -153,17 +150,19 @@ def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: 
     )
 
 
-def _by_seed(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
-    """Return the sum of a quantity and its number of samples for each seed, both of shape (seeds,)."""
+def sums_and_weights(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+    """Return each run's sum of a quantity and its number of samples, both of shape (runs,); nan without a value."""
     values = column_of(runs, quantity.key)
     weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
-    sums = values * weight if quantity.scale is None else quantity.scale * values
+    return values * weight if quantity.scale is None else quantity.scale * values, weight
+
+
+def summed_by(column: str, runs: pd.DataFrame, sums: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the totals over runs that have the same value in a column; runs without a sum count nothing."""
     known = np.isfinite(sums) & np.isfinite(weight)
-    _, seed = np.unique(runs["seed"].to_numpy(), return_inverse=True)
-    return (
-        np.bincount(seed, weights=np.where(known, sums, 0.0)).astype(np.float64),
-        np.bincount(seed, weights=np.where(known, weight, 0.0)).astype(np.float64),
-    )
+    group = np.unique(runs[column].to_numpy(), return_inverse=True)[1]
+    summed, counted = (np.bincount(group, weights=np.where(known, values, 0.0)) for values in (sums, weight))
+    return summed.astype(np.float64), counted.astype(np.float64)
 
 
 def _break(label: str, runs: pd.DataFrame) -> Break:
@@ -189,14 +188,13 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
             _crossings(densities, drawn @ sums_array, drawn @ counts_array), (0.025, 0.975), method="lower"
         )
         interval = (_finite(ends[0]), _finite(ends[1])) if np.isfinite(ends).any() else None
-    at_lowest = bool(crossing == densities[0])
-    return Break(label, _finite(crossing), interval, kept[-1], at_lowest)
+    return Break(label, _finite(crossing), interval, kept[-1], bool(crossing == densities[0]))
 
 
 def _on_all_seeds(runs: pd.DataFrame, quantity: Quantity, seeds: FloatArray) -> tuple[FloatArray, FloatArray]:
     sums, counts = np.zeros(len(seeds)), np.zeros(len(seeds))
     place = np.searchsorted(seeds, np.unique(runs["seed"].to_numpy()))
-    sums[place], counts[place] = _by_seed(runs, quantity)
+    sums[place], counts[place] = summed_by("seed", runs, *sums_and_weights(runs, quantity))
     return sums, counts
 
 

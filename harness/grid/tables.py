@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,9 @@ from rich.text import Text
 
 from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, points_of
 from harness.writing.markdown import markdown_table
+
+if TYPE_CHECKING:
+    from harness.grid.pooled import Mean
 
 
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
@@ -85,13 +89,14 @@ def _rows(points: Sequence[Point], axis: str, with_intervals: bool) -> list[list
         here = {
             point.metric: point for point in points if (point.axis, point.label, point.value) == (axis, label, value)
         }
-        cells = [_cell(here[each.key], each.decimals, with_intervals) for each in curve_quantities()]
+        cells = [value_cell(here[each.key], each.decimals, with_intervals) for each in curve_quantities()]
         place = value if isinstance(value, str) else f"{value:g}"
         rows.append([label, place, *cells, str(max(point.seeds for point in here.values()))])
     return rows
 
 
-def _cell(point: Point, decimals: int, with_interval: bool) -> str:
+def value_cell(point: Point | Mean, decimals: int, with_interval: bool = True) -> str:
+    """Return a mean with its interval, as far as there is one."""
     if point.mean is None:
         return "-"
     text = f"{point.mean:.{decimals}f}"

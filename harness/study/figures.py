@@ -91,10 +91,9 @@ def errors_figure(result: StudyResult, occlusion: str) -> Figure:
 
 def _particles(axis: Axes, result: StudyResult, occlusion: str, model: str, panel: tuple[int, int, str]) -> None:
     row, kept_row, _ = panel
-    truth = result.example_truth
+    truth, reference = result.example_truth, _reference(result, row)
     time_s = np.arange(len(truth)) * result.step_s
-    values = result.examples[occlusion, model].state[:, kept_row]
-    reference = _steady(truth, result.step_s) if row == LON else np.zeros(len(truth))
+    values = result.examples[occlusion, model][:, kept_row]
     shown = slice(DRAW_EVERY - 1, None, DRAW_EVERY)
     times = np.repeat(time_s[1:][shown, None], values.shape[1], axis=1)
     relative = values[shown] - reference[1:][shown, None]
@@ -108,16 +107,18 @@ def _bound_by_truth_and_particles(
 ) -> None:
     """Hold the shared axis to what 90 % of the particles reach, so that one model's runaways don't flatten the rest."""
     row, kept_row, _ = panel
-    truth = result.example_truth
-    reference = _steady(truth, result.step_s) if row == LON else np.zeros(len(truth))
-    clouds = [result.examples[occlusion, model].state[:, kept_row] - reference[1:, None] for model in models]
+    truth, reference = result.example_truth, _reference(result, row)
+    clouds = [result.examples[occlusion, model][:, kept_row] - reference[1:, None] for model in models]
     low = min([np.quantile(cloud, 0.02) for cloud in clouds] + [(truth[:, row] - reference).min()])
     high = max([np.quantile(cloud, 0.98) for cloud in clouds] + [(truth[:, row] - reference).max()])
     axis.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
 
 
-def _steady(truth: FloatArray, step_s: float) -> FloatArray:
-    return np.asarray(truth[0, LON] + truth[0, SPEED] * step_s * np.arange(len(truth)))
+def _reference(result: StudyResult, row: int) -> FloatArray:
+    """Return what a quantity is drawn against: steady driving for the position, zero for all others."""
+    truth = result.example_truth
+    steady = truth[0, LON] + truth[0, SPEED] * result.step_s * np.arange(len(truth))
+    return np.asarray(steady if row == LON else np.zeros(len(truth)))
 
 
 def _errors(axis: Axes, result: StudyResult, occlusion: str, quantity: str) -> None:

@@ -10,26 +10,14 @@ import numpy as np
 
 from harness.driving.cases import Cases
 from harness.driving.filtering import Cloud, MeasurementNoise, follow, measure
-from harness.driving.scores import QUANTITIES, Scores, mean_with_interval, score
+from harness.driving.scores import HORIZONS_S, QUANTITIES, Scores, mean_with_interval, score
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 PARTIAL, COMPLETE = "partial", "complete"
-HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
 LABELS = {"gmm": "ours", "gmm-short": "as in the paper", "gmm-lane-change": "as in the paper"}
 SHOWN_PARTICLES = 60
-
-
-@dataclass(frozen=True)
-class Example:
-    """Particles of one case over time, for the pictures.
-
-    Attributes:
-        state: Longitudinal and lateral position, longitudinal and lateral speed, shape (steps - 1, 4, shown).
-    """
-
-    state: FloatArray
 
 
 @dataclass(frozen=True)
@@ -39,7 +27,8 @@ class StudyResult:
     Attributes:
         study: Name of the study.
         scores: By occlusion and model.
-        examples: Particles of the example case, by occlusion and model.
+        examples: Particles of the example case, by occlusion and model: longitudinal and lateral position and
+            speeds, shape (steps - 1, 4, shown).
         example_truth: True states of the example case, shape (steps, 6).
         step_s: Time between steps.
         rows: What ``results.json`` holds under ``results``.
@@ -47,7 +36,7 @@ class StudyResult:
 
     study: str
     scores: Mapping[tuple[str, str], Scores]
-    examples: Mapping[tuple[str, str], Example]
+    examples: Mapping[tuple[str, str], FloatArray]
     example_truth: FloatArray
     step_s: float
     rows: Sequence[Mapping[str, Any]]
@@ -86,30 +75,23 @@ def run_study(
     measurements = measure(cases, noise, np.random.default_rng([seed, 1]))
     shown = _most_eventful(cases)
     scores: dict[tuple[str, str], Scores] = {}
-    examples: dict[tuple[str, str], Example] = {}
+    examples: dict[tuple[str, str], FloatArray] = {}
     for occlusion in occlusions:
         seen = (measurements, noise) if occlusion == PARTIAL else (None, None)
         for name, model in models.items():
             clouds = follow(model, cases, particles, np.random.default_rng([seed, 2]), *seen)
             kept: list[FloatArray] = []
             scores[occlusion, name] = score(_keeping_example(clouds, shown, kept), cases)
-            examples[occlusion, name] = Example(np.stack(kept))
+            examples[occlusion, name] = np.stack(kept)
             progress()
     rows = [row for key, value in scores.items() for row in _rows(study, *key, value, cases.step_s)]
     return StudyResult(study, scores, examples, cases.truth[:, :, shown], cases.step_s, rows)
 
 
-def horizons_within(steps: int, step_s: float) -> list[float]:
-    """Return the reported horizons that trajectories of that many states reach."""
-    return [horizon for horizon in HORIZONS_S if round(horizon / step_s) < steps]
-
-
 def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float) -> list[dict[str, Any]]:
     """Return one row for each horizon and one, without a horizon, for the mean over all steps."""
-    at_horizon = [
-        score_row(scores, round(horizon / step_s) - 1, horizon)
-        for horizon in horizons_within(len(scores.crps_m) + 1, step_s)
-    ]
+    steps = {horizon: round(horizon / step_s) for horizon in HORIZONS_S}
+    at_horizon = [score_row(scores, k - 1, horizon) for horizon, k in steps.items() if k <= len(scores.crps_m)]
     head = {"study": study, "occlusion": occlusion, "model": model, "label": LABELS.get(model, "rival")}
     return [{**head, **row} for row in [*at_horizon, score_row(scores, slice(None), None)]]
 

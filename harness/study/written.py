@@ -20,13 +20,7 @@ LATERAL_QUANTITIES = {"lat_m": "lateral position, m", "lat_speed_mps": "lateral 
 
 
 def write_study(result: StudyResult, setting: Mapping[str, Any], folder: Path) -> None:
-    """Write ``results.json``, ``results.md`` and the pictures.
-
-    Args:
-        result: The study's numbers.
-        setting: How the study was made: seeds, cases, particles, noise.
-        folder: Where to; made if missing.
-    """
+    """Write ``results.json``, ``results.md`` and the pictures into a folder, which is made if missing."""
     write_results(folder, as_json(result, setting), as_markdown(result, setting))
     draw_study(result, folder)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.driving.cases import Cases, following_cases
+from harness.driving.cases import following_cases
 from harness.driving.filtering import follow
 from harness.driving.following import Following
-from harness.driving.scores import score
+from harness.driving.scores import HORIZONS_S, score
 from harness.writing.markdown import markdown_table
 from harness.writing.plots import strip
 from mmpf.learning.fit import SizeScore
@@ -40,7 +40,7 @@ def write_card(
     if sizes:
         best = min(sizes, key=lambda size: size.bic)
         picture = path.with_name(f"{path.stem}_bic.png")
-        draw_sizes(sizes, picture)
+        _draw_sizes(sizes, best, picture)
         lines += ["## Number of components", "", f"Smallest BIC of the sweep: {best.components} components.", ""]
         rows = [[str(size.components), f"{size.bic:.0f}", f"{size.log_likelihood:.3f}"] for size in sizes]
         lines += markdown_table(["components", "BIC", "log-likelihood a sample"], rows)
@@ -54,19 +54,16 @@ def write_card(
     path.write_text("\n".join(lines), encoding="utf-8")
 
 
-def draw_sizes(sizes: Sequence[SizeScore], path: Path) -> None:
+def _draw_sizes(sizes: Sequence[SizeScore], best: SizeScore, path: Path) -> None:
     """Draw BIC over the number of components."""
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(5.0, 3.2), layout="constrained")
     axis = figure.subplots()
-    components = [size.components for size in sizes]
-    thousands = [size.bic / 1000.0 for size in sizes]
-    axis.plot(components, thousands, "o-", color="#0072B2")
-    best = min(range(len(sizes)), key=lambda index: sizes[index].bic)
+    axis.plot([size.components for size in sizes], [size.bic / 1000.0 for size in sizes], "o-", color="#0072B2")
     axis.annotate(
-        f"smallest: {components[best]}",
-        (components[best], thousands[best]),
+        f"smallest: {best.components}",
+        (best.components, best.bic / 1000.0),
         textcoords="offset points",
         xytext=(0, 12),
         ha="center",
@@ -80,7 +77,6 @@ def draw_sizes(sizes: Sequence[SizeScore], path: Path) -> None:
 
 
 STOP_AND_GO_BELOW_MPS = 3.0
-HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
 CASES, PARTICLES = 150, 100
 
 
@@ -101,9 +97,8 @@ class RegimeError:
 
 def errors_by_regime(model: MotionModel, windows: Following, step_s: float, seed: int) -> list[RegimeError]:
     """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
-    slowest = windows.speed_mps.min(axis=1)
     led = windows.has_leader
-    stop_and_go = led & (slowest < STOP_AND_GO_BELOW_MPS)
+    stop_and_go = led & (windows.speed_mps.min(axis=1) < STOP_AND_GO_BELOW_MPS)
     regimes = {
         "free": ~led,
         "following": led & ~stop_and_go & ~windows.after_cut_in,
@@ -118,7 +113,7 @@ def errors_by_regime(model: MotionModel, windows: Following, step_s: float, seed
 def _errors(model: MotionModel, regime: str, windows: Following, step_s: float, seed: int) -> RegimeError:
     if not len(windows):
         return RegimeError(regime, 0, (float("nan"),) * len(HORIZONS_S))
-    cases: Cases = following_cases(windows, CASES, step_s, np.random.default_rng(seed), led_only=False)
+    cases = following_cases(windows, CASES, step_s, np.random.default_rng(seed), led_only=False)
     scores = score(follow(model, cases, PARTICLES, np.random.default_rng(seed)), cases)
     steps = [round(horizon / step_s) - 1 for horizon in HORIZONS_S]
     return RegimeError(regime, cases.count, tuple(float(scores.abs_error["lon_m"][step].mean()) for step in steps))

@@ -61,6 +61,8 @@ def fit_follower(
 ) -> tuple[ScaledGmm, ScaledGmm]:
     """Fit the learned driver's following mixture and its drivers' habits.
 
+    The mixture is fitted to recovery samples, then once more with what it demonstrated itself.
+
     Args:
         windows: Training windows; those without a leader are left out.
         components: Components of the following mixture.
@@ -73,25 +75,14 @@ def fit_follower(
     habit = driver_habit(led)
     records = following_records(led, habit, step_s)
     progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
-    following = fit_following(records, components, seed, rng, progress)
-    return following, _fit_habit(led, habit, seed, rng)
-
-
-def fit_following(
-    records: FollowingRecords,
-    components: int,
-    seed: int,
-    rng: np.random.Generator,
-    progress: Callable[[str], None],
-) -> ScaledGmm:
-    """Fit the following mixture to recovery samples, then once more with what it demonstrated itself."""
     gains = RecoveryGains()
     samples = recovery_samples(records, FOLLOWING_SAMPLES, gains, rng)
     first = fit_mixture(samples.x, samples.y, components, seed)
     progress("adding the states that the fitted model reaches, and fitting again")
     demonstrated = demonstrated_samples(records, first, ROLLOUTS, gains, rng)
     both = joined(samples, demonstrated)
-    return fit_mixture(both.x, both.y, components, seed)
+    following = fit_mixture(both.x, both.y, components, seed)
+    return following, _fit_habit(led, habit, seed, rng)
 
 
 def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:
@@ -127,24 +118,20 @@ def driver_habit(led: Following) -> FloatArray:
     return np.asarray((total / np.maximum(norm, 1e-9))[led.vehicle])
 
 
+def situation_columns(led: Following) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return what a driver's situation is made of, in the order of ``situation``, each (windows, steps)."""
+    return led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2
+
+
 def following_records(led: Following, habit: FloatArray, step_s: float) -> FollowingRecords:
     """Return what the recovery samples are drawn from."""
-    return FollowingRecords(
-        led.gap_m,
-        led.speed_mps,
-        led.accel_mps2,
-        led.leader_speed_mps,
-        led.leader_accel_mps2,
-        habit[:, None],
-        step_s,
-    )
+    return FollowingRecords(*situation_columns(led), habit[:, None], step_s)
 
 
 def _fit_habit(led: Following, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
     window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
     step = rng.integers(led.lon_m.shape[1], size=len(window))
-    columns = (led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2)
-    seen = situation(*(column[window, step] for column in columns))
+    seen = situation(*(column[window, step] for column in situation_columns(led)))
     return fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.driving.cases import Cases, following_cases
 from harness.driving.following import Following
+from harness.driving.scores import HORIZONS_S
 from harness.writing.files import write_toml
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
@@ -25,7 +26,6 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 WINDOWS = 300
 GENERATIONS = 25
 POPULATION = 8
-HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
 DRIVER_BOUNDS = ((20.0, 45.0), (0.5, 2.5), (0.3, 3.0), (0.5, 5.0), (1.0, 5.0))
 ADAPTATION_BOUNDS = ((0.5, 10.0), (-0.2, 1.0), (0.0, 1.0))
 NO_NOISE = ProcessNoise(0.0, 0.0)

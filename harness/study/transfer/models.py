@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from harness.driving.following import Following
-from harness.study.transfer.traffic import HeldOutSet, Say, as_one_vehicle_each
-from harness.training.driver_fit import fit_follower, fit_short
+from harness.study.transfer.traffic import HeldOutSet, Say
+from harness.training.driver_fit import fit_follower, fit_short, situation_columns
 from harness.training.rival_fit import fit_idm
 from harness.truth.frame import STEP_S
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise
 from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
@@ -72,7 +71,9 @@ def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> l
     say(f"{trained_on}: fitting gmm-short")
     short = short_term_driver(fit_short(windows, COMPONENTS, seed))
     say(f"{trained_on}: fitting idm")
-    parameters = fit_idm(as_one_vehicle_each(windows), seed, STEP_S)
+    # The fit takes one window of each vehicle; here it is to take all.
+    each_alone = replace(windows, vehicle=np.arange(len(windows)))
+    parameters = fit_idm(each_alone, seed, STEP_S)
     driver = intelligent_driver(parameters, process_noise("idm-fitted"), "idm-fitted")
     models: tuple[MotionModel, ...] = (_lane_keeping(learned), short, driver)
     return [TrainedModel(name, trained_on, model) for name, model in zip(LEARNED, models, strict=True)]
@@ -95,7 +96,8 @@ def input_rows(models: Sequence[TrainedModel], tested: HeldOutSet) -> list[dict[
         models: Models, of which those of the kind ``gmm`` count.
         tested: Test traffic.
     """
-    seen = situations(tested)
+    # All true situations of the windows behind the test set, shape (n, 5).
+    seen = situation(*(column.ravel() for column in situation_columns(tested.led)))
     rows = []
     for entry in models:
         if not isinstance(entry.model, LearnedDriver):
@@ -119,10 +121,3 @@ def input_rows(models: Sequence[TrainedModel], tested: HeldOutSet) -> list[dict[
                 }
             )
     return rows
-
-
-def situations(tested: HeldOutSet) -> FloatArray:
-    """Return all true situations of the windows behind a test set, shape (n, 5)."""
-    led = tested.led
-    columns = (led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2)
-    return situation(*(column.ravel() for column in columns))

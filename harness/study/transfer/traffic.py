@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -111,8 +111,3 @@ def held_out_set(name: str, by_length: Sequence[tuple[Following, tuple[float, ..
     """Return windows of one or several lengths as a test set; every window is a case."""
     parts = tuple(HeldOutPart(cases_of(led, STEP_S), led.vehicle, horizons) for led, horizons in by_length)
     return HeldOutSet(name, parts, by_length[0][0])
-
-
-def as_one_vehicle_each(windows: Following) -> Following:
-    """Return the windows as those of as many vehicles, for fits that take one window of each."""
-    return replace(windows, vehicle=np.arange(len(windows)))

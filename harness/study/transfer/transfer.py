@@ -21,8 +21,8 @@ from harness.driving.scenarios import (
     record_scenarios,
     scenarios,
 )
-from harness.driving.scores import score
-from harness.study.study import COMPLETE, HORIZONS_S, LABELS, score_row
+from harness.driving.scores import HORIZONS_S, score
+from harness.study.study import COMPLETE, LABELS, score_row
 from harness.study.transfer.models import (
     COMPONENTS,
     ON_BOTH,
@@ -130,7 +130,9 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         ),
         _simulated_set(plan, network, say),
     ]
-    both = mixed(_simulated_training(plan, network, say), training, plan.most_windows, plan.seed)
+    for_training = scenarios(FIRST_TRAINING_SEED, plan.training_recordings, TRAINING_DURATION_S)
+    simulated = _simulated_windows(for_training, plan, network, say)
+    both = mixed(simulated, training, plan.most_windows, plan.seed)
     models = [
         *committed_models(),
         *fitted_models(training, ON_REAL, plan.seed, say),
@@ -204,11 +206,6 @@ def _simulated_set(plan: TransferPlan, network: Network, say: Say) -> HeldOutSet
     windows = _simulated_windows(wanted, plan, network, say)
     cases = following_cases(windows, plan.cases, STEP_S, np.random.default_rng([plan.seed, 0]))
     return HeldOutSet(SUMO, (HeldOutPart(cases, np.arange(cases.count), HORIZONS_S),), windows)
-
-
-def _simulated_training(plan: TransferPlan, network: Network, say: Say) -> Following:
-    wanted = scenarios(FIRST_TRAINING_SEED, plan.training_recordings, TRAINING_DURATION_S)
-    return _simulated_windows(wanted, plan, network, say)
 
 
 def _simulated_windows(wanted: Sequence[Any], plan: TransferPlan, network: Network, say: Say) -> Following:

@@ -100,17 +100,13 @@ def compare_transfer(outcomes: Sequence[Outcome]) -> list[Comparison]:
         for outcome in outcomes
         for horizon in outcome.part.horizons_s
     }
-    places = list(dict.fromkeys((tested_on, horizon) for tested_on, _, _, horizon in by_key))
-    comparisons = []
-    for tested_on, horizon in places:
-        for own in OURS:
-            against = [*RIVALS, (own, ON_REAL)]
-            comparisons += [
-                _below(by_key[tested_on, own, ON_SUMO, horizon], by_key[tested_on, name, trained_on, horizon], horizon)
-                for name, trained_on in against
-                if (tested_on, own, ON_SUMO, horizon) in by_key and (tested_on, name, trained_on, horizon) in by_key
-            ]
-    return comparisons
+    return [
+        _below(by_key[tested_on, own, ON_SUMO, horizon], by_key[tested_on, name, trained_on, horizon], horizon)
+        for tested_on, horizon in dict.fromkeys((tested_on, horizon) for tested_on, _, _, horizon in by_key)
+        for own in OURS
+        for name, trained_on in (*RIVALS, (own, ON_REAL))
+        if (tested_on, own, ON_SUMO, horizon) in by_key and (tested_on, name, trained_on, horizon) in by_key
+    ]
 
 
 def _below(own: Outcome, rival: Outcome, horizon_s: float) -> Comparison:

@@ -136,7 +136,7 @@ def simulated(
         a, b = np.exp(noise.between_seeds * hardness + own)
         b *= planted.get(quantity.key, 1.0)
         one = np.zeros(seeds, dtype=np.int64)
-        arms.append(Arms("x", quantity, a, b) if paired else Arms("x", quantity, a, b, False, one, one))
+        arms.append(Arms("x", quantity, a, b, None if paired else (one, one)))
     return arms
 
 

@@ -9,21 +9,21 @@ from harness.grid.grid import plan_grid
 
 def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = None) -> pd.DataFrame:
     rows = []
-    for ablation in ABLATIONS:
-        for seed, value in enumerate(hota.get(ablation.variant, hota[DEFAULT])):
-            row = {"variant": ablation.variant, "seed": seed, "succeeded": (ablation.variant, seed) != failed}
+    for variant in ABLATIONS:
+        for seed, value in enumerate(hota.get(variant, hota[DEFAULT])):
+            row = {"variant": variant, "seed": seed, "succeeded": (variant, seed) != failed}
             rows.append(row | {measure.key: value for measure in ablated_quantities()})
     return pd.DataFrame(rows).sample(frac=1.0, random_state=1)
 
 
 def test_every_arm_is_a_setting_that_the_tracker_takes():
     grid = plan_grid(ablation_request("us101", "0:2", 60.0))
-    assert [run.variant for run in grid.cells[0].runs] == [ablation.variant for ablation in ABLATIONS]
+    assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
 
 
 def test_arms_are_compared_with_the_default_seed_by_seed():
     # Seeds differ by far more than the arms do; pairing takes that out.
-    arm = ABLATIONS[1].variant
+    arm = list(ABLATIONS)[1]
     rows = {row["variant"]: row for row in ablation_rows(runs_with({DEFAULT: [90.0, 50.0, 70.0], arm: [89.0, 49, 69]}))}
     cell = rows[arm]["mot.hota"]
     assert (cell["mean"], cell["difference"], cell["ci95"]) == (69.0, -1.0, (-1.0, -1.0))
@@ -31,7 +31,7 @@ def test_arms_are_compared_with_the_default_seed_by_seed():
 
 
 def test_a_seed_whose_run_failed_is_left_out_of_the_pairs():
-    arm = ABLATIONS[2].variant
+    arm = list(ABLATIONS)[2]
     runs = runs_with({DEFAULT: [90.0, 50.0, 70.0], arm: [80.0, 0.0, 65.0]}, failed=(arm, 1))
     row = next(row for row in ablation_rows(runs) if row["variant"] == arm)
     assert row["runs"] == 2
@@ -40,5 +40,5 @@ def test_a_seed_whose_run_failed_is_left_out_of_the_pairs():
 
 def test_the_table_names_every_arm_in_words():
     page = as_markdown(ablation_rows(runs_with({DEFAULT: [90.0, 80.0]})), "made up")
-    for ablation in ABLATIONS:
-        assert ablation.what in page
+    for what in ABLATIONS.values():
+        assert what in page

@@ -13,7 +13,7 @@ import pytest
 
 from harness.errors import InputError
 from harness.grid.cluster import connect
-from harness.grid.rows import is_timing
+from tests.harness.grid.test_stress import table_of
 
 REPOSITORY = Path(__file__).parents[3]
 GRID = (
@@ -36,11 +36,6 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
     monkeypatch.setattr("harness.grid.cluster.CONNECT_S", 0.2)
     with pytest.raises(InputError, match=r"^`scheduler` tcp://127.0.0.1:9: .*for example `scheduler` tcp://host:8786$"):
         connect("tcp://127.0.0.1:9")
-
-
-def rows_of(folder: Path) -> pd.DataFrame:
-    table = pd.read_parquet(folder / "runs.parquet")
-    return table[[column for column in table if not is_timing(column)]]
 
 
 def stress(out: Path, *arguments: str) -> subprocess.Popen:
@@ -95,5 +90,5 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluste
     assert running.poll() is None
     workers[0].send_signal(signal.SIGKILL)
     assert running.wait(timeout=300) == 0
-    pd.testing.assert_frame_equal(rows_of(remote), rows_of(local), check_exact=True)
-    assert len(rows_of(remote)) == 8
+    pd.testing.assert_frame_equal(table_of(remote), table_of(local), check_exact=True)
+    assert len(table_of(remote)) == 8

@@ -12,7 +12,7 @@ from harness.cli import run_command_line
 from harness.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.pooled import JPDA, pool_files
+from harness.grid.pooled import pool_files
 from harness.grid.pooled_tables import pooled_markdown
 from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
@@ -75,15 +75,8 @@ def test_a_file_without_a_hidden_vehicle_counts_for_nothing():
     assert overall.ratio_ci95 is None
 
 
-def test_targets_are_told_as_met_and_as_missed():
-    table = pd.DataFrame([
-        row("a", switches=5, hidden=(1.0, 2.0, 10)), row("a", variant=JPDA, switches=2, hidden=(9.0, 3.0, 10)),
-    ])  # fmt: skip
-    pooled = pool_files(table)
-    assert [verdict.met for verdict in pooled.verdicts] == [False, True, True]
-    text = pooled_markdown(pooled, ["it broke"])
-    assert f"- MISSED: mmpf: fewer identity switches than {JPDA}: 5 to 2" in text
-    assert "- it broke" in text
+def test_runs_that_failed_are_told():
+    assert "- it broke" in pooled_markdown(pool_files(pd.DataFrame([row("a")])), ["it broke"])
 
 
 def test_every_file_and_vehicle_is_counted():

@@ -18,7 +18,7 @@ from harness.cli import run_command_line
 from harness.config.layers import resolve_run_config
 from harness.errors import InputError, RunInterruptedError
 from harness.grid.grid import GridRequest
-from harness.grid.rows import flattened, is_timing
+from harness.grid.rows import flattened
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.open import OpenLooks
@@ -63,6 +63,11 @@ class _NoFigure:
 
 def grid(out: Path, request: GridRequest = SMALL, execute=None, **options) -> FinishedGrid:
     return run_stress(request, out, execute or InProcess(), **options)
+
+
+def is_timing(column: str) -> bool:
+    """Whether a column holds wall time, which differs between runs of the same configuration."""
+    return column == "total_s" or (column.startswith("timing.") and column != "timing.steps")
 
 
 def table_of(folder: Path) -> pd.DataFrame:
