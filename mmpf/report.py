@@ -15,13 +15,7 @@ from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
 def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions) -> Tracks:
-    """Return mean and spread of each component as a track.
-
-    Args:
-        mixture: The belief.
-        moments: Its components' moments.
-        options: When a component counts as hidden, and how widely spread a hidden one may be to be reported.
-    """
+    """Return mean and spread of each component as a track, but for hidden ones that are spread too widely."""
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
     reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)

@@ -53,7 +53,8 @@ class MixtureTracker:
         self._road, self._sensor, self._motion, self._rng = road, sensor, motion, rng
         self._options = options or FilterOptions()
         self._proposal = proposal
-        self._rule: UpdateRule = _update_rule(self._options)
+        is_joint = self._options.update == "joint"
+        self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
         self._mixture = Mixture.empty(motion.latent_size)
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
@@ -139,7 +140,3 @@ class MixtureTracker:
     @property
     def _is_seen(self) -> BoolArray:
         return self._mixture.components.unseen_s <= self._options.reporting.hidden_after_s
-
-
-def _update_rule(options: FilterOptions) -> UpdateRule:
-    return JointUpdate(options) if options.update == "joint" else MaxLikelihoodUpdate(options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter, process_time
@@ -17,7 +18,7 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from harness.truth.frame import STEP_S
 from mmpf.scan import Scan
-from mmpf.tracks import TENTATIVE, Tracks
+from mmpf.tracks import TENTATIVE
 
 SETTLING_STEPS = 20
 SOONEST_STEPS = 5
@@ -74,15 +75,9 @@ class Stepping:
 def time_in_turns(
     contenders: Sequence[Contender], scene: BenchScene, budget_s: float, advance: Callable[[], None]
 ) -> list[Stepping]:
-    """Let every contender take in the scans in turns.
+    """Let every contender take in the scans in turns; one whose processor time is used up drops out.
 
-    A contender whose time is used up drops out.
-
-    Args:
-        contenders: Who competes.
-        scene: What they get.
-        budget_s: Processor time that each of them has.
-        advance: Called after each scan.
+    ``advance`` is called after each scan.
     """
     field_of_all = [Stepping(contender, _build(contender, scene)) for contender in contenders]
     for scan in scene.scans:
@@ -145,7 +140,7 @@ def _step(stepping: Stepping, scan: Scan) -> None:
     stepping.steps += 1
     stepping.spent_s += cpu_s
     stepping.peak_mb = max(stepping.peak_mb, _peak_memory_mb())
-    stepping.tracks = _confirmed(tracks)
+    stepping.tracks = int((tracks.state != TENTATIVE).sum())
     stepping.ms.append(1e3 * wall_s)
     stepping.cpu_ms.append(1e3 * cpu_s)
     if isinstance(stepping.tracker, DiagnosedTracker):
@@ -153,16 +148,10 @@ def _step(stepping: Stepping, scan: Scan) -> None:
             stepping.stages_ms.setdefault(stage, []).append(took_ms)
 
 
-def _confirmed(tracks: Tracks) -> int:
-    return int((tracks.state != TENTATIVE).sum())
-
-
 def _forget_peak_memory() -> None:
     """Let the kernel count the peak from now on; where it can't, the peak is that of the whole run."""
-    try:
+    with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    except OSError:
-        return
 
 
 def _peak_memory_mb() -> float:

@@ -28,31 +28,23 @@ class BenchScene:
     """Road, sensor and scans that all trackers of one row of the table get.
 
     Attributes:
-        vehicles: How many vehicles are in range.
         road: The lanes.
         sensor: The data sheet.
         scans: The scans.
     """
 
-    vehicles: int
     road: Road
     sensor: SensorModel
     scans: tuple[Scan, ...]
 
 
 def bench_scene(vehicles: int, steps: int, rng: np.random.Generator) -> BenchScene:
-    """Return a scene.
-
-    Args:
-        vehicles: Vehicles in range beside the ego.
-        steps: Scans.
-        rng: Draws places, noise, misses and clutter.
-    """
+    """Return a scene of so many vehicles in range beside the ego, and of so many scans."""
     road = highway(LANES)
     lon_m, lat_m, range_m = _places(vehicles, road, rng)
     width_m = LANES * (road.lanes[0].left_m - road.lanes[0].right_m)
     sensor = SensorModel(range_m=range_m, clutter_area_m2=2.0 * range_m * width_m)
-    return BenchScene(vehicles, road, sensor, tuple(_scans(lon_m, lat_m, sensor, width_m, steps, rng)))
+    return BenchScene(road, sensor, tuple(_scans(lon_m, lat_m, sensor, width_m, steps, rng)))
 
 
 def _places(vehicles: int, road: Road, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, float]:

@@ -51,9 +51,7 @@ def draw_figures(folder: Path, pictured: Pictured) -> None:
 def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
     """Return the mean absolute error in each stretch of time, one panel a quantity, one line a visibility.
 
-    Args:
-        errors: The run's table of errors; rows of vehicles that no track follows are left out.
-        title: Heading.
+    Rows of vehicles that no track follows are left out.
     """
     tracked = errors[errors["outcome"] == "tracked"]
     width_s = stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
@@ -80,12 +78,7 @@ def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
 
 
 def error_by_visibility(mae: Mapping[str, Any], title: str) -> Figure:
-    """Return bars of the mean absolute error with their 95 % intervals, one panel a quantity.
-
-    Args:
-        mae: The table ``mae`` of ``metrics.json``.
-        title: Heading.
-    """
+    """Return bars of the mean absolute errors of ``metrics.json`` with their 95 % intervals, one panel a quantity."""
     figure = Figure(figsize=(9.0, 3.6), dpi=120, layout="constrained")
     panels = figure.subplots(1, len(ERROR_COLUMNS))
     for axes, (_, key, label) in zip(panels, ERROR_COLUMNS, strict=True):
@@ -126,12 +119,7 @@ def _means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[F
 
 
 def diagnostics_figure(diagnostics: pd.DataFrame, title: str) -> Figure:
-    """Return panels of components, effective sample size, events and association entropy over time.
-
-    Args:
-        diagnostics: The run's table of diagnostics, one row per step.
-        title: Heading.
-    """
+    """Return panels of components, effective sample size, events and association entropy over time."""
     figure = Figure(figsize=(9.0, 8.0), dpi=120, layout="constrained")
     panels = figure.subplots(4, 1, sharex=True)
     _levels(panels[0], diagnostics, "components", "components", 1.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,32 +20,6 @@ PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
 STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", SAME: "same", UNTESTED: "same"}
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
-
-
-@dataclass(frozen=True)
-class NamedTable:
-    """A table of the folder.
-
-    Attributes:
-        name: Its file.
-        html: The table.
-    """
-
-    name: str
-    html: Markup
-
-
-@dataclass(frozen=True)
-class Document:
-    """A text of the folder that is shown as it is.
-
-    Attributes:
-        name: Its file.
-        text: What is in it.
-    """
-
-    name: str
-    text: str
 
 
 def write_page(folder: Path, parameter: str = "folder") -> Path:
@@ -71,25 +44,21 @@ def write_page(folder: Path, parameter: str = "folder") -> Path:
 def folder_page(folder: Path) -> str:
     """Return a page with a folder's Markdown texts, pictures, table of runs and settings."""
     texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
+    documents = {name: (folder / name).read_text(encoding="utf-8") for name in DOCUMENTS if (folder / name).is_file()}
     return render(
         "folder.html.j2",
         title=_title(texts) or folder.resolve().name,
         text=Markup("\n").join(_as_html(text) for text in texts),
         figures=_figures(folder),
         tables=_tables(folder),
-        documents=[
-            Document(name, text)
-            for name in DOCUMENTS
-            if (folder / name).is_file()
-            and len(text := (folder / name).read_text(encoding="utf-8")) <= MOST_DOCUMENT_LETTERS
-        ],
+        documents={name: text for name, text in documents.items() if len(text) <= MOST_DOCUMENT_LETTERS},
     )
 
 
 def text_page(text: str) -> str:
     """Return a page that holds a Markdown text, for example that of a comparison."""
     title = _title([text]) or "Results"
-    return render("folder.html.j2", title=title, text=_as_html(text), figures=[], tables=[], documents=[])
+    return render("folder.html.j2", title=title, text=_as_html(text), figures=[], tables={}, documents={})
 
 
 def _can_be_shown(folder: Path) -> bool:
@@ -138,14 +107,14 @@ def _figures(folder: Path) -> list[PageFigure]:
     return figures
 
 
-def _tables(folder: Path) -> list[NamedTable]:
+def _tables(folder: Path) -> dict[str, Markup]:
     path = folder / "runs.parquet"
     if not path.is_file():
-        return []
+        return {}
     runs = runfolder.read_table(folder, path.name, "folder", ()).head(MOST_ROWS)
     shown = [name for name in runs if runs[name].notna().any()]
     rows = [[_cell(value) for value in row] for row in runs[shown].itertuples(index=False)]
-    return [NamedTable(path.name, html_table([str(name) for name in shown], rows))]
+    return {path.name: html_table([str(name) for name in shown], rows)}
 
 
 def _cell(value: object) -> str:

@@ -40,7 +40,7 @@ KEY = (
     "thick box: the vehicle; bold ellipse: the track that held it, 95 %, dashed while the tracker takes it for hidden; "
     "thin ellipses: other tracks; crosses: detections; grey: the sensor's shadows"
 )
-EVENT_NUMBERS = ("track_id", "from_step", "to_step", "duration_s")
+EVENT_COLUMNS = ("vehicle_id", "track_id", "outcome", "from_step", "to_step", "duration_s")
 SEVERITY = {"lost": 0, "hijacked": 0, "survived": 1, "same_id": 2}
 
 
@@ -80,45 +80,23 @@ class OcclusionEvent:
 
 
 def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST) -> list[OcclusionEvent]:
-    """Return the worst events: lost and hijacked tracks first, then the largest error, then the longest.
-
-    Args:
-        events: The run's table of events.
-        errors: The run's table of errors.
-        count: How many at most.
-    """
+    """Return the worst events: lost and hijacked tracks first, then the largest error, then the longest."""
     distance = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
     by_vehicle = errors.groupby("vehicle_id", sort=False).indices
     step, track = errors["step"].to_numpy(), errors["track_id"].to_numpy()
     found = []
-    for number, (name, outcome) in enumerate(zip(events["vehicle_id"], events["outcome"], strict=True)):
-        row = {column: events[column].to_numpy()[number] for column in EVENT_NUMBERS}
-        at = by_vehicle.get(name, np.zeros(0, dtype=np.int64))
-        during = at[(step[at] > row["from_step"]) & (step[at] < row["to_step"]) & (track[at] == row["track_id"])]
+    for event in events.astype({"vehicle_id": object, "outcome": object}).to_dict("records"):
+        at = by_vehicle.get(event["vehicle_id"], np.zeros(0, dtype=np.int64))
+        during = at[(step[at] > event["from_step"]) & (step[at] < event["to_step"]) & (track[at] == event["track_id"])]
         off = distance[during][np.isfinite(distance[during])]
-        found.append(
-            OcclusionEvent(
-                vehicle_id=str(name),
-                track_id=int(row["track_id"]),
-                outcome=str(outcome),
-                from_step=int(row["from_step"]),
-                to_step=int(row["to_step"]),
-                duration_s=float(row["duration_s"]),
-                largest_error_m=float(off.max()) if len(off) else np.nan,
-            )
-        )
+        known = {str(column): event[column] for column in EVENT_COLUMNS}
+        found.append(OcclusionEvent(**known, largest_error_m=float(off.max()) if len(off) else np.nan))
     found.sort(key=lambda event: (SEVERITY[event.outcome], -np.nan_to_num(event.largest_error_m), -event.duration_s))
     return found[:count]
 
 
 def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Path) -> list[Path]:
-    """Write ``gallery-1.png`` and so on, one strip for each event, and return the files.
-
-    Args:
-        run: The run.
-        events: Its worst events.
-        folder: Where to; strips of an earlier report are removed.
-    """
+    """Write ``gallery-1.png`` and so on, one strip for each event, in place of an earlier report's."""
     for stale in folder.glob("gallery-*.png"):
         stale.unlink()
     paths = []

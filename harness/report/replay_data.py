@@ -10,10 +10,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from harness.report.finished import RecordedRun
+from harness.runfolder.tables import floats
 from harness.scoring.errors import OUTCOMES
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import IntArray
 from mmpf.tracks import TRACK_STATES
 
 # Vehicles beyond the sensor are shown this far, so that those that come into range do not spring up.
@@ -42,7 +43,7 @@ def replay_data(run: RecordedRun) -> dict[str, Any]:
         "field_of_view_deg": run.sensor.field_of_view_deg,
         "road": _road(run),
         "vehicles": _vehicles(kept_truth, codes, names),
-        "truth": _truth(run, kept_truth, codes, names, steps),
+        "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps),
         "tracks": _tracks(run.tracks, steps),
         "particles": _particles(run, steps),
@@ -88,56 +89,25 @@ def _vehicles(truth: pd.DataFrame, codes: npt.NDArray[np.intp], names: pd.Index)
     }
 
 
-def _truth(
-    run: RecordedRun, truth: pd.DataFrame, codes: npt.NDArray[np.intp], names: pd.Index, steps: IntArray
-) -> dict[str, Any]:
-    error_m, track, outcome = _errors_beside(run.errors, truth["step"].to_numpy(np.int64), codes, names)
-    error_cm = np.where(np.isfinite(error_m), np.minimum(100.0 * error_m, NO_ERROR_CM - 1), NO_ERROR_CM)
-    columns = pd.DataFrame(
-        {
-            "step": truth["step"],
-            "vehicle": codes,
-            "lon_m": truth["lon_m"],
-            "lat_m": truth["lat_m"],
-            "heading_rad": truth["heading_rad"],
-            "speed_mps": truth["speed_mps"],
-            "state": _codes(truth["state"], VISIBILITY_STATES),
-            "visible": truth["visible_fraction"],
-            "ego": truth["is_ego"],
-            "error_cm": error_cm,
-            "track": track,
-            "outcome": outcome,
-        }
+def _truth(truth: pd.DataFrame, errors: pd.DataFrame, codes: npt.NDArray[np.intp], steps: IntArray) -> dict[str, Any]:
+    """Pack the truth with each row's distance to its track, that track (-1 if none) and its outcome (0 if none)."""
+    place = ["step", "vehicle_id"]
+    beside = truth[place].astype({"vehicle_id": object}).merge(errors.astype({"vehicle_id": object}), "left", on=place)
+    error_cm = 100.0 * np.hypot(floats(beside, "lon_error_m"), floats(beside, "lat_error_m"))
+    columns = truth.assign(
+        vehicle=codes,
+        state=_codes(truth["state"], VISIBILITY_STATES),
+        error_cm=np.where(np.isfinite(error_cm), np.minimum(error_cm, NO_ERROR_CM - 1), NO_ERROR_CM),
+        track=beside["track_id"].fillna(-1).to_numpy(),
+        outcome=1 + _codes(beside["outcome"], OUTCOMES),
     )
     return _rows(
         columns, steps,
         vehicle=("vehicle", "u2", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
         heading=("heading_rad", "i2", 1e4), speed=("speed_mps", "i2", 10.0), state=("state", "u1", 1.0),
-        visible=("visible", "u1", 100.0), ego=("ego", "u1", 1.0), error=("error_cm", "u2", 1.0),
+        visible=("visible_fraction", "u1", 100.0), ego=("is_ego", "u1", 1.0), error=("error_cm", "u2", 1.0),
         track=("track", "i4", 1.0), outcome=("outcome", "u1", 1.0),
     )  # fmt: skip
-
-
-def _errors_beside(
-    errors: pd.DataFrame, step: IntArray, vehicle: npt.NDArray[np.intp], names: pd.Index
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return each truth row's distance to its track (m, nan if none), track (-1 if none) and outcome (0 if none)."""
-    known = names.get_indexer(pd.Index(errors["vehicle_id"].astype("object")))
-    key = errors["step"].to_numpy(np.int64) * (len(names) + 1) + known
-    order = np.argsort(key)
-    wanted = step * (len(names) + 1) + vehicle
-    place = np.minimum(np.searchsorted(key[order], wanted), max(len(key) - 1, 0))
-    if not len(key):
-        return np.full(len(step), np.nan), np.full(len(step), -1), np.zeros(len(step), dtype=np.int64)
-    row = order[place]
-    found = (key[row] == wanted) & (known[row] >= 0)
-    distance = np.hypot(errors["lon_error_m"].to_numpy(np.float64), errors["lat_error_m"].to_numpy(np.float64))
-    outcome = 1 + _codes(errors["outcome"], OUTCOMES)
-    return (
-        np.where(found, distance[row], np.nan),
-        np.where(found, errors["track_id"].to_numpy(np.int64)[row], -1),
-        np.where(found, outcome[row], 0),
-    )
 
 
 def _detections(detections: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
@@ -180,16 +150,10 @@ def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list
 
 
 def _rows(table: pd.DataFrame, steps: IntArray, **columns: tuple[str, str, float]) -> dict[str, Any]:
-    """Pack the rows of the shown steps.
+    """Pack the rows of the shown steps of a table, which is sorted by step.
 
-    Args:
-        table: Sorted by step.
-        steps: The shown steps.
-        columns: For each packed column the table's column, the type and the factor; whole numbers are clipped to
-            what their type holds.
-
-    Returns:
-        The packed columns, and ``first``: where each step's rows begin, and the end of the last.
+    For each packed column ``columns`` say the table's column, the type, which whole numbers are clipped to, and the
+    factor. Beside them stands ``first``: where each step's rows begin, and the end of the last.
     """
     step = table["step"].to_numpy(dtype=np.int64)
     shown = np.isin(step, steps)

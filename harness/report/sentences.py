@@ -64,22 +64,20 @@ def headlines(metrics: Metrics) -> list[Headline]:
         ),
         _error_headline("Error, hidden", mae["hidden"], "distance between track and hidden vehicle, mean"),
         _error_headline("Error, visible", mae["visible"], "distance between track and visible vehicle, mean"),
-        Headline(
-            "HOTA, in sight", _number(metrics["mot"]["hota"], 1, " %"), "one run: no interval", "100 % is perfect"
-        ),
+        Headline("HOTA, in sight", number(metrics["mot"]["hota"], 1, " %"), "one run: no interval", "100 % is perfect"),
         Headline(
             "Identity switches",
-            _number(metrics["mot"]["id_switches"], 0),
-            f"{_number(metrics['mot'].get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute",
+            number(metrics["mot"]["id_switches"], 0),
+            f"{number(metrics['mot'].get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute",
             "vehicles in sight that changed tracks",
         ),
         Headline(
-            "Truth in 95 % interval", _number(coverage, 0, " %"), "95 % would be honest", "longitudinal, all vehicles"
+            "Truth in 95 % interval", number(coverage, 0, " %"), "95 % would be honest", "longitudinal, all vehicles"
         ),
         Headline(
             "Tracker step",
-            _number(step_ms["p50"], 0, " ms"),
-            f"99 % within {_number(step_ms['p99'], 0, ' ms')}",
+            number(step_ms["p50"], 0, " ms"),
+            f"99 % within {number(step_ms['p99'], 0, ' ms')}",
             "median, on the machine named below",
         ),
     ]
@@ -106,7 +104,7 @@ def _setting(metrics: Metrics) -> str:
     share = metrics.get("coverage", {}).get("hidden_percent")
     hidden = f", of which {share:.0f} % were hidden behind others" if share is not None else ""
     return (
-        f"{text}: {density:.0f} vehicles per km and lane at {_number(traffic['mean_speed_mps'], 0)} m/s, "
+        f"{text}: {density:.0f} vehicles per km and lane at {number(traffic['mean_speed_mps'], 0)} m/s, "
         f"{in_range:.0f} of them within the sensor's range at a time{hidden}."
     )
 
@@ -179,7 +177,7 @@ def _speed(metrics: Metrics) -> str:
 def _error_headline(label: str, row: Mapping[str, Any], note: str) -> Headline:
     interval = row.get("position_m_ci95")
     text = f"{interval[0]:.2f} to {interval[1]:.2f} m" if interval else ""
-    return Headline(label, _number(row.get("position_m"), 2, " m"), text, note)
+    return Headline(label, number(row.get("position_m"), 2, " m"), text, note)
 
 
 def _with_interval(row: Mapping[str, Any], key: str, unit: str) -> str:
@@ -188,13 +186,14 @@ def _with_interval(row: Mapping[str, Any], key: str, unit: str) -> str:
     return f"{row[key]:.2f}{unit}{between}"
 
 
-def _count(number: int) -> str:
-    return str(number) if number else "none"
+def _count(cases: int) -> str:
+    return str(cases) if cases else "none"
 
 
 def _times(count: int) -> str:
     return {0: "never", 1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _number(value: float | None, decimals: int, unit: str = "") -> str:
+def number(value: float | None, decimals: int, unit: str = "") -> str:
+    """Return a number with its unit, or a dash for none."""
     return "-" if value is None else f"{value:.{decimals}f}{unit}"

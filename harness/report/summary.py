@@ -11,7 +11,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.report.sentences import traffic_source
+from harness.report.sentences import number, traffic_source
 from harness.scoring.quantity import Quantity
 from harness.truth.network.network import NetworkDescription
 
@@ -28,7 +28,7 @@ def mot_columns() -> list[Quantity]:
 def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
     """Return name and value of every other score that its metric wants shown."""
     others = [quantity for quantity in _reported() if not quantity.key.startswith(MOT)]
-    return [[quantity.label, _number(quantity.of(metrics), quantity.decimals)] for quantity in others]
+    return [[quantity.label, number(quantity.of(metrics), quantity.decimals)] for quantity in others]
 
 
 def _reported() -> list[Quantity]:
@@ -38,12 +38,7 @@ def _reported() -> list[Quantity]:
 
 
 def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
-    """Print a run's main figures on stderr.
-
-    Args:
-        metrics: Content of ``metrics.json``.
-        folder: The run's folder.
-    """
+    """Print the main figures of a run's ``metrics.json`` on stderr, and where its folder is."""
     run = metrics["run"]
     words = [traffic_source(metrics), *(str(run[key]) for key in ("tracker", "model", "update") if run.get(key))]
     title = " · ".join(words)
@@ -80,7 +75,7 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
     table.add_column("samples", justify="right")
     for key, name in VISIBILITY_ROWS:
         row = mae[key]
-        table.add_row(name, *(_number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS), _number(row.get("n"), 0))
+        table.add_row(name, *(number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS), number(row.get("n"), 0))
     return table
 
 
@@ -92,28 +87,24 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
         table.add_column(column.heading, justify="right")
     for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
         scores = metrics[key]
-        table.add_row(name, *(_number(scores[column.key.removeprefix(MOT)], column.decimals) for column in columns))
+        table.add_row(name, *(number(scores[column.key.removeprefix(MOT)], column.decimals) for column in columns))
     return table
 
 
 def _lines(metrics: Mapping[str, Any]) -> Text:
     occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
     events = (
-        f"Occlusions: {_number(occlusion['events'], 0)}; survived {_number(occlusion['survived'], 0)}, "
-        f"hijacked {_number(occlusion['hijacked'], 0)}, lost {_number(occlusion['lost'], 0)}"
+        f"Occlusions: {number(occlusion['events'], 0)}; survived {number(occlusion['survived'], 0)}, "
+        f"hijacked {number(occlusion['hijacked'], 0)}, lost {number(occlusion['lost'], 0)}"
     )
     road = (
-        f"Traffic: {_number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "
-        f"{_number(traffic['flow_veh_per_h'], 0)} veh/h, {_number(traffic['mean_speed_mps'], 1)} m/s, "
-        f"{_number(traffic['vehicles_in_range'], 1)} in range"
+        f"Traffic: {number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "
+        f"{number(traffic['flow_veh_per_h'], 0)} veh/h, {number(traffic['mean_speed_mps'], 1)} m/s, "
+        f"{number(traffic['vehicles_in_range'], 1)} in range"
     )
     speed = (
-        f"Time: {timing['steps']} steps in {_number(timing['total_s'], 1)} s, real-time factor "
-        f"{_number(timing['realtime_factor'], 1)}, tracker {_number(timing['tracker_ms']['p50'], 1)} ms a step"
+        f"Time: {timing['steps']} steps in {number(timing['total_s'], 1)} s, real-time factor "
+        f"{number(timing['realtime_factor'], 1)}, tracker {number(timing['tracker_ms']['p50'], 1)} ms a step"
     )
     others = (": ".join(score) for score in other_scores(metrics))
     return Text("\n".join((events, *others, road, speed)))
-
-
-def _number(value: float | None, decimals: int) -> str:
-    return "-" if value is None else f"{value:.{decimals}f}"

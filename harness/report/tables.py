@@ -7,6 +7,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from harness.report.sentences import number
 from harness.report.summary import MAE_COLUMNS, MOT, VISIBILITY_ROWS, mot_columns, other_scores
 from harness.scoring.quantity import Quantity
 
@@ -42,7 +43,7 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
         [
             f"{row['from_s']:g} to {row['to_s']:g} s",
             *(_mean(row, key) for key in ("lon_m", "lat_m", "speed_mps")),
-            *(_percent(row.get(f"{fate}_percent")) for fate in ("tracked", "lost", "hijacked", "untracked")),
+            *(number(row.get(f"{fate}_percent"), 0, " %") for fate in ("tracked", "lost", "hijacked", "untracked")),
             _count(row.get("hidden_n")),
         ]
         for row in mae["by_seconds_hidden"]
@@ -57,7 +58,7 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
 
     def cell(key: str, column: Quantity) -> str:
         value = metrics[key].get(column.key.removeprefix(MOT))
-        return _number(value, column.decimals) if column.decimals else _count(value)
+        return number(value, column.decimals) if column.decimals else _count(value)
 
     rows = [[name, *(cell(key, column) for column in columns)] for key, name in MOT_ROWS]
     table, others = html_table(["vehicles", *(column.heading for column in columns)], rows), other_scores(metrics)
@@ -76,13 +77,5 @@ def _mean(row: Mapping[str, Any], key: str) -> Markup:
     )
 
 
-def _percent(value: float | None) -> str:
-    return _number(value, 0, " %")
-
-
 def _count(value: float | None) -> str:
     return "-" if value is None else f"{value:,.0f}".replace(",", "\u202f")
-
-
-def _number(value: float | None, decimals: int, unit: str = "") -> str:
-    return "-" if value is None else f"{value:.{decimals}f}{unit}"

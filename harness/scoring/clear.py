@@ -37,14 +37,9 @@ class ClearScores:
 
 
 def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearScores:
-    """Score a sequence, equal to TrackEval's ``CLEAR``.
+    """Score a sequence by matches of at least the threshold, equal to TrackEval's ``CLEAR``.
 
-    Args:
-        sequence: Truth and tracks.
-        threshold: Least similarity of a match.
-
-    Returns:
-        The scores; MOTA is 0 without truth or without tracks.
+    MOTA is 0 without truth or without tracks.
     """
     truths, tracks = len(sequence.truth_step), len(sequence.track_step)
     scan = _scan_numbers(sequence)

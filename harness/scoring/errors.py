@@ -55,13 +55,6 @@ def error_table(
     *lost* (that track is no longer reported), *hijacked* (that track is matched to another vehicle and nearer to it),
     or *untracked* (no track held it). The errors of a hijacked vehicle are in the table but in no mean.
 
-    Args:
-        truth: The truth table, for the names.
-        rows: The run.
-        history: Detection history along the truth rows.
-        matching: Matches along the truth rows.
-        settings: For the memory.
-
     Returns:
         Columns step, time_s, episode, vehicle_id, track_id (-1 if none), state, seconds_hidden (since the last
         detection while hidden, otherwise 0), lon_error_m, lat_error_m, speed_error_mps, lat_speed_error_mps,
@@ -125,13 +118,12 @@ def _is_stolen(
     other = np.where(track_row >= 0, matching.truth_row[track_row], -1) if len(tracks) else track_row
     suspect = np.flatnonzero((other >= 0) & (other != kept))
     own, thief, track = kept[suspect], other[suspect], track_row[suspect]
-    near_own = similarity(
-        vehicles.lon_m[own] - tracks.lon_m[track], vehicles.lat_m[own] - tracks.lat_m[track], settings
-    )
-    near_thief = similarity(
-        vehicles.lon_m[thief] - tracks.lon_m[track], vehicles.lat_m[thief] - tracks.lat_m[track], settings
-    )
-    stolen[suspect] = near_thief > near_own
+
+    def nearness(vehicle: IntArray) -> FloatArray:
+        away_lat_m = vehicles.lat_m[vehicle] - tracks.lat_m[track]
+        return similarity(vehicles.lon_m[vehicle] - tracks.lon_m[track], away_lat_m, settings)
+
+    stolen[suspect] = nearness(thief) > nearness(own)
     return stolen
 
 

@@ -53,14 +53,7 @@ def occlusion_events(rows: RunRows, matching: Matching, settings: ScoringSetting
     is hidden for at least ``event_hidden_share`` of the steps, after at least ``event_detections`` detections in the
     ``event_history_s`` up to the first. It is judged ``event_judged_s`` after the second, by the track that held the
     vehicle at the first; if the vehicle is out of range or the episode over by then, it is no event.
-
-    Args:
-        rows: The run.
-        matching: Matches along the rows.
-        settings: For the times and counts.
-
-    Returns:
-        The events in the order of the truth rows.
+    Events are in the order of the truth rows.
     """
     onset, back = _detection_gaps(rows, settings)
     judged = _row_after(rows, back, settings.event_judged_s)

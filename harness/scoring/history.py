@@ -39,15 +39,7 @@ class DetectionHistory:
 
 
 def detection_history(truth: TruthRows, settings: ScoringSettings) -> DetectionHistory:
-    """Follow each vehicle's detections through its rows.
-
-    Args:
-        truth: Rows sorted by vehicle and step.
-        settings: For the memory.
-
-    Returns:
-        The history along the rows.
-    """
+    """Follow each vehicle's detections through its rows, which are sorted by vehicle and step."""
     last_row = last_row_where(truth.detected, truth.vehicle)
     known = last_row >= 0
     since_s = np.full(len(truth), np.inf)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from harness.scoring.assignment import best_assignment
 from harness.scoring.history import DetectionHistory, last_row_where
@@ -39,15 +40,6 @@ def match(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: Scor
     Vehicles in range that are visible, partly visible or were detected within ``in_sight_s`` compete for the tracks:
     the optimal assignment of those within the gate, which maximises the sum of similarities. The holder of a vehicle is
     the track that was last matched to it no later than its last detection and at most ``hold_s`` before that.
-
-    Args:
-        rows: The run.
-        history: Detection history along the truth rows.
-        pairs: All pairs with a similarity above 0.
-        settings: For the times.
-
-    Returns:
-        The matches.
     """
     truth, tracks = rows.truth, rows.tracks
     lately = history.since_s <= settings.in_sight_s + TIME_TOLERANCE_S
@@ -78,11 +70,6 @@ def gate_match(pairs: Pairs, candidate: BoolArray) -> Pairs:
 def find_track_rows(rows: RunRows, step: IntArray, track: IntArray) -> IntArray:
     """Return the row of each track (code, or -1) at each step, -1 where it is not reported; arrays of one shape."""
     tracks = rows.tracks
-    if not len(tracks):
-        return np.full(len(step), -1)
     steps = len(rows.time_s)
-    track_key = tracks.track * steps + tracks.step
-    order = np.argsort(track_key)
-    key = track * steps + step
-    row = order[np.minimum(np.searchsorted(track_key[order], key), len(order) - 1)]
-    return np.where((track >= 0) & (track_key[row] == key), row, -1)
+    found = pd.Index(tracks.track * steps + tracks.step).get_indexer(pd.Index(track * steps + step))
+    return np.asarray(found, dtype=np.int64)

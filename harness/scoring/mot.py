@@ -50,11 +50,7 @@ def scores_remembered(evidence: Evidence) -> dict[str, float]:
 
 
 def multi_object_scores(sequence: MotSequence, time_s: FloatArray) -> dict[str, float]:
-    """Score a sequence.
-
-    Args:
-        sequence: Truth and tracks.
-        time_s: Time of each step, shape (steps,).
+    """Score a sequence whose steps are at the given times, shape (steps,).
 
     Returns:
         ``hota`` with its halves ``deta`` and ``assa``, ``idf1`` and ``mota`` in percent, nan without truth;
@@ -71,7 +67,7 @@ def multi_object_scores(sequence: MotSequence, time_s: FloatArray) -> dict[str, 
         "hota": percent * accuracy.hota,
         "deta": percent * accuracy.deta,
         "assa": percent * accuracy.assa,
-        "idf1": percent * identity(sequence).idf1,
+        "idf1": percent * identity(sequence),
         "mota": percent * events.mota,
         "id_switches": events.id_switches,
         "fragmentations": events.fragmentations,

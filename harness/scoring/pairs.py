@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from harness.scoring.rows import TrackRows, TruthRows
+from harness.scoring.rows import DetectionRows, TrackRows, TruthRows
 from harness.scoring.settings import ScoringSettings
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
@@ -31,15 +30,6 @@ class Pairs:
         return Pairs(self.truth[keep], self.track[keep], self.similarity[keep])
 
 
-class Places(Protocol):
-    """Places along the road, one a row; arrays of shape (n,)."""
-
-    @property
-    def step(self) -> IntArray: ...  # noqa: D102
-    @property
-    def lon_m(self) -> FloatArray: ...  # noqa: D102
-
-
 GATE_SIMILARITY = 0.5
 """Similarity on the edge of the gate."""
 
@@ -53,26 +43,22 @@ def similarity(lon_difference_m: FloatArray, lat_difference_m: FloatArray, setti
 
 def near_pairs(truth: TruthRows, tracks: TrackRows, settings: ScoringSettings) -> Pairs:
     """Return all pairs of one step with a similarity above 0."""
-    truth_row, track_row = rows_near(truth, tracks, 2.0 * settings.gate_lon_m)
-    alike = similarity(
-        truth.lon_m[truth_row] - tracks.lon_m[track_row], truth.lat_m[truth_row] - tracks.lat_m[track_row], settings
-    )
-    return Pairs(truth_row, track_row, alike).where(alike > 0.0)
+    near = pairs_near(truth, tracks, 2.0 * settings.gate_lon_m, settings)
+    return near.where(near.similarity > 0.0)
 
 
-def rows_near(first: Places, second: Places, reach_m: float) -> tuple[IntArray, IntArray]:
-    """Return the rows of all pairs of one step that lie within the reach along the road, and few beyond it.
+def pairs_near(first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: float, settings: ScoringSettings) -> Pairs:
+    """Return all pairs of one step within the reach along the road, and few beyond it; ``truth`` is a row of first."""
+    row, track = _rows_near(first, tracks, reach_m)
+    alike = similarity(first.lon_m[row] - tracks.lon_m[track], first.lat_m[row] - tracks.lat_m[track], settings)
+    return Pairs(row, track, alike)
+
+
+def _rows_near(first: TruthRows | DetectionRows, second: TrackRows, reach_m: float) -> tuple[IntArray, IntArray]:
+    """Return the pairs' rows of ``first`` and of ``second``, both of shape (p,), ordered by the latter.
 
     Sorting by step and position lets one binary search per row of ``second`` find its neighbours, so the cost does not
     grow with rows times rows.
-
-    Args:
-        first: One side of the pairs.
-        second: The other.
-        reach_m: Longitudinal distance up to which every pair is found.
-
-    Returns:
-        Rows of ``first`` and rows of ``second``, both of shape (p,), ordered by the latter.
     """
     if not len(first.step) or not len(second.step):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)

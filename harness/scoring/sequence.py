@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.scoring.history import DetectionHistory
+from harness.scoring.history import DetectionHistory, first_of_group, last_row_where
 from harness.scoring.matching import gate_match
-from harness.scoring.pairs import Pairs
+from harness.scoring.pairs import GATE_SIMILARITY, Pairs, pairs_near
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.scoring.sight import tracks_in_sight
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -73,6 +72,27 @@ def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: Pairs, sett
     tracks[gate_match(pairs.where(free[pairs.track]), unseen).track] = False
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]
     return Selection(in_sight & rows.truth.in_range, tracks)
+
+
+def tracks_in_sight(rows: RunRows, settings: ScoringSettings) -> BoolArray:
+    """Return which reported tracks are in sight, shape (m,) along ``TrackRows``.
+
+    The detections alone decide, never what a tracker says of itself.
+    A track is out of sight once no detection has lain within the gate of its reported place for more than
+    ``in_sight_s``, the time after which a vehicle without detections is out of sight as well. The time counts from the
+    last step at which the track had such a detection, or from the first at which it was reported if it never had one.
+    Clutter counts like any detection, since no tracker can tell it apart.
+    """
+    tracks = rows.tracks
+    near = pairs_near(rows.detections, tracks, settings.gate_lon_m, settings)
+    has_detection = np.zeros(len(tracks), dtype=bool)
+    has_detection[near.track[near.similarity >= GATE_SIMILARITY]] = True
+    order = np.lexsort((tracks.step, tracks.track))
+    track, time_s = tracks.track[order], rows.time_s[tracks.step[order]]
+    since_row = last_row_where(has_detection[order] | first_of_group(track), track)
+    in_sight = np.zeros(len(tracks), dtype=bool)
+    in_sight[order] = time_s - time_s[since_row] <= settings.in_sight_s + TIME_TOLERANCE_S
+    return in_sight
 
 
 def select_remembered(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:

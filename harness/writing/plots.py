@@ -12,12 +12,7 @@ def stretch_s(duration_s: float) -> float:
 
 
 def mark_new_egos(axes: Axes, steps: pd.DataFrame) -> None:
-    """Draw a line where another vehicle became the ego and tracking began anew.
-
-    Args:
-        axes: The panel.
-        steps: Any table with the columns ``episode`` and ``time_s``.
-    """
+    """Draw a line where another vehicle became the ego, by the table's columns ``episode`` and ``time_s``."""
     for start_s in steps.groupby("episode")["time_s"].min().iloc[1:]:
         axes.axvline(start_s, color="0.6", linewidth=0.8, linestyle=":")
         axes.annotate(

@@ -34,13 +34,7 @@ class LanesAround:
 
 
 def lanes_around(lon_m: FloatArray, lat_m: FloatArray, road: Road) -> LanesAround:
-    """Return the lanes at each particle.
-
-    Args:
-        lon_m: Particles' longitudinal positions, shape (n,).
-        lat_m: Particles' lateral positions, shape (n,).
-        road: The lanes.
-    """
+    """Return the lanes at each particle; positions in metres, shape (n,)."""
     n = len(lon_m)
     around = LanesAround(np.empty((3, n), dtype=np.int32), np.empty((2, n), dtype=np.bool_), np.empty((2, n)))
     left, right = _adjacent_lanes(road)

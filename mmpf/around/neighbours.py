@@ -124,10 +124,7 @@ class UnmeasuredNeighbour:
     """Neighbours in a lane beside: few particles ask for them, so they are measured for those, or when asked for.
 
     Attributes:
-        known: What they are measured from.
-        lane: See ``KnownTraffic.measured``.
-        nearest: See ``KnownTraffic.measured``.
-        sign: See ``KnownTraffic.measured``.
+        known: What they are measured from; the others are arguments of ``KnownTraffic.measured``.
     """
 
     known: KnownTraffic

@@ -184,18 +184,7 @@ def _look_up_rays(
     half_width: FloatArray,
     fraction: FloatArray,
 ) -> None:
-    """Write the share of each particle's rays that reach it, shape (n,).
-
-    Args:
-        x: Particles' longitudinal positions from the sensor, metres, shape (n,).
-        y: Their lateral positions from the sensor, metres, shape (n,).
-        component: Their components, whose own surfaces do not count, shape (n,).
-        depth: The two nearest surfaces in each bearing sector, metres, shape (2, sectors).
-        caster: The components that these belong to, shape (2, sectors).
-        half_length: Half the lengths of the components' vehicles, metres, shape (m,).
-        half_width: Half their widths, metres, shape (m,).
-        fraction: The share of the rays, written, shape (n,).
-    """
+    """Write the share of each particle's rays that reach it; positions are from the sensor, sizes by component."""
     begin = 0
     while begin < len(x):
         end = begin + 1

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.options import MEAN_CAR, Footprint
 from mmpf.state import STATE_SIZE
 
@@ -70,18 +70,13 @@ class ParticleCloud:
             then: What to put behind.
         """
 
-        def joined(values: FloatArray, others: FloatArray | None) -> FloatArray:
+        def one_after_the_other(name: str) -> FloatArray:
+            values = getattr(self, name)
             parts = [values[..., :0], *(values[..., stretch] for stretch in stretches)]
-            return np.concatenate(parts if others is None else [*parts, others], axis=-1)
+            return np.concatenate(parts if then is None else [*parts, getattr(then, name)], axis=-1)
 
-        return ParticleCloud(
-            state=joined(self.state, None if then is None else then.state),
-            log_weight=joined(self.log_weight, None if then is None else then.log_weight),
-            log_raw_weight=joined(self.log_raw_weight, None if then is None else then.log_raw_weight),
-            component=component,
-            log_component_weight=joined(self.log_component_weight, None if then is None else then.log_component_weight),
-            latents=joined(self.latents, None if then is None else then.latents),
-        )
+        columns = {f.name: one_after_the_other(f.name) for f in fields(self) if f.name != "component"}
+        return ParticleCloud(component=component, **columns)
 
 
 @dataclass(frozen=True)
@@ -119,9 +114,9 @@ class Components:
     def __len__(self) -> int:
         return len(self.track_id)
 
-    def take(self, index: IntArray | BoolArray) -> Components:
-        """Return the chosen components."""
-        return Components(*(getattr(self, f.name)[index] for f in fields(self)))
+    def after_scan(self, was_hit: BoolArray, dt_s: float) -> Components:
+        """Return the components with a scan's hits, shape (m,), and the time unseen counted."""
+        return replace(self, hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
 
     @classmethod
     def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Components:
@@ -147,11 +142,6 @@ class Components:
             std_length_m=np.full(len(track_id), vehicle.std_length_m),
             std_width_m=np.full(len(track_id), vehicle.std_width_m),
         )
-
-    @classmethod
-    def concatenate(cls, groups: list[Components]) -> Components:
-        """Join groups of components in order."""
-        return cls(*(np.concatenate([getattr(g, f.name) for g in groups]) for f in fields(cls)))
 
 
 @dataclass(frozen=True)
@@ -187,7 +177,7 @@ class Mixture:
         """Return the belief with only the components where ``keep`` is true, shape (m,)."""
         if keep.all():
             return self
-        return replace(self, cloud=self._kept_cloud(keep), components=self.components.take(keep))
+        return replace(self, cloud=self._kept_cloud(keep), components=taken(self.components, keep))
 
     def keep_and_join(self, keep: BoolArray, cloud: ParticleCloud, components: Components) -> Self:
         """Return the belief with the components to keep and further ones behind them.
@@ -200,7 +190,7 @@ class Mixture:
         return replace(
             self,
             cloud=self._kept_cloud(keep, cloud),
-            components=Components.concatenate([self.components.take(keep), components]),
+            components=joined(taken(self.components, keep), components),
             next_track_id=max(self.next_track_id, int(components.track_id.max(initial=0)) + 1),
         )
 

@@ -8,9 +8,10 @@ import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.threads import in_shares
-from mmpf.state import STATE_SIZE
+from mmpf.scan import Detections
+from mmpf.state import LAT, LON, STATE_SIZE
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,21 @@ def effective_sizes(mixture: Mixture) -> FloatArray:
     effective_size = np.zeros(len(mixture))
     _invert_sums_of_squares(np.exp(mixture.cloud.log_weight), mixture.starts, effective_size)
     return effective_size
+
+
+def gate_table(moments: Moments, detections: Detections, gate_std: float) -> BoolArray:
+    """Return which detections lie within each component's gate, along the road and across it, shape (m, d).
+
+    The gate is so many standard deviations of component and measurement together; infinite for all pairs.
+    """
+    if np.isinf(gate_std):
+        return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
+    lon = np.sqrt(moments.variance[LON][:, None] + detections.std_lon_m**2)
+    lat = np.sqrt(moments.variance[LAT][:, None] + detections.std_lat_m**2)
+    return np.asarray(
+        (np.abs(detections.lon_m - moments.mean[LON][:, None]) <= gate_std * lon)
+        & (np.abs(detections.lat_m - moments.mean[LAT][:, None]) <= gate_std * lat)
+    )
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True)

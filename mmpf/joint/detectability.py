@@ -34,6 +34,7 @@ def detection_probabilities(
     return probability
 
 
+@numba.njit(cache=True, nogil=True)
 def missed_probabilities(
     visible_fraction: FloatArray, detection_probability: FloatArray, cap: float, begin: float, full: float
 ) -> FloatArray:
@@ -47,15 +48,17 @@ def missed_probabilities(
         full: Visible fraction from which it is ``cap``.
     """
     missed = np.empty(len(visible_fraction))
-    _rise_to_cap(visible_fraction, detection_probability, cap, begin, full, missed)
+    per_fraction = 1.0 / (full - begin)
+    for n in range(len(visible_fraction)):
+        in_view = min(max((visible_fraction[n] - begin) * per_fraction, 0.0), 1.0)
+        missed[n] = min(detection_probability[n], cap * in_view)
     return missed
 
 
 def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
     """Return distances from the sensor, shape (n,)."""
-    distance = np.empty(len(lon_m))
-    _distances(lon_m, lat_m, ego.lon_m, ego.lat_m, distance)
-    return distance
+    along, across = lon_m - ego.lon_m, lat_m - ego.lat_m
+    return np.sqrt(along * along + across * across)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -73,20 +76,3 @@ def _by_data_sheet(
     for n in range(len(visible)):
         is_unseen = (visible[n] < hidden_fraction) | (distance[n] > range_m)
         probability[n] = hidden if is_unseen else in_plain_view * min(1.0, visible[n] * per_fraction)
-
-
-@numba.njit(cache=True, nogil=True)
-def _rise_to_cap(
-    visible: FloatArray, probability: FloatArray, cap: float, begin: float, full: float, missed: FloatArray
-) -> None:
-    per_fraction = 1.0 / (full - begin)
-    for n in range(len(visible)):
-        in_view = min(max((visible[n] - begin) * per_fraction, 0.0), 1.0)
-        missed[n] = min(probability[n], cap * in_view)
-
-
-@numba.njit(cache=True, nogil=True)
-def _distances(lon: FloatArray, lat: FloatArray, ego_lon: float, ego_lat: float, distance: FloatArray) -> None:
-    for n in range(len(lon)):
-        along, across = lon[n] - ego_lon, lat[n] - ego_lat
-        distance[n] = np.sqrt(along * along + across * across)

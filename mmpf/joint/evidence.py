@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments
+from mmpf.cloud.moments import Moments, gate_table
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
@@ -170,21 +170,9 @@ class GatedLikelihoods:
 def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections, gate_std: float) -> GatedLikelihoods:
     """Return f(z | x), a Gaussian in position and, where it is measured, speed, for all pairs within the gate.
 
-    Args:
-        mixture: The belief.
-        moments: Its components' moments.
-        detections: The scan's detections.
-        gate_std: A pair counts if the detection is within this many standard deviations of component and
-            measurement together, in both directions; infinite for all pairs.
+    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``.
     """
-    inside = np.ones((len(mixture), len(detections)), dtype=np.bool_)
-    for row, measured, std in (
-        (LON, detections.lon_m, detections.std_lon_m),
-        (LAT, detections.lat_m, detections.std_lat_m),
-    ):
-        spread = np.sqrt(moments.variance[row][:, None] + std[None, :] ** 2)
-        inside &= np.abs(measured[None, :] - moments.mean[row][:, None]) <= gate_std * spread
-    component, detection = np.nonzero(inside)
+    component, detection = np.nonzero(gate_table(moments, detections, gate_std))
     sizes = np.diff(mixture.starts)[component]
     starts = np.concatenate([[0], np.cumsum(sizes)])
     values = np.empty(starts[-1])

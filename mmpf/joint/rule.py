@@ -109,7 +109,7 @@ class JointUpdate:
         existence = np.minimum(existence, self.options.joint.existence.largest)
 
         was_hit = marginals.probability.sum(axis=1) > options.hit_probability
-        components = _count_hits(prior.components, was_hit, existence, situation.dt_s)
+        components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence)
         hit = np.flatnonzero(was_hit)
         if detections.sizes is not None and len(hit):
             measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
@@ -220,15 +220,6 @@ def _stands_on_another(components: Components, moments: Moments, options: JointE
     overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.same_place_share * 0.5 * (width[:, None] + width)
     np.fill_diagonal(overlaps, val=False)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))
-
-
-def _count_hits(components: Components, was_hit: BoolArray, existence: FloatArray, dt_s: float) -> Components:
-    return replace(
-        components,
-        existence=existence,
-        hits=components.hits + was_hit,
-        unseen_s=np.where(was_hit, 0.0, components.unseen_s + dt_s),
-    )
 
 
 def _mean_entropy(probability: FloatArray) -> float:

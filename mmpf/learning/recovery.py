@@ -62,14 +62,7 @@ class Samples:
 
 
 def recovery_samples(records: FollowingRecords, count: int, gains: RecoveryGains, rng: np.random.Generator) -> Samples:
-    """Draw samples of the records, most of them perturbed and labelled with the way back.
-
-    Args:
-        records: Recorded windows.
-        count: Number of samples.
-        gains: How to come back.
-        rng: Source of randomness.
-    """
+    """Draw samples of the records, most of them perturbed and labelled with the way back."""
     windows, steps = records.gap_m.shape
     window, step = rng.integers(windows, size=count), rng.integers(steps - 1, size=count)
     perturbed = rng.random(count) < PERTURBED_SHARE
@@ -88,14 +81,9 @@ def recovery_samples(records: FollowingRecords, count: int, gains: RecoveryGains
 def demonstrated_samples(
     records: FollowingRecords, model: ScaledGmm, rollouts: int, gains: RecoveryGains, rng: np.random.Generator
 ) -> Samples:
-    """Roll the model out behind the recorded leaders and label the states that it reaches with the way back.
+    """Roll the model out behind the leaders of some windows and label the states that it reaches with the way back.
 
-    Args:
-        records: Recorded windows.
-        model: Mixture whose output is the acceleration of the next step.
-        rollouts: Number of windows to roll out over.
-        gains: How to come back.
-        rng: Source of randomness.
+    The model's output is the acceleration of the next step.
     """
     window = rng.choice(len(records.gap_m), size=min(rollouts, len(records.gap_m)), replace=False)
     speed, accel = records.speed_mps[window, 0], records.accel_mps2[window, 0]

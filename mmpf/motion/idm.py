@@ -77,10 +77,7 @@ def intelligent_driver(
 ) -> Memoryless:
     """Return IDM along the road with white acceleration noise; across it, a slow return to the lane's middle.
 
-    Args:
-        driver: Parameters, those of the original publication by default.
-        noise: Drives the speeds, m/s per root second; the committed noise of ``idm`` if None.
-        name: Name in the registry.
+    By default the driver is that of the original publication and the noise, m/s per root second, the committed one.
     """
     return Memoryless(name, partial(_idm_step, driver, noise or process_noise("idm")))
 

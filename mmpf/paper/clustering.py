@@ -23,14 +23,8 @@ def recluster(
 
     k stays the number of components and the medoids start from the components' own, so that each cluster inherits
     the identity of the component that it grew from. The distribution is unchanged: only the component index moves.
-    A component left without particles disappears.
-
-    Args:
-        mixture: The belief, weights normalised.
-        touch_lon_m: Components whose means are nearer than this, and
-        touch_lat_m: nearer than this touch.
-        sample: Particles of a group that vote on the medoids.
-        rng: Source of randomness.
+    A component left without particles disappears. Those touch whose means are nearer than both distances, and
+    ``sample`` particles of a group vote on its medoids.
 
     Returns:
         The belief, and the number of components whose particles were dealt out anew.

@@ -13,10 +13,10 @@ from scipy.special import logsumexp
 
 from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
 from mmpf.cloud.birth import Births, give_birth
-from mmpf.cloud.mixture import Components, Mixture
-from mmpf.cloud.moments import Moments, component_moments, effective_sizes
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.cloud.resampling import resample
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.options import FilterOptions, PaperMerging
 from mmpf.paper.clustering import recluster
 from mmpf.scan import Detections
@@ -58,7 +58,7 @@ class MaxLikelihoodUpdate:
     ) -> Updated:
         """Weigh each particle by its largest likelihood, equation (10), and components by equation (11)."""
         rule, detections = self.options.max_likelihood, situation.scan.detections
-        gate = _gate_table(moments, detections, rule.association.gate_std)
+        gate = gate_table(moments, detections, rule.association.gate_std)
         # The assertion holds for components as wholes: the first particle tells of all.
         is_hidden = occlusion.detection_probability[prior.starts[:-1]] == 0.0
         performs_update = ~is_hidden & gate.any(axis=1)
@@ -69,19 +69,14 @@ class MaxLikelihoodUpdate:
         log_weight = log_raw - log_sum[prior.cloud.component]
         log_component = _component_weights(prior, log_sum, performs_update, rule.existence.floor_weight)
 
-        was_hit = performs_update & _gate_table(moments, detections, rule.association.hit_gate_std).any(axis=1)
-        components = replace(
-            prior.components,
-            hits=prior.components.hits + was_hit,
-            unseen_s=np.where(was_hit, 0.0, prior.components.unseen_s + situation.dt_s),
-        )
+        was_hit = performs_update & gate_table(moments, detections, rule.association.hit_gate_std).any(axis=1)
         cloud = replace(
             prior.cloud,
             log_weight=log_weight,
             log_raw_weight=log_raw,
             log_component_weight=log_component[prior.cloud.component],
         )
-        posterior = replace(prior, cloud=cloud, components=components)
+        posterior = replace(prior, cloud=cloud, components=prior.components.after_scan(was_hit, situation.dt_s))
         effective_size = effective_sizes(posterior)
         size = np.diff(posterior.starts)
         depleted = effective_size < rule.resampling.effective_share * size
@@ -192,18 +187,6 @@ def _component_weights(
     return log_component
 
 
-def _gate_table(moments: Moments, detections: Detections, gate_std: float) -> BoolArray:
-    """Return which detections lie within each component's gate, shape (m, d)."""
-    if np.isinf(gate_std):
-        return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
-    lon = np.sqrt(moments.variance[LON][:, None] + detections.std_lon_m**2)
-    lat = np.sqrt(moments.variance[LAT][:, None] + detections.std_lat_m**2)
-    return np.asarray(
-        (np.abs(detections.lon_m - moments.mean[LON][:, None]) <= gate_std * lon)
-        & (np.abs(detections.lat_m - moments.mean[LAT][:, None]) <= gate_std * lat)
-    )
-
-
 def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
     """Return the log of the sum of exponentials over each component's particles, shape (m,)."""
     if len(mixture) == 0:
@@ -231,8 +214,7 @@ def _merge_overlaps(mixture: Mixture, options: PaperMerging) -> tuple[Mixture, i
     component = new_index[into[mixture.cloud.component]]
     order = np.argsort(component, kind="stable")
     cloud = mixture.cloud.take(order, component[order])
-    components: Components = mixture.components.take(survives)
-    pooled = replace(mixture, cloud=cloud, components=components)
+    pooled = replace(mixture, cloud=cloud, components=taken(mixture.components, survives))
     return renormalised(pooled), int((~survives).sum())
 
 

@@ -44,16 +44,9 @@ def write_situations(
     leader_accel_mps2: FloatArray,
     seen: FloatArray | Float32Array,
 ) -> None:
-    """Write what some followers see, variable by variable; see ``situation``.
+    """Write what the followers ``index``, shape (k,), see into ``seen``, shape (5, k), variable by variable.
 
-    Args:
-        index: The followers that are asked for, shape (k,).
-        gap_m: As for ``situation``, of everyone, shape (n,); the others likewise.
-        speed_mps: Own speed, shape (n,).
-        accel_mps2: Own acceleration, shape (n,).
-        leader_speed_mps: Leader's speed, shape (n,).
-        leader_accel_mps2: Leader's acceleration, shape (n,).
-        seen: What is written, shape (5, k).
+    The other arguments are those of ``situation``, of everyone, shape (n,).
     """
     _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
     # Of the whole row: compiled one by one, logarithms take several times as long.

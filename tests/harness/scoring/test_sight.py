@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from harness.scoring import score_run
 from harness.scoring.rows import read_run
+from harness.scoring.sequence import tracks_in_sight
 from harness.scoring.settings import ScoringSettings
-from harness.scoring.sight import tracks_in_sight
 from tests.harness.scoring.scenes import Scene, traffic
 
 STEPS = np.arange(100)
