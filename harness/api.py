@@ -24,7 +24,6 @@ from mmpf.registry import UnknownNameError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from harness.comparison import compare as comparison
     from harness.config.model import RunConfig
     from harness.grid.stress import FinishedGrid, RunCells
     from harness.running.run import FinishedRun
@@ -192,9 +191,12 @@ def compare(a: Run | Grid | Path | str, b: Run | Grid | Path | str, *, tolerance
     """
     import pandas as pd  # noqa: PLC0415
 
-    compared = make_comparison(a, b, tolerance)
-    table = compared.as_table()
-    return Comparison(compared.regression, compared.notes, pd.DataFrame(table["verdicts"]))
+    from harness.comparison.compare import compare as compare_sources  # noqa: PLC0415
+    from harness.comparison.sources import open_source  # noqa: PLC0415
+
+    first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
+    compared = compare_sources(open_source(first, "a"), open_source(second, "b"), tolerance)
+    return Comparison(compared.regression, compared.notes, pd.DataFrame(compared.as_table()["verdicts"]))
 
 
 def make_run(options: Mapping[str, object], command: str, quiet: bool) -> FinishedRun:
@@ -285,15 +287,6 @@ def _execution(scheduler: str | None, workers: int | None, timeout_s: float | No
         return
     with connect(scheduler) as client:
         yield lambda cells, on_row: run_cells_on_cluster(client, cells, timeout_s, on_row)
-
-
-def make_comparison(a: Run | Grid | Path | str, b: Run | Grid | Path | str, tolerance: float) -> comparison.Comparison:
-    """Do what ``compare`` does."""
-    from harness.comparison.compare import compare as compare_sources  # noqa: PLC0415
-    from harness.comparison.sources import open_source  # noqa: PLC0415
-
-    first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
-    return compare_sources(open_source(first, "a"), open_source(second, "b"), tolerance)
 
 
 @contextmanager

@@ -9,7 +9,6 @@ help: lines of at most 78 characters, examples indented by two under a line "Exa
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import re
 import sys
 from collections.abc import Sequence
@@ -48,15 +47,6 @@ class CommandEntry:
     name: str
     help: str
     panel: str = "Run and look"
-
-    @property
-    def module(self) -> str:
-        """Module that holds the command."""
-        return f"harness.commands.{self.name}"
-
-    def exists(self) -> bool:
-        """Whether the command's module is installed, found without importing it."""
-        return importlib.util.find_spec(self.module) is not None
 
 
 COMMANDS = (
@@ -121,10 +111,8 @@ def _application(called: str | None) -> typer.Typer:
     )
     application.callback(invoke_without_command=True)(_without_command)
     for entry in COMMANDS:
-        if not entry.exists():
-            continue
         if entry.name == called:
-            command = typer_command(importlib.import_module(entry.module).command)
+            command = typer_command(importlib.import_module(f"harness.commands.{entry.name}").command)
             application.command(entry.name, rich_help_panel=entry.panel)(command)
         else:
             application.command(entry.name, help=entry.help, rich_help_panel=entry.panel)(_not_called)

@@ -8,6 +8,7 @@ from typing import Annotated, TypedDict
 import typer
 
 from harness.config.options import Option
+from harness.errors import InputError
 
 
 class Options(TypedDict):
@@ -73,8 +74,6 @@ def command(options: Options) -> None:
 
 
 def _counts(text: str) -> tuple[int, ...]:
-    from harness.errors import InputError  # noqa: PLC0415
-
     try:
         counts = tuple(sorted({int(word) for word in text.split(",")}))
     except ValueError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import json
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -94,7 +94,5 @@ def command(options: Options) -> None:
         result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))
     result.write(out, network if write else None)
     if options["json"]:
-        import json  # noqa: PLC0415
-
         typer.echo(json.dumps(result.as_json(), indent=2))
-    print(f"written to {out}{f' and {network.calibration_file}' if write else ''}", file=sys.stderr)  # noqa: T201
+    typer.echo(f"written to {out}{f' and {network.calibration_file}' if write else ''}", err=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
@@ -75,8 +76,6 @@ def command(options: Options) -> int:
 
         html.write_text(text_page(as_markdown(comparison)), encoding="utf-8")
     if options["json"]:
-        import json  # noqa: PLC0415
-
         typer.echo(json.dumps(comparison.as_table(), indent=2))
     return 1 if comparison.regression else 0
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -49,4 +48,4 @@ def command(options: Options) -> None:
         typer.echo(json.dumps({"files": [str(file) for file in files]}))
         return
     for file in files:
-        print(file, file=sys.stderr)  # noqa: T201
+        typer.echo(file, err=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import json
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -68,7 +68,5 @@ def command(options: Options) -> None:
     if not quiet:
         print_fidelity(result)
     if options["json"]:
-        import json  # noqa: PLC0415
-
         typer.echo(json.dumps(result.as_json(), indent=2))
-    print(f"written to {out}", file=sys.stderr)  # noqa: T201
+    typer.echo(f"written to {out}", err=True)

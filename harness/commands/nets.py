@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from typing import Annotated, TypedDict
 
 import typer
@@ -28,9 +30,6 @@ def command(options: Options) -> None:
 
     networks = available_networks()
     if options["json"]:
-        import json  # noqa: PLC0415
-        from dataclasses import asdict  # noqa: PLC0415
-
         typer.echo(json.dumps([asdict(network) for network in networks], indent=2))
         return
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -46,4 +45,4 @@ def command(options: Options) -> None:
     if options["json"]:
         typer.echo(json.dumps({"page": str(page), "size_mb": round(size_mb, 3)}))
     else:
-        print(f"{page} ({size_mb:.1f} MB)", file=sys.stderr)  # noqa: T201
+        typer.echo(f"{page} ({size_mb:.1f} MB)", err=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -23,16 +25,10 @@ def command(
       python -m harness settings association
       python -m harness run --set tracker.options.joint.association.gate_std=4
     """
-    from harness.settings.listing import all_settings  # noqa: PLC0415
+    from harness.settings import all_settings, print_settings  # noqa: PLC0415
 
     rows = all_settings(word)
     if as_json:
-        import json  # noqa: PLC0415
-        from dataclasses import asdict  # noqa: PLC0415
-
         typer.echo(json.dumps([asdict(row) for row in rows], indent=2, ensure_ascii=False, default=str))
-        return
-
-    from harness.settings.table import print_settings  # noqa: PLC0415
-
-    print_settings(rows)
+    else:
+        print_settings(rows)

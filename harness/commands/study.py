@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 from harness.config.options import Option
+from harness.errors import InputError
 
 ABLATION_S = 30.0
 
@@ -113,7 +114,7 @@ def command(options: Options) -> None:
 
     write_page(folder)
     typer.echo(json.dumps(told.numbers) if options["json"] else told.text)
-    print(f"written to {folder}", file=sys.stderr)  # noqa: T201
+    typer.echo(f"written to {folder}", err=True)
 
 
 @dataclass(frozen=True)
@@ -125,16 +126,12 @@ class _Told:
 
 
 def _refuse(options: Options, parameters: tuple[str, ...], study: str) -> None:
-    from harness.errors import InputError  # noqa: PLC0415
-
     for parameter in parameters:
         if options.get(parameter) is not None:
             raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
 
 
 def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
-    import os  # noqa: PLC0415
-
     import pandas as pd  # noqa: PLC0415
 
     from harness.grid.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
@@ -169,7 +166,6 @@ def _make_transfer(
 
 
 def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool) -> _Told:
-    from harness.errors import InputError  # noqa: PLC0415
     from harness.study.published import MODELS, make_study  # noqa: PLC0415
     from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, TypedDict
 
@@ -62,8 +63,6 @@ def command(options: Options) -> None:
     )
     paths = train(plan, load_network(options["net"]), lambda line: typer.echo(line, err=True))
     if options["json"]:
-        import json  # noqa: PLC0415
-
         typer.echo(json.dumps({"models": [str(path) for path in paths]}))
     else:
         for path in paths:

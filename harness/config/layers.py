@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.writing.problems import first_problem
+from mmpf.settings import fields_of
 
 Table = dict[str, Any]
 
@@ -26,26 +27,11 @@ Table = dict[str, Any]
 EXCLUSIVE = ("demand", "density")
 
 
-def merge_layers(
-    config_file: Path | None = None, options: Mapping[str, object] | None = None, settings: Sequence[str] = ()
-) -> Table:
-    """Return what the user set, unchecked, as one nested table.
-
-    Args:
-        config_file: TOML file of ``config``.
-        options: The run's options by name (``net``, ``duration``, ...); None where not given.
-        settings: The ``KEY=VALUE`` words of ``settings``.
-
-    Raises:
-        InputError: The file can't be read, or a word of ``settings`` is not ``KEY=VALUE``.
-    """
+def _merged(config_file: Path | None, options: Mapping[str, object], settings: Sequence[str]) -> Table:
+    """Return what the user set, unchecked, as one nested table."""
     merged: Table = {}
-    layers = [
-        read_toml(config_file, "config") if config_file is not None else {},
-        _table_of_options(options or {}),
-        _table_of_settings(settings),
-    ]
-    for layer in layers:
+    in_file = _table_of_file(config_file) if config_file is not None else {}
+    for layer in (in_file, _table_of_options(options), _table_of_settings(settings)):
         _forget_another_trackers_options(merged, layer)
         _merge_into(merged, layer)
     return merged
@@ -63,18 +49,13 @@ def config_from_table(table: Table) -> RunConfig:
         raise InputError(_first_problem(error)) from None
 
 
-def read_toml(path: Path, parameter: str) -> Table:
-    """Read a TOML file that ``option`` named.
-
-    Raises:
-        InputError: The file can't be read or is not TOML.
-    """
+def _table_of_file(path: Path) -> Table:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"`{parameter}`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
+        raise InputError(f"`config`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"`{parameter}`: {path} is not valid TOML: {error}") from None
+        raise InputError(f"`config`: {path} is not valid TOML: {error}") from None
 
 
 def write_config(config: RunConfig, path: Path) -> None:
@@ -152,20 +133,12 @@ def _parameter_of(key: str) -> str | None:
 
 
 def _nearest(key: str) -> str:
-    known = list(_known_keys(RunConfig))
+    known = [name for name, _ in fields_of(RunConfig)]
     near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
     if not near:
         leaf = key.rsplit(".", 1)[-1]
         near = [name for name in known if difflib.get_close_matches(leaf, [name.rsplit(".", 1)[-1]], cutoff=0.6)]
     return f"; did you mean {' or '.join(near)}?" if near else f"; known keys are {', '.join(known)}"
-
-
-def _known_keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from _known_keys(field.annotation, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}"
 
 
 def resolve_run_config(
@@ -182,7 +155,7 @@ def resolve_run_config(
         InputError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
             traffic, a sensor or a folder that the recording does not have; or the file is no recorded traffic.
     """
-    table = merge_layers(config_file, options, settings)
+    table = _merged(config_file, options or {}, settings)
     replay = table.get("replay")
     if isinstance(replay, str):
         path = Path(replay).resolve()

@@ -15,7 +15,6 @@ from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
-from harness.runfolder.road import read_road
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from mmpf.compute.arrays import FloatArray
@@ -89,7 +88,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
         config=config,
         metrics=read_metrics(folder, parameter),
         manifest=manifest,
-        road=read_road(folder / runfolder.ROAD, parameter),
+        road=runfolder.read_road(folder / runfolder.ROAD, parameter),
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
         truth=table(runfolder.TRUTH, truth_columns),
         detections=table(runfolder.DETECTIONS, (*WHEN, *DETECTION_NUMBERS, "truth_id")),

@@ -49,7 +49,7 @@ def follow(
     stream: np.random.SeedSequence,
     watchers: Sequence[Watch] = (),
     times: StageTimes | None = None,
-) -> StageTimes:
+) -> None:
     """Give looks to trackers, step by step, until they end.
 
     Each episode, that is each ego, gets a new tracker with its own stream; track identities stay unique over the run.
@@ -60,10 +60,7 @@ def follow(
         recorder: Takes in every finished step.
         stream: Parent of one stream of randomness for each episode's tracker.
         watchers: Called after every step with the look, the tracks and the tracker.
-        times: Filled in step by step, so that they survive an interrupt; new if None.
-
-    Returns:
-        The wall times of the stages.
+        times: Wall times of the stages, filled in step by step, so that they survive an interrupt; not kept if None.
     """
     times = times if times is not None else StageTimes()
     keep_freed_memory()
@@ -81,7 +78,6 @@ def follow(
             times.tracker_s.append(tracker_s)
             for watch in watchers:
                 watch(look, tracks, episodes.tracker)
-    return times
 
 
 @dataclass

@@ -12,7 +12,6 @@ import pandas as pd
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.scoring.metrics import completed
-from harness.truth.frame import TrafficSummary
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE, Road
@@ -53,9 +52,9 @@ def timing_table(
     return {
         "steps": steps,
         "realtime_factor": steps * step_s / loop_s if loop_s > 0.0 else None,
-        "tracker_ms": {f"p{percent}": _percentile(tracker_ms, percent) for percent in (50, 95, 99)},
-        "sensor_ms": {"p50": _percentile(sensor_ms, 50)},
-        "truth_ms": {"p50": _percentile(truth_ms, 50)},
+        "tracker_ms": _percentiles(tracker_ms, 50, 95, 99),
+        "sensor_ms": _percentiles(sensor_ms, 50),
+        "truth_ms": _percentiles(truth_ms, 50),
         "total_s": total_s,
         "stages": stage_timing(stages_ms or {}),
     }
@@ -64,28 +63,23 @@ def timing_table(
 def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float | None]]:
     """Return percentiles of each stage's time under keys without blanks: ``prior update`` becomes ``prior_update``."""
     return {
-        stage.replace(",", "").replace(" ", "_"): {
-            f"p{percent}": _percentile(np.array(took_ms), percent) for percent in (50, 95, 99)
-        }
+        stage.replace(",", "").replace(" ", "_"): _percentiles(np.array(took_ms), 50, 95, 99)
         for stage, took_ms in stages_ms.items()
     }
 
 
 def traffic_table(truth: pd.DataFrame, road: Road) -> dict[str, Any]:
     """Return the ``traffic`` table: what was achieved on the section, and how many vehicles were in range."""
-    summary = summarise_traffic(truth, road)
     others = truth[~truth["is_ego"].to_numpy(dtype=bool)]
     steps = truth["step"].nunique()
     return {
-        "density_veh_per_km_lane": summary.density_veh_per_km_lane,
-        "flow_veh_per_h": summary.flow_veh_per_h,
-        "mean_speed_mps": summary.mean_speed_mps,
+        **summarise_traffic(truth, road),
         "vehicles_in_range": float(others["in_range"].sum()) / steps if steps else None,
     }
 
 
-def summarise_traffic(truth: pd.DataFrame, road: Road) -> TrafficSummary:
-    """Return density, flow and speed over the section and the whole time by Edie's definitions (1963).
+def summarise_traffic(truth: pd.DataFrame, road: Road) -> dict[str, float]:
+    """Return density (per km and main lane), flow (all lanes) and speed over section and time, after Edie (1963).
 
     Density is the time that all vehicles spent over the section's area in space and time, flow the distance that
     they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
@@ -99,14 +93,14 @@ def summarise_traffic(truth: pd.DataFrame, road: Road) -> TrafficSummary:
     steps = truth["step"].nunique()
     length_km = (end - start) / 1e3
     if not steps or not len(speeds):
-        return TrafficSummary(0.0, 0.0, math.nan)
+        return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
     vehicles_per_km = len(speeds) / steps / length_km
     mean_speed = float(speeds.mean())
-    return TrafficSummary(
-        density_veh_per_km_lane=vehicles_per_km / max(main_lanes, 1),
-        flow_veh_per_h=vehicles_per_km * mean_speed * 3.6,
-        mean_speed_mps=mean_speed,
-    )
+    return {
+        "density_veh_per_km_lane": vehicles_per_km / max(main_lanes, 1),
+        "flow_veh_per_h": vehicles_per_km * mean_speed * 3.6,
+        "mean_speed_mps": mean_speed,
+    }
 
 
 def _identification(config: RunConfig) -> dict[str, Any]:
@@ -125,5 +119,5 @@ def _identification(config: RunConfig) -> dict[str, Any]:
     }
 
 
-def _percentile(values: FloatArray, percent: float) -> float | None:
-    return float(np.percentile(values, percent)) if len(values) else None
+def _percentiles(values: FloatArray, *percents: int) -> dict[str, float | None]:
+    return {f"p{percent}": float(np.percentile(values, percent)) if len(values) else None for percent in percents}

@@ -9,7 +9,6 @@ import pandas as pd
 
 from harness.config.model import RunConfig
 from harness.runfolder import folder as runfolder
-from harness.runfolder.road import read_road
 from harness.runfolder.tables import DETECTION_NUMBERS, TRUTH_NUMBERS, detections_of, frame_of
 from harness.running.looks import Looks, timed_looks
 from harness.sensor.detector import build_sensor
@@ -41,7 +40,7 @@ def read_looks(folder: Path, config: RunConfig) -> Looks:
     truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER, (*FRAME_COLUMNS, *OBSERVATION_COLUMNS))
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER, DETECTION_COLUMNS)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
-    road = read_road(folder / runfolder.ROAD, PARAMETER)
+    road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
     times = np.unique(truth["time_s"].to_numpy(dtype=np.float64))
     truth_at, detections_at = _by_step(truth), _by_step(detections)
 

@@ -18,7 +18,6 @@ from harness.config.model import RunConfig
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.runfolder.road import write_road
 from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks, Streams
@@ -182,7 +181,7 @@ class _Attempt:
             looks = self.looks = open_looks(self.config)
         if looks.report and not quiet:
             sys.stderr.write(looks.report + "\n")
-        write_road(looks.road, self.folder / runfolder.ROAD)
+        runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
         with self._timed("loop"):
             self._loop(looks, quiet)
         tables = self.recorder.tables()

@@ -55,6 +55,7 @@ def visible_fractions(
     return _sweep(boxes, extents, _order_change_angles(boxes, extents))
 
 
+@numba.njit(cache=True, error_model="numpy")
 def first_hits(boxes: FloatArray, bearings: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the rectangle that each ray from the sensor meets first.
 
@@ -66,7 +67,18 @@ def first_hits(boxes: FloatArray, bearings: FloatArray) -> tuple[IntArray, Float
         Index of the rectangle, -1 where the ray meets none; the distance at which the ray enters it and the distance at
         which it leaves it, both infinite where there is none; each of shape (r,).
     """
-    return _first_hits(boxes, np.asarray(bearings, dtype=np.float64))
+    extents = _angular_extents(boxes)
+    index = np.full(len(bearings), NO_OCCLUDER, dtype=np.int64)
+    entry = np.full(len(bearings), np.inf)
+    leave = np.full(len(bearings), np.inf)
+    for r in range(len(bearings)):
+        cosine, sine = np.cos(bearings[r]), np.sin(bearings[r])
+        for i in range(len(boxes)):
+            if (bearings[r] - extents[i, 0]) % TWO_PI < extents[i, 1]:
+                near, far = _entry_and_exit(boxes[i], cosine, sine)
+                if near < entry[r]:
+                    index[r], entry[r], leave[r] = i, near, far
+    return index, entry, leave
 
 
 def pack_boxes(
@@ -152,22 +164,6 @@ def _sweep(boxes: FloatArray, extents: FloatArray, angles: FloatArray) -> tuple[
         if covered_by[i, most] > 0.0:
             occluder[i] = most
     return fraction, occluder
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _first_hits(boxes: FloatArray, bearings: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    extents = _angular_extents(boxes)
-    index = np.full(len(bearings), NO_OCCLUDER, dtype=np.int64)
-    entry = np.full(len(bearings), np.inf)
-    leave = np.full(len(bearings), np.inf)
-    for r in range(len(bearings)):
-        cosine, sine = np.cos(bearings[r]), np.sin(bearings[r])
-        for i in range(len(boxes)):
-            if (bearings[r] - extents[i, 0]) % TWO_PI < extents[i, 1]:
-                near, far = _entry_and_exit(boxes[i], cosine, sine)
-                if near < entry[r]:
-                    index[r], entry[r], leave[r] = i, near, far
-    return index, entry, leave
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -22,53 +22,36 @@ from mmpf.settings import Settings, fields_of
 
 @dataclass(frozen=True)
 class _Entry:
-    """Where a named tracker is registered.
-
-    Attributes:
-        module: Importing it registers the tracker; it is not imported before the tracker is asked for.
-        description: One line for people.
-        options: Module and name of the class of its options.
-        needs: What must be installed beyond the runtime dependencies: name and extra, empty if nothing.
-    """
+    """Where a named tracker is registered; nothing of it is imported before it is asked for."""
 
     module: str
     description: str
-    options: str
-    needs: tuple[str, str] | None = None
+    options: str  # module:class
+    needs: tuple[str, str] | None = None  # what must be installed beyond the runtime dependencies: name and extra
 
 
-_STONE_SOUP = ("Stone Soup", "baselines")
-_STONE_SOUP_MODULE = "harness.trackers.stonesoup.trackers"
-_STONE_SOUP_OPTIONS = "harness.trackers.stonesoup.options"
+def _stone_soup(description: str, options: str) -> _Entry:
+    room = "harness.trackers.stonesoup"
+    return _Entry(f"{room}.trackers", description, f"{room}.options:{options}", ("Stone Soup", "baselines"))
+
+
 _CATALOGUE = {
     "mmpf": _Entry(
         "harness.trackers.mmpf",
         "Modified Mixture Particle Filter, the tracker of this project",
         "harness.trackers.mmpf:MixtureTrackerOptions",
     ),
-    "stonesoup-gnn": _Entry(
-        _STONE_SOUP_MODULE,
-        "Stone Soup: Kalman filters, global nearest neighbour association",
-        f"{_STONE_SOUP_OPTIONS}:StoneSoupOptions",
-        _STONE_SOUP,
+    "stonesoup-gnn": _stone_soup(
+        "Stone Soup: Kalman filters, global nearest neighbour association", "StoneSoupOptions"
     ),
-    "stonesoup-jpda": _Entry(
-        _STONE_SOUP_MODULE,
-        "Stone Soup: Kalman filters, joint probabilistic data association (EHM2)",
-        f"{_STONE_SOUP_OPTIONS}:JpdaOptions",
-        _STONE_SOUP,
+    "stonesoup-jpda": _stone_soup(
+        "Stone Soup: Kalman filters, joint probabilistic data association (EHM2)", "JpdaOptions"
     ),
-    "stonesoup-jpda-stitched": _Entry(
-        _STONE_SOUP_MODULE,
-        "stonesoup-jpda, and a re-appearing vehicle takes its old identity",
-        f"{_STONE_SOUP_OPTIONS}:StitchedJpdaOptions",
-        _STONE_SOUP,
+    "stonesoup-jpda-stitched": _stone_soup(
+        "stonesoup-jpda, and a re-appearing vehicle takes its old identity", "StitchedJpdaOptions"
     ),
-    "stonesoup-particle": _Entry(
-        _STONE_SOUP_MODULE,
-        "Stone Soup: a particle filter per track, global nearest neighbour association",
-        f"{_STONE_SOUP_OPTIONS}:ParticleOptions",
-        _STONE_SOUP,
+    "stonesoup-particle": _stone_soup(
+        "Stone Soup: a particle filter per track, global nearest neighbour association", "ParticleOptions"
     ),
     "oracle-kalman": _Entry(
         "harness.trackers.oracle",

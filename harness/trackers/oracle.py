@@ -37,15 +37,7 @@ class OracleOptions(Settings):
 
 @dataclass(frozen=True)
 class _Followed:
-    """The vehicles that are being followed, struct of arrays over n vehicles.
-
-    Attributes:
-        truth_id: True names, shape (n,).
-        track_id: Reported identities, shape (n,).
-        states: Beliefs.
-        last_seen_s: Time of the last detection, shape (n,).
-        detections: How many detections so far, shape (n,).
-    """
+    """The vehicles that are being followed, struct of arrays over n vehicles."""
 
     truth_id: StringArray
     track_id: IntArray

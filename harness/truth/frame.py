@@ -68,21 +68,6 @@ class Frame:
         return EgoPose(**{name: float(getattr(self, name)[self.ego]) for name in names})
 
 
-@dataclass(frozen=True)
-class TrafficSummary:
-    """What the traffic was like over the scored time, space-mean over the section (Edie's definitions).
-
-    Attributes:
-        density_veh_per_km_lane: Vehicles per kilometre and main lane.
-        flow_veh_per_h: Vehicles per hour, all lanes.
-        mean_speed_mps: Distance travelled by all vehicles over the time they spent.
-    """
-
-    density_veh_per_km_lane: float
-    flow_veh_per_h: float
-    mean_speed_mps: float
-
-
 class TruthSource(Protocol):
     """Yields frames at a fixed step; SUMO, a recorded run or recorded traffic.
 

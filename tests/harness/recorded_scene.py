@@ -18,7 +18,6 @@ from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.runfolder.road import write_road
 from harness.runfolder.tables import write_table
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
@@ -41,7 +40,7 @@ def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, road
     times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
     metrics = assemble_metrics(config, scored.metrics, timing_table(times, STEP_S, 1.0), traffic_table(truth, road))
     write_config(config, folder / runfolder.CONFIG)
-    write_road(road, folder / runfolder.ROAD)
+    runfolder.write_road(road, folder / runfolder.ROAD)
     for name, table in (
         (runfolder.TRUTH, truth), (runfolder.DETECTIONS, detections), (runfolder.TRACKS, tracks),
         (runfolder.ERRORS, scored.errors), (runfolder.EVENTS, scored.events),

@@ -116,10 +116,9 @@ def test_overview_loads_nothing_heavy():
     assert "python -m harness run --net us101" in answer.stdout
 
 
-def test_every_listed_command_that_exists_can_be_called_for_help(capsys):
-    existing = [entry for entry in cli.COMMANDS if entry.exists()]
-    assert {"run", "nets"} <= {entry.name for entry in existing}
-    for entry in existing:
+def test_every_listed_command_can_be_called_for_help(capsys):
+    assert {"run", "nets"} <= {entry.name for entry in cli.COMMANDS}
+    for entry in cli.COMMANDS:
         code, out, _ = complaint([entry.name, "--help"], capsys)
         assert code == 0
         assert entry.name in out

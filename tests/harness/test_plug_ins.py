@@ -10,7 +10,7 @@ import pytest
 
 import harness
 from harness.cli import run_command_line
-from harness.settings.listing import all_settings
+from harness.settings import all_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
 from mmpf import SensorModel, highway, motion_model, motion_models

@@ -1,6 +1,6 @@
 """A conformance suite for trackers, one's own included.
 
-    from harness.trackers.checks import check_tracker, tracker_checks
+    from harness.trackers.conformance.checks import check_tracker, tracker_checks
 
     check_tracker(make_tracker)                     # all of them; raises with every finding
 
@@ -101,9 +101,10 @@ def check_tracker(make_tracker: TrackerFactory, options: Mapping[str, object] | 
 
 
 def tracker_checks() -> list[TrackerCheck]:
-    """Return all checks, for parametrised tests."""
+    """Return all checks, for parametrised tests: the functions of this module that are named so, in their order."""
     prefix = "_check_"
-    return [TrackerCheck(examine.__name__.removeprefix(prefix), examine) for examine in _CHECKS]
+    checks = [(name.removeprefix(prefix), thing) for name, thing in globals().items() if name.startswith(prefix)]
+    return [TrackerCheck(name, examine) for name, examine in checks]
 
 
 def _check_tracks_are_well_formed(build: Build) -> None:
@@ -263,25 +264,6 @@ def _check_steps_of_1_s(build: Build) -> None:
     scans = scripted_scans(cars, times_s, np.random.default_rng(10))
     last = follow(build, scans)[-1]
     require(len(last) > 0, "no track of four cars in plain view is left after steps of 1 s")
-
-
-_CHECKS: tuple[Callable[[Build], None], ...] = (
-    _check_tracks_are_well_formed,
-    _check_one_car_becomes_one_confirmed_track,
-    _check_identities_stay_with_their_cars,
-    _check_identities_are_never_used_again,
-    _check_equal_seeds_give_equal_tracks,
-    _check_order_of_detections_means_nothing,
-    _check_scans_are_left_as_they_were,
-    _check_sizes_need_not_be_measured,
-    _check_no_detections_for_5_s,
-    _check_nothing_but_clutter,
-    _check_two_detections_at_one_point,
-    _check_500_detections,
-    _check_impossible_detections_are_refused,
-    _check_time_that_does_not_grow_is_refused,
-    _check_steps_of_1_s,
-)
 
 
 def _content(detections: Detections) -> dict[str, bytes]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -135,15 +135,8 @@ def times_every_step(until_s: float) -> list[float]:
 def shuffled(scan: LabelledScan, order: IntArray) -> LabelledScan:
     """Return the scan with its detections in another order."""
     old = scan.scan.detections
-    detections = Detections(
-        old.lon_m[order],
-        old.lat_m[order],
-        old.speed_mps[order],
-        old.std_lon_m[order],
-        old.std_lat_m[order],
-        old.std_speed_mps[order],
-        None if old.sizes is None else old.sizes.take(order),
-    )
+    columns = {column.name: getattr(old, column.name)[order] for column in fields(old) if column.name != "sizes"}
+    detections = Detections(**columns, sizes=None if old.sizes is None else old.sizes.take(order))
     return LabelledScan(Scan(scan.scan.time_s, detections, scan.scan.ego), scan.truth_id[order])
 
 

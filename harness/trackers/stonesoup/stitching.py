@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
-from mmpf.compute.arrays import FloatArray, IntArray, joined, taken
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import TENTATIVE, Tracks
 
@@ -102,7 +102,7 @@ class IdentityStitcher:
         confirmed = tracks.state != TENTATIVE
         known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
         new = np.flatnonzero(confirmed & ~known)
-        lost = self._lost_tracks(tracks, sightings, time_s)
+        lost = self._lost_tracks(tracks, known, sightings, time_s)
         replaced = self._hand_on_identities(tracks, sightings, new, lost)
         for own in tracks.track_id[new].tolist():
             self._reported_id.setdefault(own, own)
@@ -112,9 +112,8 @@ class IdentityStitcher:
         renamed = replace(taken(tracks, keep), track_id=np.array(reported, dtype=np.int64))
         return Stitched(renamed, replaced)
 
-    def _lost_tracks(self, tracks: Tracks, sightings: Sightings, time_s: float) -> _Lost:
+    def _lost_tracks(self, tracks: Tracks, known: BoolArray, sightings: Sightings, time_s: float) -> _Lost:
         options = self._options
-        known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
         coasting = known & (time_s - sightings.last_s >= options.unseen_s - 1e-6)
         ended = self._ended(tracks.track_id, time_s)
         age_s = time_s - ended.time_s

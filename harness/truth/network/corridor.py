@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from xml.sax import SAXException
@@ -115,13 +116,7 @@ def read_net(path: Path) -> SumoNet:
 
 def longest_corridor(net: SumoNet) -> tuple[tuple[str, ...], float]:
     """Return the longest sequence of connected edges that keeps to the successor with most lanes, and its length."""
-    best: tuple[str, ...] = ()
-    best_length_m = 0.0
-    for first in net.getEdges(withInternal=False):
-        names, length_m = _follow(first)
-        if length_m > best_length_m:
-            best, best_length_m = names, length_m
-    return best, best_length_m
+    return max(map(_follow, net.getEdges(withInternal=False)), key=itemgetter(1))
 
 
 def corridor_from_net(net: SumoNet, names: Sequence[str], start_m: float) -> Corridor:

@@ -14,8 +14,14 @@ from pathlib import Path
 from harness.errors import InputError
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
-from harness.truth.network.networkfile import METADATA_FILE, CalibrationFile, DemandFile, NetworkFile, read_toml
-from harness.truth.network.sumocfg import SumoConfiguration, read_sumocfg
+from harness.truth.network.networkfile import (
+    METADATA_FILE,
+    CalibrationFile,
+    DemandFile,
+    NetworkFile,
+    net_file_of,
+    read_toml,
+)
 from mmpf.road import Road
 
 
@@ -78,7 +84,7 @@ class Network:
     calibrated: tuple[str, ...] = ()
     calibration_file: Path | None = None
     measured_file: Path | None = None
-    configuration: SumoConfiguration | None = None
+    configuration: Path | None = None
 
     @property
     def demands(self) -> tuple[str, ...]:
@@ -226,19 +232,19 @@ def _from_metadata(folder: Path, name: str) -> Network:
 
 def _from_sumocfg(path: Path) -> Network:
     """Take the longest stretch of road as the main road and leave a margin at its ends unscored."""
-    configuration = read_sumocfg(path)
-    net = read_net(configuration.net_file)
+    net_file = net_file_of(path)
+    net = read_net(net_file)
     edges, length_m = longest_corridor(net)
     margin_m = min(150.0, 0.15 * length_m)
     corridor = corridor_from_net(net, edges, -margin_m)
     return Network(
         name=str(path),
         description=f"the user's own network, main road {edges[0]} ... {edges[-1]}",
-        net_file=configuration.net_file,
+        net_file=net_file,
         corridor=corridor,
         section_m=(0.0, length_m - 2.0 * margin_m),
         ego_lanes=tuple(range(1, corridor.main_lanes + 1))[1:-1] or tuple(range(1, corridor.main_lanes + 1)),
-        configuration=configuration,
+        configuration=path,
     )
 
 

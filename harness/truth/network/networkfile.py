@@ -1,10 +1,11 @@
-"""What the files of a network's folder hold: ``network.toml`` and the outcome of a calibration."""
+"""What a network's files hold: ``network.toml``, a calibration's outcome, SUMO configurations of the user's own."""
 
 from __future__ import annotations
 
 import tomllib
 from pathlib import Path
 from typing import TypeVar
+from xml.etree import ElementTree
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -13,6 +14,11 @@ from harness.truth.network.demand import DENSITY_RANGE, Drivers
 from harness.writing.problems import first_problem
 
 METADATA_FILE = "network.toml"
+_FILE_OPTIONS = {
+    "net-file": ("net-file", "net", "n"),
+    "route-files": ("route-files", "r"),
+    "additional-files": ("additional-files", "additional", "a"),
+}
 
 _File = TypeVar("_File", bound=BaseModel)
 
@@ -86,3 +92,44 @@ def read_toml(path: Path, kind: type[_File]) -> _File:
     except ValidationError as error:
         problem = first_problem(error)
         raise InputError(f"{path}: {problem.key or 'the file'}: {problem.message}") from error
+
+
+def net_file_of(path: Path) -> Path:
+    """Return the network that a ``.sumocfg`` names, after checking that the files that it names are there and are XML.
+
+    Raises:
+        InputError: A file is missing or malformed, or no network is named.
+    """
+    if not path.is_file():
+        raise InputError(f"`net` {path}: the file does not exist")
+    values = {node.tag: node.get("value", "") for node in parse_xml(path).iter()}
+    named = {option: _named_files(path, values, aliases) for option, aliases in _FILE_OPTIONS.items()}
+    if len(named["net-file"]) != 1:
+        raise InputError(f"`net` {path}: it must name one net-file")
+    for file in (*named["route-files"], *named["additional-files"]):
+        if not file.is_file():
+            raise InputError(f"`net` {path}: it names {file.name}, which does not exist")
+        if file.suffix == ".xml":
+            parse_xml(file)
+    try:
+        float(values.get("begin") or values.get("b") or 0.0)
+    except ValueError:
+        raise InputError(f"`net` {path}: begin must be a number of seconds") from None
+    return named["net-file"][0]
+
+
+def parse_xml(path: Path) -> ElementTree.Element:
+    """Return an XML file's root.
+
+    Raises:
+        InputError: The file is not well-formed.
+    """
+    try:
+        return ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError, OSError) as error:
+        raise InputError(f"{path}: not well-formed XML: {error}") from error
+
+
+def _named_files(path: Path, values: dict[str, str], aliases: tuple[str, ...]) -> list[Path]:
+    names = next((values[alias] for alias in aliases if values.get(alias)), "")
+    return [path.parent / name.strip() for name in names.replace(",", " ").split()]

@@ -143,21 +143,12 @@ def _state(state: Element) -> tuple[float, float, float, float, float]:
     if point is None:
         raise ValueError("an obstacle's position is not a point")
     return (
-        _exact(state, "time"),
+        _number(state, "time/exact"),
         _number(point, "x"),
         _number(point, "y"),
-        _exact(state, "orientation"),
-        _exact(state, "velocity", 0.0),
+        _number(state, "orientation/exact"),
+        float(state.findtext("velocity/exact", "0")),
     )
-
-
-def _exact(state: Element, name: str, absent: float | None = None) -> float:
-    text = state.findtext(f"{name}/exact")
-    if text is None:
-        if absent is None:
-            raise ValueError(f"a state has no exact {name}")
-        return absent
-    return float(text)
 
 
 def _number(element: Element, name: str) -> float:

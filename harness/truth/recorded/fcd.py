@@ -11,13 +11,12 @@ from pathlib import Path
 from xml.etree.ElementTree import ParseError, iterparse
 
 import numpy as np
-import numpy.typing as npt
 
 from harness.errors import InputError
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 
 # SUMO's own sizes of its vehicle classes, metres.
@@ -31,18 +30,12 @@ SIZES = ("length", "width")
 
 @dataclass
 class _Collected:
-    """Rows as they come, packed: a recording may have millions.
+    """Rows as they come, packed: a recording may have millions."""
 
-    Attributes:
-        names: Number of each vehicle, by name, in the order of their appearance.
-        kinds: Number of each type, by name.
-        codes: Vehicle and type of each row, one after the other.
-        numbers: Time, x, y, angle, speed, length and width of each row.
-        people: Names of those on foot.
-    """
-
+    # Vehicles and types by name, numbered as they appear.
     names: dict[str, int] = field(default_factory=dict)
     kinds: dict[str, int] = field(default_factory=dict)
+    # One row after the other: vehicle and type; time, x, y, angle, speed, length and width.
     codes: array[int] = field(default_factory=lambda: array("q"))
     numbers: array[float] = field(default_factory=lambda: array("d"))
     people: set[str] = field(default_factory=set)
@@ -111,7 +104,7 @@ def _traffic(collected: _Collected, network: Network) -> ReadTraffic:
     width_m = np.where(np.isnan(width_m), usual_m[:, 1], width_m)
     vehicle_names, people = np.array(list(collected.names)), len(collected.people)
     lon_m, lat_m, heading = _in_road_frame(network.road, x, y, np.radians(90.0 - angle_deg), length_m)
-    near = _vehicles_beside_road(network.road, lat_m, vehicle, len(vehicle_names))
+    near = np.bincount(vehicle[beside_the_road(network.road, lat_m)], minlength=len(vehicle_names)) > 0
     kept = near[vehicle]
     left_out = {"never within 15 m of the main road": int(np.sum(~near)), "on foot": people}
     all_rows = Rows(
@@ -140,10 +133,6 @@ def _in_road_frame(
         lon_m[part], lat_m[part] = road.to_road(centre_x[part], centre_y[part])
     heading = (heading_in_plane - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
     return lon_m, lat_m, heading
-
-
-def _vehicles_beside_road(road: Road, lat_m: FloatArray, vehicle: IntArray, vehicles: int) -> npt.NDArray[np.bool_]:
-    return np.asarray(np.bincount(vehicle[beside_the_road(road, lat_m)], minlength=vehicles) > 0)
 
 
 def _size_of(kind: str, of_type: dict[str, tuple[float, float]]) -> tuple[float, float]:

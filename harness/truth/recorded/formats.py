@@ -31,14 +31,12 @@ class RecordingFormat:
 
     Attributes:
         name: What ``format`` takes.
-        description: What it is.
         brings_road: Whether the file itself says where the lanes are.
         recognises: Whether the first characters of a file are of this format.
         reader: Module and function that read a file, given its path and, unless it brings its road, the network's name.
     """
 
     name: str
-    description: str
     brings_road: bool
     recognises: Callable[[str], bool]
     reader: str
@@ -142,20 +140,12 @@ def _header_names(head: str) -> set[str]:
     return {name.strip().strip('"').lower() for name in line.split(",")}
 
 
-def _is_commonroad(head: str) -> bool:
-    return re.search(r"<commonRoad[\s>]", head) is not None
+def _with_element(name: str) -> Callable[[str], bool]:
+    return lambda head: re.search(rf"<{name}[\s>]", head) is not None
 
 
-def _is_fcd(head: str) -> bool:
-    return re.search(r"<fcd-export[\s>]", head) is not None
-
-
-def _is_highd(head: str) -> bool:
-    return len(_header_names(head) & HIGHD_NAMES) >= TELLING_NAMES
-
-
-def _is_ngsim(head: str) -> bool:
-    return len(_header_names(head) & NGSIM_NAMES) >= TELLING_NAMES
+def _with_columns(names: frozenset[str]) -> Callable[[str], bool]:
+    return lambda head: len(_header_names(head) & names) >= TELLING_NAMES
 
 
 def _is_ngsim_text(head: str) -> bool:
@@ -170,22 +160,10 @@ _ROOM = "harness.truth.recorded"
 FORMATS: dict[str, RecordingFormat] = {
     entry.name: entry
     for entry in (
-        RecordingFormat(
-            "commonroad",
-            "CommonRoad scenario, 2018b or 2020a",
-            True,
-            _is_commonroad,
-            f"{_ROOM}.commonroad:read_commonroad",
-        ),
-        RecordingFormat("fcd", "SUMO floating-car data", False, _is_fcd, f"{_ROOM}.fcd:read_fcd"),
-        RecordingFormat(
-            "ngsim", "NGSIM's public CSV with its header", False, _is_ngsim, f"{_ROOM}.ngsim:read_ngsim_csv"
-        ),
-        RecordingFormat(
-            "highd", "highD recording, a folder or its tracks file", True, _is_highd, f"{_ROOM}.highd:read_highd"
-        ),
-        RecordingFormat(
-            "ngsim-text", "NGSIM's original text of 18 columns", False, _is_ngsim_text, f"{_ROOM}.ngsim:read_ngsim_text"
-        ),
+        RecordingFormat("commonroad", True, _with_element("commonRoad"), f"{_ROOM}.commonroad:read_commonroad"),
+        RecordingFormat("fcd", False, _with_element("fcd-export"), f"{_ROOM}.fcd:read_fcd"),
+        RecordingFormat("ngsim", False, _with_columns(NGSIM_NAMES), f"{_ROOM}.ngsim:read_ngsim_csv"),
+        RecordingFormat("highd", True, _with_columns(HIGHD_NAMES), f"{_ROOM}.highd:read_highd"),
+        RecordingFormat("ngsim-text", False, _is_ngsim_text, f"{_ROOM}.ngsim:read_ngsim_text"),
     )
 }

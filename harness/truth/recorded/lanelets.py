@@ -23,6 +23,9 @@ SHARED_LINE_WITHIN_M = 1.0
 CUT_WITHIN_M = 15.0
 BEYOND_MAP_M = 1000.0
 
+# Right line, left line, and the pieces along the road of strips that lie behind one another.
+_LaneFile = tuple[float, float, list[tuple[float, float]]]
+
 
 @dataclass(frozen=True)
 class Lanelet:
@@ -42,9 +45,13 @@ class Lanelet:
 
     def centre_xy(self) -> FloatArray:
         """Return the middle line, a point every two metres, shape (n, 2)."""
-        count = max(2, int(_length(self.left_xy) / SAMPLE_M) + 1)
-        shares = np.linspace(0.0, 1.0, count)
-        return 0.5 * (_at_shares(self.left_xy, shares) + _at_shares(self.right_xy, shares))
+        left, right = self.sampled()
+        return 0.5 * (left + right)
+
+    def sampled(self) -> tuple[FloatArray, FloatArray]:
+        """Return points of the left and the right line beside each other, every two metres, each of shape (n, 2)."""
+        shares = _even_shares(self.left_xy)
+        return _at_shares(self.left_xy, shares), _at_shares(self.right_xy, shares)
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,8 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
     Returns:
         The road; its section is the extent of the map.
     """
-    reference = _simplified(_smoothed(_resampled(_trunk(lanelets, np.column_stack([x, y])))))
+    trunk = _trunk(lanelets, np.column_stack([x, y]))
+    reference = _simplified(_smoothed(_at_shares(trunk, _even_shares(trunk))))
     frame = Road(lanes=(), reference_xy=tuple((float(px), float(py)) for px, py in reference))
     strips = [strip for lanelet in lanelets if (strip := _strip(lanelet, frame)) is not None]
     lanes = _lanes(strips)
@@ -132,8 +140,8 @@ def _at_shares(line: FloatArray, shares: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(shares, along, line[:, 0]), np.interp(shares, along, line[:, 1])])
 
 
-def _resampled(line: FloatArray) -> FloatArray:
-    return _at_shares(line, np.linspace(0.0, 1.0, max(2, int(_length(line) / SAMPLE_M) + 1)))
+def _even_shares(line: FloatArray) -> FloatArray:
+    return np.linspace(0.0, 1.0, max(2, int(_length(line) / SAMPLE_M) + 1))
 
 
 def _smoothed(line: FloatArray) -> FloatArray:
@@ -157,9 +165,7 @@ def _simplified(line: FloatArray) -> FloatArray:
 
 
 def _strip(lanelet: Lanelet, frame: Road) -> _Strip | None:
-    count = max(2, int(_length(lanelet.left_xy) / SAMPLE_M) + 1)
-    shares = np.linspace(0.0, 1.0, count)
-    left, right = _at_shares(lanelet.left_xy, shares), _at_shares(lanelet.right_xy, shares)
+    left, right = lanelet.sampled()
     left_lon, left_lat = frame.to_road(left[:, 0], left[:, 1])
     right_lon, right_lat = frame.to_road(right[:, 0], right[:, 1])
     lon, lat = 0.5 * (left_lon + right_lon), 0.5 * (left_lat + right_lat)
@@ -186,8 +192,8 @@ def _lanes(strips: Sequence[_Strip]) -> tuple[Lane, ...]:
     return tuple(lanes)
 
 
-def _files_of_strips(strips: Sequence[_Strip]) -> list[tuple[float, float, list[tuple[float, float]]]]:
-    """Group strips that lie behind one another, from left to right: right line, left line, pieces along the road."""
+def _files_of_strips(strips: Sequence[_Strip]) -> list[_LaneFile]:
+    """Group strips that lie behind one another, from left to right."""
     groups: list[list[_Strip]] = []
     for strip in sorted(strips, key=lambda strip: -strip.centre_m):
         if groups and abs(np.mean([other.centre_m for other in groups[-1]]) - strip.centre_m) < SAME_LANE_WITHIN_M:
@@ -214,9 +220,7 @@ def _joined(group: Sequence[_Strip]) -> list[tuple[float, float]]:
     return pieces
 
 
-def _with_shared_lines(
-    files: list[tuple[float, float, list[tuple[float, float]]]],
-) -> list[tuple[float, float, list[tuple[float, float]]]]:
+def _with_shared_lines(files: list[_LaneFile]) -> list[_LaneFile]:
     """Let neighbours meet in the middle of the gap or overlap between them."""
     shared = list(files)
     for k in range(len(shared) - 1):

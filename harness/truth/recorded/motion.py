@@ -7,6 +7,8 @@ either side: as much as the simulated traffic is smoothed by.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from harness.truth.frame import STEP_S
@@ -26,18 +28,8 @@ def completed(clocked: Clocked) -> tuple[Rows, FloatArray]:
     # A vehicle drifts along its heading; while it creeps most of its lateral speed is noise of the recording.
     drift = np.arctan2(lat_speed, np.maximum(np.maximum(np.abs(speed), 3.0 * np.abs(lat_speed)), CREEP_MPS))
     heading = np.where(np.isnan(rows.heading_rad), drift, rows.heading_rad)
-    done = Rows(
-        vehicle=rows.vehicle,
-        time_s=rows.time_s,
-        lon_m=rows.lon_m,
-        lat_m=rows.lat_m,
-        heading_rad=(heading + np.pi) % (2.0 * np.pi) - np.pi,
-        speed_mps=speed,
-        lat_speed_mps=lat_speed,
-        length_m=rows.length_m,
-        width_m=rows.width_m,
-    )
-    return done, local_slope(speed, stay)
+    heading = (heading + np.pi) % (2.0 * np.pi) - np.pi
+    return replace(rows, heading_rad=heading, speed_mps=speed, lat_speed_mps=lat_speed), local_slope(speed, stay)
 
 
 def local_slope(values: FloatArray, stay: IntArray) -> FloatArray:

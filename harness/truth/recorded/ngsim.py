@@ -17,9 +17,8 @@ import pyarrow.csv
 
 from harness.errors import InputError
 from harness.truth.network.network import load_network
-from harness.truth.recorded.rows import ReadTraffic, Rows, name_codes, unknown
+from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
 
 FOOT_M = 0.3048
 COLUMNS = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel")
@@ -40,7 +39,8 @@ def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
     Raises:
         InputError: A column is missing, a value is no number, or no site is the network's.
     """
-    names = _csv_names(path)
+    with path.open(encoding="utf-8-sig") as file:
+        names = [name.strip().strip('"') for name in file.readline().split(",")]
     lower = {name.lower(): name for name in names}
     missing = [name for name in COLUMNS if name.lower() not in lower]
     if missing:
@@ -75,11 +75,6 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
-
-
-def _csv_names(path: Path) -> list[str]:
-    with path.open(encoding="utf-8-sig") as file:
-        return [name.strip().strip('"') for name in file.readline().split(",")]
 
 
 def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> pa.Table:
@@ -144,14 +139,14 @@ def _plain(location: pa.ChunkedArray) -> npt.NDArray[np.str_]:
 def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -> ReadTraffic:
     road = load_network(net).road
     _check_clock(columns, path)
-    names, vehicle = name_codes(
-        columns["Vehicle_ID"].astype(np.int64) if _whole(columns["Vehicle_ID"]) else columns["Vehicle_ID"]
-    )
+    identity = columns["Vehicle_ID"]
+    distinct, vehicle = np.unique(identity.astype(np.int64) if _whole(identity) else identity, return_inverse=True)
+    names = distinct.astype(np.str_)
     length_m, width_m = columns["v_Length"] * FOOT_M, columns["v_Width"] * FOOT_M
-    left_edge_m = _left_edge(road)
+    left_edge_m = max(lane.left_m for lane in road.lanes)
     count = len(vehicle)
     rows = Rows(
-        vehicle=vehicle,
+        vehicle=vehicle.astype(np.int64),
         time_s=columns["Global_Time"] / 1e3,
         lon_m=road.section_m[0] + columns["Local_Y"] * FOOT_M - 0.5 * length_m,
         lat_m=left_edge_m - columns["Local_X"] * FOOT_M,
@@ -162,10 +157,6 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
         width_m=width_m,
     )
     return ReadTraffic(road, names, rows, len(names) + sum(left_out.values()), left_out)
-
-
-def _left_edge(road: Road) -> float:
-    return max(lane.left_m for lane in road.lanes)
 
 
 def _check_clock(columns: Columns, path: Path) -> None:

@@ -124,9 +124,5 @@ def _check_time(rows: Rows, names: StringArray, path: Path) -> None:
 def _stay_names(names: StringArray, vehicle: IntArray) -> StringArray:
     first = np.maximum.accumulate(np.where(np.diff(vehicle, prepend=-1) != 0, np.arange(len(vehicle)), 0))
     number = np.arange(len(vehicle)) - first + 1
-    return np.array(
-        [
-            str(names[code]) if count == 1 else f"{names[code]}-{count}"
-            for code, count in zip(vehicle, number, strict=True)
-        ]
-    )
+    numbered = zip(names[vehicle].tolist(), number.tolist(), strict=True)
+    return np.array([name if count == 1 else f"{name}-{count}" for name, count in numbered])

@@ -57,20 +57,14 @@ def _check_sizes(stays: Stays, path: Path) -> None:
 def _check_jumps(stays: Stays, path: Path) -> None:
     rows, after = stays.rows, stays.starts[stays.jumps]
     before = after - 1
+    jump_m = np.abs(rows.lon_m[after] - rows.lon_m[before])
     _check_share(
         [str(name) for name in stays.names[stays.jumps - 1]],
         np.abs(rows.lon_m[after]) / np.maximum(np.abs(rows.lon_m[before]), 1e-6),
-        [f"jumps by {jump_m:.1f} m at {time_s:.1f} s" for jump_m, time_s in _jumps(stays)],
+        [f"jumps by {far:.1f} m at {time_s:.1f} s" for far, time_s in zip(jump_m, rows.time_s[after], strict=True)],
         stays,
         path,
     )
-
-
-def _jumps(stays: Stays) -> list[tuple[float, float]]:
-    """Return how far each jump goes along the road, and when."""
-    after = stays.starts[stays.jumps]
-    jump_m = np.abs(stays.rows.lon_m[after] - stays.rows.lon_m[after - 1])
-    return list(zip(jump_m.tolist(), stays.rows.time_s[after].tolist(), strict=True))
 
 
 def _check_speeds(stays: Stays, path: Path) -> None:

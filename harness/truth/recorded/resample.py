@@ -13,6 +13,7 @@ from mmpf.compute.arrays import FloatArray, IntArray
 
 # How far a recorded time may be off the clock and still be taken as on it.
 ON_CLOCK = 1e-3
+LINEAR = ("heading_rad", "speed_mps", "lat_speed_mps", "length_m", "width_m")
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,5 @@ def _interpolated(
         time_s=np.asarray(step * STEP_S, dtype=np.float64),
         lon_m=position(rows.lon_m, rows.speed_mps),
         lat_m=position(rows.lat_m, rows.lat_speed_mps),
-        heading_rad=linear(rows.heading_rad),
-        speed_mps=linear(rows.speed_mps),
-        lat_speed_mps=linear(rows.lat_speed_mps),
-        length_m=linear(rows.length_m),
-        width_m=linear(rows.width_m),
+        **{name: linear(getattr(rows, name)) for name in LINEAR},
     )

@@ -59,7 +59,6 @@ class ReadTraffic:
         rows: The vehicle-times in the file's order.
         vehicles_read: How many vehicles the file has, those that were left out among them.
         left_out: How many vehicles were left out, by reason.
-        notes: What else the user should know about the reading, a line each.
     """
 
     road: Road
@@ -67,15 +66,8 @@ class ReadTraffic:
     rows: Rows
     vehicles_read: int
     left_out: Mapping[str, int] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
 
 
 def unknown(count: int) -> FloatArray:
     """Return a column that the file does not have, shape (count,)."""
     return np.full(count, np.nan)
-
-
-def name_codes(values: npt.NDArray[np.generic]) -> tuple[StringArray, IntArray]:
-    """Return the distinct names in ascending order of the values, and each row's index into them."""
-    distinct, codes = np.unique(values, return_inverse=True)
-    return distinct.astype(np.str_), codes.astype(np.int64)

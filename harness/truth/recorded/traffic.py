@@ -32,7 +32,6 @@ class ReadingCounts:
         vehicles_read: Vehicles in the file.
         vehicles_kept: Vehicles of them that are driven.
         left_out: Vehicles left out, by reason.
-        stays: Times that a kept vehicle is on record without a pause.
         rows_kept: Vehicle-times on the clock.
         duplicates: Rows left out because vehicle and time were there already.
         contradictions: Duplicates that gave another position.
@@ -42,7 +41,6 @@ class ReadingCounts:
     vehicles_read: int
     vehicles_kept: int
     left_out: Mapping[str, int]
-    stays: int
     rows_kept: int
     duplicates: int
     contradictions: int
@@ -61,7 +59,7 @@ class RecordedTraffic:
         columns: The columns of ``Frame`` that are floats, each of shape (n,), and ``accel_mps2``.
         lane: Lane number of each row, shape (n,).
         counts: What became of the file's vehicles and rows.
-        notes: What the reader had to say.
+        notes: What else the user should know, a line each.
     """
 
     road: Road
@@ -133,7 +131,7 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
         columns={name: getattr(rows, name) for name in FRAME_COLUMNS} | {"accel_mps2": accel[order]},
         lane=read.road.lane_number_at(rows.lon_m, rows.lat_m),
         counts=_counts(read, stays, stay, clocked.stay, clocked.filled),
-        notes=(*read.notes, *_notes(stays)),
+        notes=_notes(stays),
     )
 
 
@@ -187,7 +185,6 @@ def _counts(read: ReadTraffic, stays: Stays, used: IntArray, clocked: IntArray, 
         vehicles_read=read.vehicles_read,
         vehicles_kept=kept,
         left_out=left_out,
-        stays=len(np.unique(used)),
         rows_kept=len(used),
         duplicates=stays.duplicates,
         contradictions=stays.contradictions,

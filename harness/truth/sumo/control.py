@@ -7,7 +7,6 @@ enters upstream reaches the section only later. In free flow nothing can be held
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import count
 
 import numpy as np
@@ -17,7 +16,7 @@ from harness.truth.network.demand import Demand
 from harness.truth.network.network import Network
 from harness.truth.sumo.fill import FREE_SHARE, Placement, fill, leaving_share, main_lane_density, route_of
 from harness.truth.sumo.population import Vehicle, draw_vehicle
-from harness.truth.sumo.reading import Load, front_positions
+from harness.truth.sumo.reading import Load, front_positions, read_load
 from harness.truth.sumo.session import Sumo
 from mmpf.road import Road
 
@@ -81,16 +80,11 @@ class TrafficControl:
         self._target = demand.density_veh_per_km_lane * network.corridor.main_lanes * section_km
         self._lane_density = main_lane_density(network, demand)
 
-    def before_step(self, time_s: float, measure: Callable[[], Load]) -> None:
-        """Let vehicles in and adjust the exit before SUMO's next step.
-
-        Args:
-            time_s: Simulation time.
-            measure: Counts the vehicles now.
-        """
+    def before_step(self, time_s: float) -> None:
+        """Let vehicles in and adjust the exit before SUMO's next step, at a simulation time."""
         if time_s >= self._next_control_s:
             self._hold(self._scheduled.at(time_s - self._warm_up_s))
-            self._steer(time_s, measure())
+            self._steer(time_s, read_load(self._sumo, self._network.road))
             self._headways.apply()
             divert_late_vehicles(self._sumo, self._network)
             self._next_control_s = time_s + CONTROL_EVERY_S
@@ -99,15 +93,9 @@ class TrafficControl:
         for index in range(len(self._network.on_ramps)):
             self._let_in_by_ramp(index, time_s)
 
-    @property
-    def _congested(self) -> bool:
-        return self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km
-
     def _steer(self, time_s: float, load: Load) -> None:
-        lanes = self._network.corridor.main_lanes
-        excess = load.inside - self._target
-        if self._congested:
-            self._steer_exit(time_s, excess / lanes)
+        if self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km:
+            self._steer_exit(time_s, (load.inside - self._target) / self._network.corridor.main_lanes)
         else:
             self._steer_inflow(load)
 

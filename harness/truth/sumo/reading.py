@@ -40,7 +40,8 @@ def read_frame(sumo: Sumo, road: Road, step: int, time_s: float) -> Frame:
     heading, along_road = drift.copy(), np.ones(len(names), dtype=bool)
     on_ramp = np.flatnonzero(road.lane_number_at(front_lon, front_lat) == NO_LANE)
     along_road[on_ramp] = False
-    heading[on_ramp] = [_heading(vehicle.getAngle(names[k])) for k in on_ramp]
+    # SUMO's angle is a compass's, clockwise from north; ours runs counterclockwise from the x axis.
+    heading[on_ramp] = [np.radians(90.0 - vehicle.getAngle(names[k])) for k in on_ramp]
     heading[on_ramp] -= road.heading_at(front_lon[on_ramp])
     lon = front_lon - 0.5 * length * np.where(along_road, 1.0, np.cos(heading))
     lat = front_lat - 0.5 * length * np.where(along_road, 0.0, np.sin(heading))
@@ -103,8 +104,3 @@ def beside_the_road(road: Road, lat_m: FloatArray) -> np.ndarray[tuple[int], np.
     """Return which places are within 15 m of a lane, sideways."""
     _, right, left, _, _ = road.lane_table.T
     return np.asarray((lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M))
-
-
-def _heading(sumo_angle_deg: float) -> float:
-    """Turn SUMO's compass angle, clockwise from north, into one counterclockwise from the x axis."""
-    return float(np.radians(90.0 - sumo_angle_deg))

@@ -13,7 +13,7 @@ from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.network import Network
 from harness.truth.sumo.control import TrafficControl
-from harness.truth.sumo.reading import Load, read_frame, read_load
+from harness.truth.sumo.reading import read_frame, read_load
 from harness.truth.sumo.session import Sumo, show_ego, start_sumo, stop_sumo, sumo_errors_in_words
 from harness.truth.sumo.smoothing import lead_frames, smoothed
 from mmpf.compute.arrays import FloatArray, IntArray
@@ -80,7 +80,7 @@ def _held_demand(network: Network, demand: str | float | None) -> Demand | None:
 
 def _arguments(network: Network) -> tuple[str, ...]:
     if network.configuration is not None:
-        return "--configuration-file", str(network.configuration.path)
+        return "--configuration-file", str(network.configuration)
     return (
         *("--net-file", str(network.net_file), "--additional-files", str(network.vehicle_types_file)),
         *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
@@ -151,11 +151,8 @@ class SumoTruth:
     def _advance(self) -> None:
         with sumo_errors_in_words(self._sumo):
             if self._control is not None:
-                self._control.before_step(self._sumo.simulation.getTime(), self._measure)
+                self._control.before_step(self._sumo.simulation.getTime())
             self._sumo.simulationStep()
-
-    def _measure(self) -> Load:
-        return read_load(self._sumo, self.road)
 
 
 @dataclass(frozen=True)

@@ -31,9 +31,9 @@ def row_of_cars(count: int, speed_mps: float, steps: int = 10) -> pd.DataFrame:
 def test_density_flow_and_speed_of_even_traffic():
     # 64 cars on 640 m of five lanes are 100 per km and 20 per km and lane; at 10 m/s 3600 pass in an hour.
     summary = summarise_traffic(row_of_cars(64, 10.0), highway(5))
-    assert summary.density_veh_per_km_lane == pytest.approx(20.0)
-    assert summary.flow_veh_per_h == pytest.approx(3600.0)
-    assert summary.mean_speed_mps == pytest.approx(10.0)
+    assert summary["density_veh_per_km_lane"] == pytest.approx(20.0)
+    assert summary["flow_veh_per_h"] == pytest.approx(3600.0)
+    assert summary["mean_speed_mps"] == pytest.approx(10.0)
 
 
 def test_vehicles_outside_the_section_do_not_count():
@@ -41,7 +41,7 @@ def test_vehicles_outside_the_section_do_not_count():
     outside = table.assign(lon_m=table["lon_m"] + 1000.0)
     both = pd.concat([table, outside])
     assert summarise_traffic(both, highway(5)) == summarise_traffic(table, highway(5))
-    assert summarise_traffic(outside, highway(5)).density_veh_per_km_lane == 0.0
+    assert summarise_traffic(outside, highway(5))["density_veh_per_km_lane"] == 0.0
 
 
 def test_vehicles_on_a_ramp_beside_the_section_do_not_count():

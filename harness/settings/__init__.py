@@ -1,1 +1,0 @@
-"""Which settings and named things there are, for people and programs to look up."""
