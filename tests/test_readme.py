@@ -1,4 +1,4 @@
-"""The README's example is run as it stands."""
+"""The README's examples are run as they stand."""
 
 from __future__ import annotations
 
@@ -7,12 +7,23 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 README = Path(__file__).parents[1] / "README.md"
+HARNESS, FILTER = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.mark.slow
+def test_the_harness_from_python_runs_and_compares_as_in_the_readme(tmp_path: Path) -> None:
+    words = [sys.executable, "-c", HARNESS]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=True, cwd=tmp_path)
+    score, page = done.stdout.split()
+    assert 80.0 < float(score) <= 100.0
+    assert (tmp_path / page).is_file()
 
 
 def test_the_filter_alone_tracks_the_two_cars_of_the_readme() -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
-    done = subprocess.run([sys.executable, "-c", example], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([sys.executable, "-c", FILTER], capture_output=True, text=True, timeout=120, check=True)
     numbers = [float(number) for number in re.findall(r"[-+.\d]+", done.stdout)]
     assert len(numbers) == 6, done.stdout
     names, positions, speeds = numbers[:2], numbers[2:4], numbers[4:]

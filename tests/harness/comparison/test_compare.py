@@ -186,7 +186,7 @@ def small_suite(monkeypatch) -> None:
         for cell in cells:
             work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
 
-    monkeypatch.setattr("harness.grid.pool.run_cells", run_here)
+    monkeypatch.setattr("harness.comparison.suite.run_cells", run_here)
     monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: Figure())
 
 
