@@ -25,12 +25,17 @@ def published_rule_checks() -> list[object]:
     ]
 
 
+def slow_beside_gnn(name: str) -> tuple[pytest.MarkDecorator, ...]:
+    """Three of Stone Soup's trackers share all but the association with ``stonesoup-gnn``, and take a minute."""
+    return (pytest.mark.slow,) if name.startswith("stonesoup") and name != "stonesoup-gnn" else ()
+
+
 def setting() -> TrackerSetting:
     return TrackerSetting(ROAD, SENSOR, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("check", tracker_checks(), ids=str)
-@pytest.mark.parametrize("name", available_trackers())
+@pytest.mark.parametrize("name", [pytest.param(name, marks=slow_beside_gnn(name)) for name in available_trackers()])
 def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
     if name.startswith("stonesoup"):
         pytest.importorskip("stonesoup")
