@@ -4,6 +4,7 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def fingerprint(name: str) -> str:
 def test_another_process_with_other_memory_addresses_makes_the_same_bytes(name: str):
     program = f"x = [object() for _ in range(12345)]\nfrom {__name__} import fingerprint\nprint(fingerprint({name!r}))"
     other = subprocess.run(
-        [sys.executable, "-c", program], cwd=__file__.rpartition("/")[0], capture_output=True, text=True, check=True
+        [sys.executable, "-c", program], cwd=Path(__file__).parents[4], capture_output=True, text=True, check=True
     )
     assert other.stdout.strip() == fingerprint(name)
 
