@@ -11,7 +11,7 @@ from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
-from mmpf.scan import Detections
+from mmpf.scan import Detections, EgoPose
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 
@@ -43,6 +43,14 @@ class Births:
     chosen: IntArray
     existence: FloatArray
     traffic: Traffic
+
+
+def lies_on_ego(detections: Detections, ego: EgoPose) -> BoolArray:
+    """Return which detections lie on the ego itself, where no other vehicle can be, shape (d,)."""
+    return np.asarray(
+        (np.abs(detections.lon_m - ego.lon_m) < 0.5 * ego.length_m)
+        & (np.abs(detections.lat_m - ego.lat_m) < 0.5 * ego.width_m)
+    )
 
 
 def give_birth(
