@@ -72,7 +72,8 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
     notes = [f"{side.failed} failed runs of {side.name} are left out." for side in (a, b) if side.failed]
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
         arms, note = _arms_by_vehicle(a, b), "One seed: vehicles are paired, so this tells nothing of other traffic."
-        return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), (note, *notes), tolerance)
+        notes = [note, *_common_note(a, b), *notes]
+        return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), tuple(notes), tolerance)
     arms = []
     for label, rows_a, rows_b in _matching_labels(a, b):
         arms += _arms(label, rows_a, rows_b, [*SETTING, *a.axes])
@@ -95,6 +96,17 @@ def _arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
     pairs = paired_errors(first, second)
     label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
     return [_arm(label, each, pairs, a, b) for each in compared_quantities()]
+
+
+def _common_note(a: Source, b: Source) -> list[str]:
+    """Tell what share of the hidden vehicle-steps each run follows; errors are over those that both do."""
+    shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
+    if not np.isfinite(shares).all():
+        return []
+    return [
+        "Errors of hidden vehicles are over the vehicle-steps that both follow; of all of them a follows "
+        f"{shares[0]:.0f} %, b {shares[1]:.0f} %."
+    ]
 
 
 def _check_same_traffic(a: Source, b: Source) -> None:

@@ -55,7 +55,7 @@ _CATALOGUE = {
     ),
     "oracle-kalman": _Entry(
         "harness.trackers.oracle",
-        "Kalman filters told the true association: a bound, not a tracker",
+        "Kalman filters told the true association: a reference, not a tracker",
         "harness.trackers.oracle:OracleOptions",
     ),
 }

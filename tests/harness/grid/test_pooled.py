@@ -68,6 +68,13 @@ def test_the_ratio_to_coasting_is_that_of_all_errors_together():
     assert 0.5 <= overall.ratio_ci95[0] < overall.ratio < overall.ratio_ci95[1] <= 2.0
 
 
+def test_the_error_of_hidden_vehicles_has_the_followed_share_beside_it():
+    by_time = {f"mae.by_seconds_hidden.0.{name}": value for name, value in (("tracked_percent", 25.0), ("hidden_n", 4))}
+    first, overall = pool_files(pd.DataFrame([row("a", **by_time), row("b", **by_time)])).hidden
+    assert (first.followed_percent, overall.followed_percent) == (25.0, 50.0)
+    assert "25 % followed" in pooled_markdown(pool_files(pd.DataFrame([row("a", **by_time)])), [])
+
+
 def test_a_file_without_a_hidden_vehicle_counts_for_nothing():
     table = pd.DataFrame([row("a", hidden=(np.nan, np.nan, 0)), row("b", hidden=(3.0, 4.0, 5))])
     overall = pool_files(table).hidden[-1]
