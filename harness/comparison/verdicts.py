@@ -18,8 +18,8 @@ BETTER, WORSE, SAME, UNTESTED = "better", "worse", "no difference", "not tested"
 
 
 def compared_quantities() -> list[Quantity]:
-    """Return what verdicts are given on: errors first, then what becomes of hidden vehicles, then the rest."""
-    return [quantity for quantity in quantities("mae", "hidden_outcomes", "occlusion") if quantity.compared]
+    """Return what verdicts are given on: hidden vehicles first, then errors, then what becomes of tracks, the rest."""
+    return [quantity for quantity in quantities("hidden", "mae", "hidden_outcomes", "occlusion") if quantity.compared]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import MotSequence
 
-IN_SIGHT = (Quantity("gospa.mean", "GOSPA, m", compared=True),)
+IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m", tabled=True),)
 REMEMBERED = (
     Quantity("gospa_remembered.mean", "GOSPA remembered, m", pooled="gospa_remembered_m", tabled=True, reported=True),
     Quantity("gospa_remembered.localisation", "of it localisation, m", tabled=True, reported=True),

@@ -67,9 +67,9 @@ def test_each_metric_is_judged_in_its_own_direction(tmp_path):
 
 def test_runs_are_paired_by_seed_whatever_their_order(tmp_path):
     noise = np.random.default_rng(0).normal(100.0, 30.0, 10)
-    a = grid_folder(tmp_path / "a", gospa__mean=lambda seed: noise[seed])
-    b = grid_folder(tmp_path / "b", seeds=range(9, -1, -1), gospa__mean=lambda seed: noise[seed] + 5.0)
-    (verdict,) = (verdict for verdict in compared(a, b).verdicts if verdict.metric == "gospa.mean")
+    a = grid_folder(tmp_path / "a", hidden__hidden_cost_m=lambda seed: noise[seed])
+    b = grid_folder(tmp_path / "b", seeds=range(9, -1, -1), hidden__hidden_cost_m=lambda seed: noise[seed] + 5.0)
+    (verdict,) = (verdict for verdict in compared(a, b).verdicts if verdict.metric == "hidden.hidden_cost_m")
     assert verdict.difference == pytest.approx(5.0)
     assert verdict.verdict == WORSE
 

@@ -113,9 +113,9 @@ MEASURED = dict(
     zip(
         (quantity.key for quantity in COMPARED),
         (
-            Noise(0.090, 0.039), Noise(0.106, 0.050), Noise(0.134, 0.087), Noise(0.294, 0.216), Noise(0.198, 0.117),
-            Noise(0.155, 0.057), Noise(0.294, 0.111), Noise(0.022, 0.012), Noise(0.025, 0.020), Noise(0.039, 0.019),
-            Noise(0.116, 0.041),
+            Noise(0.214, 0.071), Noise(1.047, 0.687), Noise(0.051, 0.038), Noise(0.069, 0.041), Noise(0.159, 0.055),
+            Noise(0.320, 0.154), Noise(0.203, 0.089), Noise(0.161, 0.079), Noise(0.244, 0.273), Noise(0.013, 0.009),
+            Noise(0.015, 0.012), Noise(0.044, 0.015),
         ),
         strict=True,
     )
