@@ -12,7 +12,7 @@ from harness.grid.tuning_search import FALSE_HIDDEN_COST, HIDDEN_COST_PER_M, Tri
 from harness.grid.tuning_spaces import DEFAULTS_IN_CODE
 
 OBJECTIVE = (
-    f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_per_scan, "
+    f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan, "
     "the hidden ones where they are measured"
 )
 

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ HIDDEN_COST_PER_M = 5.0
 """Points of the objective for a metre of hidden cost."""
 FALSE_HIDDEN_COST = 2.0
 """Points of the objective for a false hidden track a scan: else a tracker that keeps everything would be the best."""
-_REPEATS_UNTIL_EXHAUSTED = 200
+_REPEATS_UNTIL_MORE, _REPEATS_UNTIL_EXHAUSTED = 50, 1000
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,13 @@ class Scores:
         hota: HOTA in sight, percent.
         idf1: IDF1 in sight, percent.
         hidden_cost_m: Mean of the error, at most 10 m, over all vehicle-steps hidden after having been tracked.
-        false_hidden_per_scan: False hidden tracks a scan.
+        false_hidden_tracks_per_scan: False hidden tracks a scan.
     """
 
     hota: float
     idf1: float
     hidden_cost_m: float = math.nan
-    false_hidden_per_scan: float = math.nan
+    false_hidden_tracks_per_scan: float = math.nan
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -40,18 +41,15 @@ class Scores:
         return tuple(column.name for column in fields(cls))
 
     @classmethod
-    def of(cls, metrics: Mapping[str, object]) -> Scores:
+    def of(cls, metrics: Mapping[str, Any]) -> Scores:
         """Take the scores out of a run's metrics."""
         in_sight = metrics["mot"]
-        assert isinstance(in_sight, Mapping)
-        hidden = {name: _wherever(metrics, name) for name in ("hidden_cost_m", "false_hidden_per_scan")}
-        return cls(float(in_sight["hota"]), float(in_sight["idf1"]), **hidden)
+        hidden = metrics.get("hidden", {})
+        costs = {name: _number(hidden.get(name)) for name in ("hidden_cost_m", "false_hidden_tracks_per_scan")}
+        return cls(_number(in_sight["hota"]), _number(in_sight["idf1"]), **costs)
 
 
-def _wherever(metrics: Mapping[str, object], name: str) -> float:
-    """Return the number of that name in whichever table has one; nan if none has."""
-    found = (table[name] for table in metrics.values() if isinstance(table, Mapping) and name in table)
-    value = next(found, None)
+def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
@@ -71,7 +69,7 @@ class Trial:
     def objective(self) -> float:
         """What the search maximises: the mean of HOTA and IDF1 in sight, less what hiding costs, where it is known."""
         scores = self.scores
-        costs = HIDDEN_COST_PER_M * scores.hidden_cost_m, FALSE_HIDDEN_COST * scores.false_hidden_per_scan
+        costs = HIDDEN_COST_PER_M * scores.hidden_cost_m, FALSE_HIDDEN_COST * scores.false_hidden_tracks_per_scan
         return 0.5 * (scores.hota + scores.idf1) - sum(cost for cost in costs if math.isfinite(cost))
 
 
@@ -121,15 +119,14 @@ class _Search:
                     break
 
     def try_pairs(self) -> None:
-        """Change two settings of the best at once, drawn at random, until the budget is used up."""
+        """Change two settings of the best at once, drawn at random, and more when those are exhausted."""
         rng = np.random.default_rng(0)
         names, repeats = list(self.ladders), 0
         while len(self.trials) < self.budget and repeats < _REPEATS_UNTIL_EXHAUSTED:
             made = len(self.trials)
-            chosen = rng.choice(len(names), size=min(2, len(names)), replace=False).tolist()
-            self._helps(
-                {names[k]: self.ladders[names[k]][int(rng.integers(len(self.ladders[names[k]])))] for k in chosen}
-            )
+            several = min(2 + repeats // _REPEATS_UNTIL_MORE, len(names))
+            chosen = [names[k] for k in rng.choice(len(names), size=several, replace=False).tolist()]
+            self._helps({name: self.ladders[name][int(rng.integers(len(self.ladders[name])))] for name in chosen})
             repeats = repeats + 1 if len(self.trials) == made else 0
 
     def _helps(self, change: Options) -> bool:

@@ -18,7 +18,8 @@ Value = object
 Options = dict[str, Value]
 Space = Mapping[str, tuple[Value, ...]]
 
-_NOISE: Space = {"lon_noise": (0.1, 0.3, 1.0, 3.0), "lat_noise": (0.01, 0.03, 0.1, 0.3)}
+_MOTION: Space = {"lon_noise": (0.1, 0.3, 1.0, 3.0), "lat_noise": (0.01, 0.03, 0.1, 0.3)}
+_NOISE: Space = {**_MOTION, "noise_factor": (1.0, 1.5, 2.0)}
 _MEMORY: Space = {"largest_std_lon_m": (5.0, 10.0, 20.0, 40.0), "longest_unseen_s": (2.0, 5.0, 10.0, 15.0)}
 _GATE: Space = {"gate_std": (3.0, 3.9, 5.0)}
 _BIRTH: Space = {
@@ -68,7 +69,7 @@ SEARCH_SPACES: dict[str, Space] = {
     },
     "immortal-kalman": _IMMORTAL,
     "stonesoup-particle": _STONE_SOUP,
-    "oracle-kalman": {**_NOISE, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 4)},
+    "oracle-kalman": {**_MOTION, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 4)},
 }
 
 ALWAYS: dict[str, Options] = {name: {"coarse_gate": True} for name in SEARCH_SPACES if name.startswith("stonesoup")}

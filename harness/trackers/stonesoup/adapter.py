@@ -60,7 +60,8 @@ class StoneSoupTracker:
         self._clutter_density_per_m2 = clutter_density_per_m2
         self._rng = rng
         self._stitcher = stitcher
-        self._detections = DetectionMaker(self._layout.size, (self._layout.lon, self._layout.lat, self._layout.speed))
+        measured = self._layout.lon, self._layout.lat, self._layout.speed
+        self._detections = DetectionMaker(self._layout.size, measured, options.noise_factor)
         self._first_seen_s: dict[int, float] = {}
         self._time_s: float | None = None
 

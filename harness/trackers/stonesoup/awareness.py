@@ -24,9 +24,9 @@ from mmpf.motion.protocol import Neighbour
 from mmpf.options import Footprint
 from mmpf.scan import EgoPose, Scan, SensorModel
 
-# Five points that stand for a Gaussian (Gauss-Hermite): in standard deviations, and their weights.
-_POINTS = np.array([-2.856970, -1.355626, 0.0, 1.355626, 2.856970])
-_WEIGHTS = np.array([0.011257, 0.222076, 0.533333, 0.222076, 0.011257])
+# Five points that stand for a Gaussian, in standard deviations, and what they weigh.
+_POINTS, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 _SMALLEST_SIZE_STD_M = 0.05
 
 

@@ -21,6 +21,10 @@ class KalmanOptions(Settings):
     """Power spectral density of the longitudinal acceleration (cv) or jerk (ca)."""
     lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
     """Power spectral density of the lateral acceleration."""
+    noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
+    """Standard deviation of the measurement noise in relation to what detections report; more than one where errors
+    repeat themselves from scan to scan.
+    """
     gate_std: Positive = 3.9
     """A detection counts for a track within this many standard deviations."""
     confirm_detections: Annotated[int, Field(ge=1)] = 3
@@ -105,7 +109,7 @@ class AwareJpdaOptions(StitchedJpdaOptions):
     """A track that was seen within this time casts a shadow."""
     follow_after_s: Positive = 0.3
     """A track unseen for longer follows its leader by the intelligent driver model."""
-    longest_missed: Positive = 20.0
+    longest_missed: Annotated[Positive, in_unit("detections")] = 20.0
     """A track ends when so many detections of it were to be expected since the last one."""
 
 

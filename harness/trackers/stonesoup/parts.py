@@ -63,13 +63,15 @@ class DetectionMaker:
     Stone Soup predicts one measurement for all of them: deviations off by at most 5 % for half the time.
     """
 
-    def __init__(self, state_size: int, mapping: tuple[int, int, int]) -> None:
+    def __init__(self, state_size: int, mapping: tuple[int, int, int], noise_factor: float = 1.0) -> None:
         """Remember where the state holds what is measured.
 
         Args:
             state_size: Size of the state vector.
             mapping: Rows of the longitudinal position, the lateral position and the longitudinal speed.
+            noise_factor: Deviations count as this many times what is reported.
         """
+        self._noise_factor = noise_factor
         self._state_size = state_size
         self._mapping = mapping
         self._models: dict[tuple[float, ...], LinearGaussian] = {}
@@ -89,6 +91,7 @@ class DetectionMaker:
         if with_speed:
             values.append(detections.speed_mps[k])
             stds.append(float(detections.std_speed_mps[k]))
+        stds = [self._noise_factor * std for std in stds]
         return Detection(
             np.array(values)[:, None],
             timestamp=moment,
