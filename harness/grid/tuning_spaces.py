@@ -23,7 +23,7 @@ _NOISE: Space = {**_MOTION, "noise_factor": (1.0, 1.5, 2.0)}
 _MEMORY: Space = {"largest_std_lon_m": (5.0, 10.0, 20.0, 40.0), "longest_unseen_s": (2.0, 5.0, 10.0, 15.0)}
 _GATE: Space = {"gate_std": (3.0, 3.9, 5.0)}
 _BIRTH: Space = {
-    "confirm_detections": (2, 3, 4, 6),
+    "confirm_detections": (2, 3, 5, 8, 12),
     "held_unseen_s": (0.15, 0.35, 0.7, 1.2),
     "birth_speed_std_mps": (10.0, 5.0, 3.0),
 }
@@ -36,7 +36,7 @@ _MMPF: Space = {
     "joint.detectability.missed_cap": (0.1, 0.2, 0.4, 0.6, 0.8),
     "reporting.reported_std_lon_m": (4.0, 6.0, 9.0, 14.0, 20.0),
     "joint.association.birth_density": (0.03, 0.1, 0.3, 1.0),
-    "joint.existence.confirm_hits": (2, 3, 4, 6),
+    "joint.existence.confirm_hits": (2, 3, 5, 8, 12),
     "joint.removal.longest_unseen_s": (5.0, 10.0, 15.0),
     "model_error.accel": (0.3, 0.6, 1.0),
     "model_error.lat_speed": (0.1, 0.2, 0.4),
@@ -69,7 +69,7 @@ SEARCH_SPACES: dict[str, Space] = {
     },
     "immortal-kalman": _IMMORTAL,
     "stonesoup-particle": _STONE_SOUP,
-    "oracle-kalman": {**_MOTION, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 4)},
+    "oracle-kalman": {**_MOTION, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 5)},
 }
 
 ALWAYS: dict[str, Options] = {name: {"coarse_gate": True} for name in SEARCH_SPACES if name.startswith("stonesoup")}
