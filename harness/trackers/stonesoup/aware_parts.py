@@ -77,6 +77,3 @@ class MissedInViewDeleter(Deleter):
         """Return whether too many expected detections are missing."""
         known = self.awareness.of.get(track.id)
         return known is not None and known.missed > self.longest_missed
-
-
-__all__ = ["CarFollowingPredictor", "MissedInViewDeleter", "ShadowAwareHypothesiser"]
