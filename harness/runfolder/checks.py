@@ -87,7 +87,8 @@ def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
         InputError: Something did.
     """
     try:
-        yield
+        with np.errstate(all="ignore"):
+            yield
     except DAMAGE as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(

@@ -16,7 +16,7 @@ import pandas as pd
 from harness.commands.compare import Options as CompareOptions
 from harness.config.options import RunOptions, declared
 from tests.fuzz.mutations import WORDS, spoilt_bytes, spoilt_table
-from tests.harness.recorded_scene import write_scene
+from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded import layouts
 
 ROOT = Path(__file__).parents[2]
@@ -56,20 +56,14 @@ def settings(folder: Path, rng: random.Random) -> list[str]:
         config = folder / "config.toml"
         config.write_bytes(spoilt_bytes((_scene() / "config.toml").read_bytes(), rng))
         chosen = ["--config", str(config)]
-    return ["run", *chosen, *SHORT, "--replay", str(_scene()), "--out", str(folder / "out")]
+    traffic = rng.choice([_scene(), layouts.write_fcd(folder / "recording"), layouts.write_fcd(folder / "recording")])
+    return ["run", *chosen, *SHORT[:2], "--replay", str(traffic), "--out", str(folder / "out")]
 
 
 def recording(folder: Path, rng: random.Random) -> list[str]:
     """Files of recorded traffic in every format."""
-    write = rng.choice(
-        [
-            layouts.write_commonroad,
-            layouts.write_fcd,
-            layouts.write_ngsim_csv,
-            layouts.write_ngsim_text,
-            layouts.write_highd,
-        ]
-    )
+    names = ("commonroad", "fcd", "ngsim_csv", "ngsim_text", "highd")
+    write: Callable[[Path], Path] = getattr(layouts, f"write_{rng.choice(names)}")
     path = write(folder / "recording")
     spoilt = rng.choice(sorted(path.iterdir())) if path.is_dir() else path
     spoilt.write_bytes(spoilt_bytes(spoilt.read_bytes(), rng))
@@ -89,9 +83,8 @@ def network(folder: Path, rng: random.Random) -> list[str]:
         (mine / "a.sumocfg").write_text(CONFIGURATION)
         chosen = mine / rng.choice(["a.rou.xml", "a.sumocfg", "us101.net.xml", "us101.net.xml"])
     else:
-        chosen = mine / rng.choice(
-            ["network.toml", "network.toml", "vehicles.add.xml", "calibration.toml", "us101.net.xml"]
-        )
+        names = ["network.toml", "network.toml", "vehicles.add.xml", "calibration.toml", "us101.net.xml"]
+        chosen = mine / rng.choice(names)
     chosen.write_bytes(spoilt_bytes(chosen.read_bytes(), rng))
     return ["run", "--net", str(mine), *SHORT, "--out", str(folder / "out")]
 
@@ -124,8 +117,7 @@ def result_folder(folder: Path, rng: random.Random) -> list[str]:
 def model(folder: Path, rng: random.Random) -> list[str]:
     """Files of fitted models."""
     path = folder / "model.npz"
-    content = next((ROOT / "mmpf" / "models").glob("lane_keeping*.npz"), None)
-    content = content or sorted((ROOT / "mmpf" / "models").glob("*.npz"))[0]
+    content = ROOT / "mmpf" / "models" / "lane_keeping.npz"
     if rng.random() < 0.5:
         path.write_bytes(spoilt_bytes(content.read_bytes(), rng))
     else:
@@ -139,7 +131,7 @@ def model(folder: Path, rng: random.Random) -> list[str]:
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
         path.write_bytes(buffer.getvalue())
-    tracker = ["--particles", "20", "--duration", "1"]
+    tracker = ["--particles", "20"]
     return ["run", "--model-file", str(path), *tracker, "--replay", str(_scene()), "--out", str(folder / "out")]
 
 
@@ -155,7 +147,7 @@ INPUTS: dict[str, Callable[[Path, random.Random], list[str]]] = {
 
 @cache
 def _scene() -> Path:
-    return write_scene(Path(mkdtemp(prefix="fuzz-scene-")) / "scene")
+    return write_recorded_scene(Path(mkdtemp(prefix="fuzz-scene-")) / "scene")
 
 
 @cache

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+
 from harness.errors import InputError
 from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path
 from harness.truth.frame import ROAD_OF_RECORDING
@@ -124,7 +126,9 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         check_file(file, MOST_TABLE_BYTES, PARAMETER)
     road = network_of(entry, net)
     try:
-        return entry.read(path, road)
+        # Numbers that overflow are refused later, by name; NumPy's own warnings would only be more lines.
+        with np.errstate(all="ignore"):
+            return entry.read(path, road)
     except NOT_UNDERSTOOD as error:
         raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from harness.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.egos import EACH, EgoStay, plan_egos
@@ -30,8 +32,9 @@ def open_recorded_traffic(
     """
     read = read_traffic(path, format_name, net)
     try:
-        traffic = assemble(read, path, duration_s, start_s)
-        egos = plan_egos(traffic, ego)
+        with np.errstate(all="ignore"):
+            traffic = assemble(read, path, duration_s, start_s)
+            egos = plan_egos(traffic, ego)
     except NOT_UNDERSTOOD as error:
         raise InputError(f"{path}: its rows make no traffic: {type(error).__name__}: {error}") from None
     return RecordedTrafficTruth(path, format_name, traffic, egos, ego)

@@ -108,7 +108,7 @@ def test_detectors_of_additional_files_write_nothing_and_that_is_said_in_one_lin
         '<additional><inductionLoop id="d" lane="upstream_1" pos="10" period="1" file="loop.xml"/>'
         '<edgeData id="e" file="edges.xml" period="1"/><vType id="kept" length="5"/></additional>'
     )
-    path = own(tmp_path, additional=additional)
+    path = own(tmp_path, additional=additional, routes=VEHICLES.replace('number="3"', 'number="40"'))
     command = ["run", "--net", path, "--duration", "1", "--out", "run", "--tracker"]
     assert run_command_line([*command, "tests.harness.stand_ins:echo_tracker"]) == 0
     assert [line for line in capsys.readouterr().err.splitlines() if "left out" in line and "edgeData" in line]
@@ -141,13 +141,17 @@ def test_a_small_file_that_unpacks_to_a_large_one_is_refused(tmp_path, monkeypat
         load_network(path)
 
 
+def hostile_demand(entry: str) -> str:
+    return f"[demands.hostile]\ndescription='x'\ndensity_veh_per_km_lane=20.0\n{entry}\n[demands."
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("[demands.", "[demands.hostile]\ndescription='x'\ndensity_veh_per_km_lane=20.0\non_ramp_veh_per_h=1e12\n[demands."),
-        ("[demands.", "[demands.hostile]\ndescription='x'\ndensity_veh_per_km_lane=20.0\nwave_period_s=nan\n[demands."),
-        ("[demands.", "[demands.hostile]\ndescription='x'\ndensity_veh_per_km_lane=20.0\nheadway_profile=[[0.0,-1.0]]\n[demands."),
-        ("[demands.", "[demands.hostile]\ndescription='x'\ndensity_veh_per_km_lane=20.0\nschedule=[[5.0,1e9,1.0]]\n[demands."),
+        ("[demands.", hostile_demand("on_ramp_veh_per_h=1e12")),
+        ("[demands.", hostile_demand("wave_period_s=nan")),
+        ("[demands.", hostile_demand("headway_profile=[[0.0,-1.0]]")),
+        ("[demands.", hostile_demand("schedule=[[5.0,1e9,1.0]]")),
         ("ego_lanes = [", "ego_lanes = [99, "),
         ("corridor_start_m = ", "corridor_start_m = -inf #"),
     ],
