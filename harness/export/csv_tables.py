@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
+from pandas.api.types import is_numeric_dtype
 from pyarrow import csv
 
 from harness.report.finished import RecordedRun
@@ -27,7 +28,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 
 def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose texts no spreadsheet takes for a formula: an apostrophe goes before those that begin so."""
-    texts = [name for name in table if table[name].dtype == object]
+    texts = [name for name in table if not is_numeric_dtype(table[name])]
     return table.assign(**{str(name): table[name].map(_harmless) for name in texts})
 
 

@@ -101,7 +101,7 @@ def test_a_frame_rate_is_a_cameras(rate, accepted, tmp_path):
     if accepted:
         assert open_recorded_traffic(folder, "highd", "recording", "auto", 10.0).expected_steps
     else:
-        with pytest.raises(InputError, match="frameRate|highd"):
+        with pytest.raises(InputError, match=r"frameRate|highd"):
             open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
 
 
