@@ -17,7 +17,10 @@ from harness.inputs import MB, MOST_TABLE_BYTES, check_file
 MOST_ROWS, MOST_COLUMNS, MOST_CELLS = 60_000_000, 5_000, 1_500_000_000
 LONGEST_TEXT = 2_000
 TEXTS = frozenset(
-    {"vehicle_id", "truth_id", "occluder_id", "state", "outcome", "from_state", "to_state", "label", "error"}
+    {
+        *("vehicle_id", "truth_id", "occluder_id", "state", "outcome", "label", "error"),
+        *("net", "demand", "replay", "tracker", "variant", "model", "update"),
+    }
 )
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
@@ -68,7 +71,7 @@ def check_kinds(table: pd.DataFrame, columns: Collection[str], place: str) -> No
     """
     for name in columns:
         numbers = pd.api.types.is_numeric_dtype(table[name])
-        if len(table) and numbers == (name in TEXTS) and not (name in TEXTS and table[name].isna().all()):
+        if table[name].notna().any() and numbers == (name in TEXTS):
             wanted = "texts" if name in TEXTS else "numbers"
             raise InputError(f"{place}: {name} holds no {wanted}; make the run again")
         if name in TEXTS or not len(table):
