@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import re
 import sys
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,11 +20,14 @@ from typer.core import TyperGroup, TyperOption
 from typer.exceptions import TyperException
 from typer.main import get_group
 
+from harness import exitcodes
 from harness.commands.from_options import typer_command
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
-EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
+EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = (
+    *(exitcodes.DONE, exitcodes.WORSE, exitcodes.WRONG_INPUT, exitcodes.RUN_FAILED, exitcodes.INTERRUPTED),
+)
 
 
 EXIT_CODES: dict[type[Exception], int] = {
@@ -83,7 +87,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
         arguments: What follows the program's name.
 
     Returns:
-        Exit code: 0 done, 1 a regression was found, 2 wrong input, 3 a run failed part-way, 130 interrupted.
+        Exit code, one of ``harness.exitcodes.MEANINGS``.
     """
     called = next((word for word in arguments if not word.startswith("-")), None)
     group = get_group(_application(called))
@@ -94,10 +98,22 @@ def run_command_line(arguments: Sequence[str]) -> int:
     except tuple(EXIT_CODES) as error:
         exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
         return _complain(_as_typed(str(error), group, called), exit_code)
+    except OSError as error:
+        return _complain(_of_the_system(error), EXIT_USER_ERROR)
+    except Exception:
+        # Never the exit code 1 that Python itself ends with: that is a verdict of compare.
+        traceback.print_exc()
+        return _complain("this is a fault of the program; report it with the lines above", exitcodes.INTERNAL)
     # Typer itself turns a Ctrl-C into this exit code.
     if outcome == EXIT_INTERRUPTED:
         return _complain("interrupted", EXIT_INTERRUPTED)
     return outcome if isinstance(outcome, int) else EXIT_DONE
+
+
+def _of_the_system(error: OSError) -> str:
+    """Return in words what the operating system refused: a full disk, a name that is too long, a folder's rights."""
+    file = f"{str(error.filename)[:200]}: " if error.filename else ""
+    return f"{file}{error.strerror or error}; choose another file or folder, or make room"
 
 
 def _application(called: str | None) -> typer.Typer:

@@ -14,6 +14,8 @@ from harness.truth.network.network import default_demand
 from mmpf.options import FilterOptions
 
 DEFAULT_TRACKER = "mmpf"
+# Letters take up to four of the 255 bytes that a name may have, and some mark a folder that is being written.
+LONGEST_FOLDER_NAME = 120
 
 # What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
 MMPF_DEFAULTS: dict[str, str | int] = {
@@ -170,7 +172,7 @@ class RunConfig(_Strict):
         if traffic.recording is not None and self.replay is not None:
             network, demand = Path(self.replay).stem, f"ego-{traffic.recording.ego}"
         parts = [network, self.tracker.name, self.tracker.model, demand, f"s{self.seed}"]
-        return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))
+        return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))[:LONGEST_FOLDER_NAME]
 
 
 def brings_its_own_demand(net: str) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from harness.errors import InputError
 from harness.report.finished import RecordedRun, read_recorded_run
+from harness.runfolder.checks import sound_tables
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
 EXPORTS = "export"
@@ -58,7 +59,8 @@ def export_run(folder: Path, name: str, out: Path | None = None, force: bool = F
         raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
     if target.exists() and not target.is_dir():
         raise InputError(f"`out`: {target} is a file; choose another folder")
-    run = read_recorded_run(folder)
+    with sound_tables(folder, "folder"):
+        run = read_recorded_run(folder)
     pending = target.with_name(f".{target.name}.running")
     shutil.rmtree(pending, ignore_errors=True)
     try:
@@ -66,7 +68,8 @@ def export_run(folder: Path, name: str, out: Path | None = None, force: bool = F
     except OSError as error:
         raise InputError(f"`out`: can't write in {target.parent}: {error.strerror}; choose another folder") from None
     try:
-        files = exporter(run, pending)
+        with sound_tables(folder, "folder"):
+            files = exporter(run, pending)
     except BaseException:
         shutil.rmtree(pending, ignore_errors=True)
         raise

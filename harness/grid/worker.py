@@ -25,6 +25,7 @@ from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.open import OpenLooks, open_looks, tracker_builder
 from harness.scoring import score_run
+from harness.scoring.scarce import check_scored
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,6 +104,7 @@ def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], 
     try:
         tables = track(looks, tracker_builder(run.config), run.config.seed, (watch,), times)
         scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
+        check_scored(scored.metrics, len(times.tracker_s))
         total_s = perf_counter() - begin
         scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}
         timing = timing_table(times, looks.step_s, total_s)

@@ -15,6 +15,7 @@ from harness.errors import InputError
 from harness.report.page import PAGE, PageFigure, embedded, render, write_run_page
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
+from harness.runfolder.checks import sound_tables
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
@@ -35,7 +36,8 @@ def write_page(folder: Path, parameter: str = "folder") -> Path:
     if not folder.is_dir():
         raise InputError(f"`{parameter}`: there is no folder {folder}")
     if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
-        return write_run_page(folder, parameter)
+        with sound_tables(folder, parameter):
+            return write_run_page(folder, parameter)
     page = folder / PAGE
     page.write_text(folder_page(folder), encoding="utf-8")
     return page

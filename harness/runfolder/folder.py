@@ -13,11 +13,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from harness.errors import InputError
+from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
+from harness.runfolder.checks import check_kinds, read_parquet
 from mmpf.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -34,6 +36,7 @@ FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
 INCOMPLETE_SUFFIX = ".incomplete"
+MOST_POINTS, MOST_LANES, FARTHEST_M = 100_000, 1000, 1e8
 
 
 @dataclass(frozen=True)
@@ -106,9 +109,10 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: The folder is not a run's folder, or the run did not end.
     """
+    check_file(folder / MANIFEST, MOST_JSON_BYTES, parameter)
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
         raise InputError(f"`{parameter}`: the run in {folder} did not end; run it again")
@@ -121,9 +125,10 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: It can't be read.
     """
+    check_file(folder / CONFIG, MOST_SETTINGS_BYTES, parameter)
     try:
         return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
 
 
@@ -141,14 +146,15 @@ def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]
     """
     path = folder / name
     try:
-        table: pd.DataFrame = pq.read_table(path).to_pandas()
+        table = read_parquet(path, parameter)
     except FileNotFoundError:
         raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
-    except (OSError, pa.ArrowException):
+    except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError):
         raise InputError(f"`{parameter}`: {path} is truncated or damaged; make the run again") from None
     missing = [column for column in columns if column not in table]
     if missing:
         raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
+    check_kinds(table, columns, f"`{parameter}`: {path}")
     return table
 
 
@@ -167,16 +173,37 @@ def read_road(path: Path, parameter: str) -> Road:
     Raises:
         InputError: The file is missing or broken.
     """
+    check_file(path, MOST_JSON_BYTES, parameter)
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
-        return Road(
+        road = Road(
             lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
             reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),
             reference_start_m=float(fields["reference_start_m"]),
             section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
         )
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        _check_road(road)
+        return road
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None
+
+
+def _check_road(road: Road) -> None:
+    """Refuse, with a ValueError, a road that nobody can drive on."""
+    points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
+    if not 2 <= len(points) <= MOST_POINTS or not (np.abs(points) <= FARTHEST_M).all():
+        raise ValueError("its reference line needs two points or more in metres")
+    if (np.hypot(*np.diff(points, axis=0).T) <= 0.0).any():
+        raise ValueError("its reference line has a point twice")
+    ends = (*road.section_m, road.reference_start_m)
+    if not all(abs(value) <= FARTHEST_M for value in ends) or road.section_m[0] >= road.section_m[1]:
+        raise ValueError("its section is empty or not finite")
+    if not 1 <= len(road.lanes) <= MOST_LANES:
+        raise ValueError(f"it has {len(road.lanes)} lanes")
+    for lane in road.lanes:
+        within = -FARTHEST_M <= lane.right_m < lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
+        if not within or not isinstance(lane.number, int):
+            raise ValueError(f"lane {lane.number} has no width or length")
 
 
 def _first_free(path: Path) -> Path:

@@ -82,7 +82,9 @@ def _simulated(config: RunConfig, gui: bool) -> Looks:
         seed=Streams.from_seed(config.seed).truth,
         gui=gui,
     )
-    return replace(look_at(truth, sensor, config.seed), files=_network_files(network))
+    left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
+    report = f"left out of {network.name}: {', '.join(left_out)}" if left_out else ""
+    return replace(look_at(truth, sensor, config.seed), files=_network_files(network), report=report)
 
 
 def _sensor(config: RunConfig) -> Sensor:

@@ -25,6 +25,7 @@ from harness.running.metrics import assemble_metrics, timing_table, traffic_tabl
 from harness.running.open import OpenLooks, check_tracker, open_looks, tracker_builder
 from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
 from harness.scoring import ScoredRun, score_run
+from harness.scoring.scarce import check_scored
 from harness.writing.numbers import as_json
 from harness.writing.progress import progress_bar
 from mmpf.road import Road
@@ -187,6 +188,7 @@ class _Attempt:
         tables = self.recorder.tables()
         with self._timed("score"):
             scored = score_run(tables.truth, tables.detections, tables.tracks, self.config.seed)
+            check_scored(scored.metrics, self.recorder.steps)
         with self._timed("write"):
             self.write_tables(tables)
             write_table(scored.errors, self.folder / runfolder.ERRORS)

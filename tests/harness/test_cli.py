@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness import cli
+from harness import cli, exitcodes
 from harness.cli import run_command_line
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
@@ -103,6 +103,18 @@ def test_each_kind_of_error_has_its_exit_code(error, code, capsys, monkeypatch):
     exit_code, _, err = complaint(["nets"], capsys)
     assert exit_code == code
     assert len(err.splitlines()) == 1
+
+
+def test_an_error_of_the_program_is_no_verdict(capsys, monkeypatch):
+    def fail() -> None:
+        raise IndexError("a fault")
+
+    monkeypatch.setattr("harness.commands.nets.command", fail)
+    code, _, err = complaint(["nets"], capsys)
+    assert code == exitcodes.INTERNAL
+    assert code not in (exitcodes.DONE, exitcodes.WORSE, exitcodes.UNDECIDED)
+    assert "a fault" in err
+    assert set(exitcodes.MEANINGS) == {0, 1, 2, 3, 70, 130}
 
 
 def test_overview_loads_nothing_heavy():
