@@ -109,7 +109,8 @@ def _forget_another_trackers_options(merged: Table, layer: Table) -> None:
     if isinstance(earlier, dict) and isinstance(later, dict):
         present = earlier.get("name", DEFAULT_TRACKER)
         if later.get("name", present) != present:
-            del merged["tracker"]
+            # What is believed of the sensor is no option of the tracker's own.
+            merged["tracker"] = {name: earlier[name] for name in ("believes",) if name in earlier}
 
 
 def _merge_into(merged: Table, layer: Table) -> None:

@@ -67,7 +67,10 @@ class RunOptions(TypedDict, total=False):
     duration: Annotated[
         float | None, Option("Scored seconds; warm-up comes on top. (default: 60)", "traffic.duration_s", TRAFFIC)
     ]
-    sensor: Annotated[str | None, Option("lidar, radar or camera. (default: lidar)", "sensor.profile", TRAFFIC)]
+    sensor: Annotated[
+        str | None,
+        Option("lidar, radar, camera, ideal or lidar-independent. (default: lidar)", "sensor.profile", TRAFFIC),
+    ]
     replay: Annotated[
         Path | str | None,
         Option(

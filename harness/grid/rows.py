@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.grid.cells import DENSITY, RECORDING, Grid, PlannedRun
+from harness.grid.cells import DENSITY, MISMATCH, RECORDING, Grid, PlannedRun
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 TEXT_COLUMNS = (
-    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error"),
+    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error", MISMATCH),
     *(f"recording.{name}" for name in ("file", "format", "ego")),
 )
 FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")

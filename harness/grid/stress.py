@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InputError, RunInterruptedError
-from harness.grid.cells import RECORDING, Cell, Grid, distinct_trackers
+from harness.grid.cells import MISMATCH, RECORDING, Cell, Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.pool import OnRow
 from harness.grid.rows import TEMPORARY, Row, assemble, read_rows, write_row
@@ -205,7 +205,8 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
         if not rows[run.key]["succeeded"]
     ]
     (out / FIGURES).mkdir(exist_ok=True)
-    told = (_pooled if grid.is_replay else _curves)(table, grid, request, out / FIGURES, _lines(failures))
+    tell = _mismatched if request.mismatch else _pooled if grid.is_replay else _curves
+    told = tell(table, grid, request, out / FIGURES, _lines(failures))
     about = {"grid": asdict(request), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
     summary: dict[str, Any] = without_nan(about | told.numbers)
     _replace(out / TABLE, lambda path: path.write_text(told.text, encoding="utf-8"))
@@ -235,6 +236,13 @@ def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path
     return _Told(numbers, as_markdown(title, points, broken, failures), points, broken)
 
 
+def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
+    from harness.grid.mismatch import costs, costs_markdown  # noqa: PLC0415
+
+    found = costs(table)
+    return _Told({"mismatches": [asdict(cost) for cost in found]}, costs_markdown(found, failures))
+
+
 def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
     from harness.grid.pooled import pool_files  # noqa: PLC0415
     from harness.grid.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
@@ -257,7 +265,7 @@ def _replace(final: Path, write: Callable[[Path], object]) -> None:
 
 def _in_words(row: Mapping[str, Any]) -> str:
     """Return in words which run a row is of."""
-    names = ("net", "density", "demand", RECORDING, "variant", "model", "seed")
+    names = ("net", "density", "demand", RECORDING, MISMATCH, "variant", "model", "seed")
     words = [f"{name} {row[name]}" for name in names if row.get(name) is not None]
     return ", ".join(
         [*words, *(f"{key}={row[key]:g}" for key in row if key.startswith(("sensor.", "tracker.", "traffic.")))]

@@ -23,7 +23,7 @@ from harness.grid.rows import Row, failed_row, finished_row
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.open import OpenLooks, open_looks, tracker_builder
+from harness.running.open import OpenLooks, as_believed, open_looks, tracker_builder
 from harness.scoring import score_run
 from harness.scoring.scarce import check_scored
 
@@ -102,7 +102,8 @@ def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], 
             on_first_step()
 
     try:
-        tables = track(looks, tracker_builder(run.config), run.config.seed, (watch,), times)
+        told = as_believed(looks, run.config)
+        tables = track(told, tracker_builder(run.config), run.config.seed, (watch,), times)
         scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
         check_scored(scored.metrics, len(times.tracker_s))
         total_s = perf_counter() - begin

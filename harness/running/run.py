@@ -22,7 +22,7 @@ from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks, Streams
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.open import OpenLooks, check_tracker, open_looks, tracker_builder
+from harness.running.open import OpenLooks, as_believed, check_tracker, open_looks, tracker_builder
 from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
 from harness.scoring import ScoredRun, score_run
 from harness.scoring.scarce import check_scored
@@ -235,7 +235,8 @@ class _Attempt:
         stream = Streams.from_seed(self.config.seed).tracker
         with progress_bar("tracking", looks.expected_steps, quiet) as advance:
             watchers = (self.moment.watch, self.diagnostics.watch, self.particles.watch, lambda *_: advance())
-            follow(looks, tracker_builder(self.config), self.recorder, stream, watchers, self.times)
+            told = as_believed(looks, self.config)
+            follow(told, tracker_builder(self.config), self.recorder, stream, watchers, self.times)
         if not self.recorder.steps:
             raise InputError(
                 "the traffic has no ego vehicle in the section; choose another demand, density or duration"

@@ -37,10 +37,12 @@ class Scene:
 
     @property
     def ego(self) -> EgoPose:
+        """Pose of the sensor's vehicle."""
         return self.frame.ego_pose
 
 
 def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> Sight:
+    """Return the lines of sight from the ego's sensor to positions, each of shape (n,)."""
     sensor_x, sensor_y = sensor_position(ego, road)
     x, y = road.to_cartesian(lon_m, lat_m)
     bearing = np.arctan2(y - sensor_y, x - sensor_x)
@@ -54,6 +56,7 @@ def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> 
 
 
 def in_reach(settings: SensorSettings, distance: FloatArray, off_axis: FloatArray) -> BoolArray:
+    """Return what lies within range and field of view, shape (n,)."""
     half_view = np.deg2rad(0.5 * settings.field_of_view_deg)
     return np.asarray(
         (distance <= settings.range_m) & ((off_axis <= half_view) | (settings.field_of_view_deg >= 360.0))
