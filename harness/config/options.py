@@ -69,7 +69,7 @@ class RunOptions(TypedDict, total=False):
     ]
     sensor: Annotated[
         str | None,
-        Option("lidar, radar, camera, ideal or lidar-independent. (default: lidar)", "sensor.profile", TRAFFIC),
+        Option("Profile: lidar, radar, camera, ...; see 'settings'. (default: lidar)", "sensor.profile", TRAFFIC),
     ]
     replay: Annotated[
         Path | str | None,

@@ -191,7 +191,7 @@ def _mismatches(request: GridRequest) -> Mapping[str | None, tuple[str, ...]]:
         return {None: ()}
     options = {"sensor": request.sensor}
     sensor = resolve_run_config(None, options, [word for word in request.settings if word.startswith("sensor.")]).sensor
-    return {**mismatches(sensor_settings(sensor.profile, sensor.overrides))}
+    return dict(mismatches(sensor_settings(sensor.profile, sensor.overrides)).items())
 
 
 def _combinations(axes: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:

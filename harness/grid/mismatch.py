@@ -53,7 +53,7 @@ class Cost:
         hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs.
         hota_loss_ci95: Its 95 % bootstrap interval over the runs.
         id_switches: Identity switches a run.
-        coverage95_lon: Share of true longitudinal positions in the 95 % intervals.
+        coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
     """
 
@@ -73,7 +73,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
     table = table[table["succeeded"].astype(bool)].copy()
     table["model"] = table["model"].fillna("")
     world = [name for name in (DENSITY, DEMAND, RECORDING, SEED) if name in table]
-    axes = [name for name in table if name.startswith(("sensor.", "tracker.", "traffic."))]
+    axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.", "traffic."))]
     # Missing values are no keys that pandas joins on.
     table["world"] = table[[*world, *axes]].astype(str).agg("|".join, axis=1)
     found = []
@@ -103,8 +103,8 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str]) -> str:
     lines = [
         "# What mismatches cost",
         "",
-        "Trackers believe the sensor's data sheet; a mismatch changes what is true, or the noise that they are told. Loss is",
-        "HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval over the runs.",
+        "Trackers believe the sensor's data sheet; a mismatch changes what is true, or the noise that they are told.",
+        "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.",
         "",
         "| tracker | mismatch | HOTA | loss | identity switches | 95 % intervals cover | runs |",
         "|---|---|---:|---:|---:|---:|---:|",
@@ -136,4 +136,4 @@ def _interval(values: FloatArray) -> tuple[float, float]:
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %" if np.isfinite(share) else "-"
+    return f"{share:.0f} %" if np.isfinite(share) else "-"

@@ -66,7 +66,7 @@ class GridOptions(TypedDict, total=False):
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
     sensor: Annotated[
-        str | None, Option("lidar, radar, camera, ideal or lidar-independent. (default: lidar)", panel=GRID)
+        str | None, Option("Profile: lidar, radar, camera, ...; see 'settings'. (default: lidar)", panel=GRID)
     ]
     settings: Annotated[
         list[str] | Mapping[str, object] | None,

@@ -35,7 +35,7 @@ class SensorSettings(BaseModel):
     """Angle of view, centred on the ego's heading."""
     detection_probability: Probability = 0.95
     """Probability of detecting a vehicle in plain view close by, single misses and runs of them together."""
-    view_exponent: NotNegative = 1.0
+    view_exponent: Probability = 1.0
     """Power with which detection falls with the visible fraction below plain view; 0: whoever is not hidden is seen as
     one in plain view is.
     """
@@ -111,7 +111,7 @@ class SensorSettings(BaseModel):
     """Width of road that a tracker assumes clutter to spread over."""
     reported_factor: Positive = 1.0
     """Factor on the deviation in plain view that detections report of themselves."""
-    reported_spread: NotNegative = 0.25
+    reported_spread: Probability = 0.25
     """Deviation of the logarithm of what they report from one detection to the next; half as much again by quantity."""
     reported_view: Probability = 0.25
     """Power of the true growth of the noise with hiddenness with which it shows in what they report."""
