@@ -16,7 +16,7 @@ from harness.sensor.scene import Scene, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray, taken
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
@@ -152,7 +152,8 @@ def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, se
     memory.pending.append((frame.time_s, seen))
     due = [k for k, (time_s, _) in enumerate(memory.pending) if time_s <= frame.time_s - settings.latency_s + 1e-6]
     if not due:
-        return _Seen(taken(seen.detections, np.zeros(0, dtype=np.int64)), seen.truth_id[:0], seen.visible_fraction[:0])
+        nothing = np.zeros((0, 10))
+        return _Seen(_detections(settings, nothing), seen.truth_id[:0], seen.visible_fraction[:0])
     late = cast("_Seen", memory.pending[due[-1]][1])
     del memory.pending[: due[-1] + 1]
     # Of a vehicle that has left meanwhile there is no truth.

@@ -162,7 +162,7 @@ def test_two_cars_close_together_become_one_box_over_both_and_others_never_do():
     # Either of the two would merge with probability 0.3.
     assert len(single) / len(close) == pytest.approx(1 - 0.7**2, abs=0.08)
     assert np.mean([s.scan.detections.sizes.width_m[0] for s in single]) == pytest.approx(2.9 + 1.9, abs=0.2)
-    apart = film(frame_of((20, 2.5), (40, 6.4)), 200, **CALM, merged_share=0.9)
+    apart = film(frame_of((20, 2.5), (-20, 2.5)), 100, **CALM, merged_share=0.9)
     assert all(len(s.truth_id) == 2 for s in apart)
 
 
