@@ -74,8 +74,8 @@ def costs(table: pd.DataFrame) -> list[Cost]:
     table["model"] = table["model"].fillna("")
     world = [name for name in (DENSITY, DEMAND, RECORDING, SEED) if name in table]
     axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.", "traffic."))]
-    # Missing values are no keys that pandas joins on.
-    table["world"] = table[[*world, *axes]].astype(str).agg("|".join, axis=1)
+    # As text, since missing values are no keys to join on.
+    table["world"] = ["|".join(map(str, row)) for row in table[[*world, *axes]].itertuples(index=False)]
     found = []
     for (variant, model), rows in table.groupby(["variant", "model"], sort=False):
         usual = rows[rows[MISMATCH] == AS_IS].set_index("world")[HOTA]
