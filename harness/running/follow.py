@@ -122,7 +122,7 @@ class _EpisodeTrackers:
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
             scan = replace(observation.scan, time_s=observation.scan.time_s + step * self.looks.step_s)
-            step_tracker(rehearsal, scan, observation.truth_id)
+            step_tracker(rehearsal, _as_believed(scan, self.looks.noise_factor), observation.truth_id)
 
 
 def _as_believed(scan: Scan, noise_factor: float) -> Scan:
