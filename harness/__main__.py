@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import sys
 
-from harness.cli import run_command_line
+from harness.ends import code_of_end, ends_like_ctrl_c
 
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    sys.exit(run_command_line(sys.argv[1:]))
+    try:
+        with ends_like_ctrl_c():
+            # Only now: to be told to end while modules are read is no error either.
+            from harness.cli import run_command_line  # noqa: PLC0415
+
+            code = run_command_line(sys.argv[1:])
+    except KeyboardInterrupt:
+        code = code_of_end()
+    sys.exit(code)
 
 
 if __name__ == "__main__":

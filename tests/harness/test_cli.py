@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -93,6 +94,12 @@ def test_a_broken_network_file_is_told_in_one_line(damage, capsys, tmp_path, mon
         (RunError("x"), 3),
         (RunInterruptedError("x"), 130),
         (KeyboardInterrupt(), 130),
+        (OSError(errno.ENAMETOOLONG, "File name too long", "x" * 300), 2),
+        (PermissionError(errno.EACCES, "Permission denied", "report.html"), 2),
+        (OSError(errno.ENOSPC, "No space left on device", "x"), 3),
+        (MemoryError(), 3),
+        (IndexError("list index out of range"), 70),
+        (RuntimeError("two\nlines"), 70),
     ],
 )
 def test_each_kind_of_error_has_its_exit_code(error, code, capsys, monkeypatch):
