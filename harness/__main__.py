@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from harness.ends import code_of_end, ends_like_ctrl_c
+from harness.ends import code_of_end, ends_like_ctrl_c, ignore_ends
 
 
 def main() -> None:
@@ -17,6 +17,8 @@ def main() -> None:
             code = run_command_line(sys.argv[1:])
     except KeyboardInterrupt:
         code = code_of_end()
+    # All is done and told: what ends the process from here on must not look like an error.
+    ignore_ends()
     sys.exit(code)
 
 

@@ -26,7 +26,7 @@ from typer.main import get_group
 
 from harness import exitcodes
 from harness.commands.from_options import typer_command
-from harness.ends import code_of_end, ends_like_ctrl_c
+from harness.ends import code_of_end, ends_like_ctrl_c, told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
@@ -119,14 +119,16 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
 def _told(error: BaseException) -> tuple[str, int]:
     """Return the line and the exit code that an error becomes."""
     match error:
+        case RunInterruptedError() | KeyboardInterrupt():
+            told = str(error) or "interrupted", code_of_end()
+        case Exception() if told_to_end():
+            told = "interrupted", code_of_end()
         case TyperException():
             told = error.format_message(), EXIT_USER_ERROR
         case InputError() | UnknownNameError():
             told = str(error), EXIT_USER_ERROR
         case RunError():
             told = str(error), EXIT_RUN_FAILED
-        case RunInterruptedError() | KeyboardInterrupt():
-            told = str(error) or "interrupted", code_of_end()
         case OSError():
             told = _of_the_system(error), EXIT_RUN_FAILED if error.errno in NO_ROOM else EXIT_USER_ERROR
         case MemoryError():

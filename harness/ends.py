@@ -15,31 +15,43 @@ CODES = {
     signal.SIGTERM: exitcodes.TERMINATED,
     signal.SIGHUP: exitcodes.HANGUP,
 }
-_last = [signal.SIGINT]
+_received: list[signal.Signals] = []
 
 
 @contextmanager
 def ends_like_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise ``KeyboardInterrupt`` in the block; what is ignored, as under nohup, stays so."""
+    """Let SIGTERM and SIGHUP too raise ``KeyboardInterrupt`` in the block; what is ignored, as under nohup, stays so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    _last[0] = signal.SIGINT
-    own = [end for end in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(end) is signal.SIG_DFL]
+    _received.clear()
+    previous = {end: signal.getsignal(end) for end in CODES}
+    own = [end for end, does in previous.items() if does in (signal.SIG_DFL, signal.default_int_handler)]
     for end in own:
         signal.signal(end, _interrupt)
     try:
         yield
     finally:
         for end in own:
-            signal.signal(end, signal.SIG_DFL)
+            signal.signal(end, previous[end])
+
+
+def told_to_end() -> bool:
+    """Return whether a signal came: libraries that it stops may make another error of it, or lose it."""
+    return bool(_received)
 
 
 def code_of_end() -> int:
     """Return the exit code of the signal that ended the command."""
-    return CODES[_last[0]]
+    return CODES[_received[-1]] if _received else exitcodes.INTERRUPTED
+
+
+def ignore_ends() -> None:
+    """Ignore the signals from now on: the process is about to end anyway."""
+    for end in CODES:
+        signal.signal(end, signal.SIG_IGN)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-    _last[0] = signal.Signals(number)
+    _received.append(signal.Signals(number))
     raise KeyboardInterrupt

@@ -39,7 +39,8 @@ def connect(address: str) -> Client:
             f"`{PARAMETER}` needs Dask, which is not installed: pip install 'mmpf-harness[cluster]'"
         ) from None
     # Its log repeats with tracebacks what is told in one line here.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pyarrow as pa
@@ -34,6 +34,9 @@ def open_grid_folder(out: Path, resume: bool) -> Iterator[Path]:
         out.mkdir(parents=True, exist_ok=True)
         lock = lock_within(out, "out")
     except OSError as error:
+        # Only an empty one goes.
+        with suppress(OSError):
+            out.rmdir()
         raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
     try:
         try:

@@ -42,7 +42,7 @@ def write_outcome(outcome: Outcome, path: Path) -> None:
         path: The TOML file.
     """
     lines = [*_other_tables(path, outcome.tracker), *_table(outcome)]
-    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines).rstrip() + "\n")
 
 
 def _table(outcome: Outcome) -> list[str]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
+from harness.ends import told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
@@ -126,6 +127,8 @@ def run(
             raise _interrupted(attempt, pending) from None
         if isinstance(error, RunError | OSError | MemoryError) and not attempt.recorder.steps:
             pending.discard()
+            if isinstance(error, RunError):
+                raise
             raise RunError(f"the run failed before its first step: {_in_words(error)}") from error
         left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
         raise RunError(
@@ -138,6 +141,8 @@ def run(
 
 def is_interrupt(error: BaseException) -> bool:
     """Return whether Ctrl-C is behind an error: compiled code that it stops may raise a SystemError from it."""
+    if told_to_end():
+        return True
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, KeyboardInterrupt):
