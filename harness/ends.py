@@ -20,7 +20,7 @@ _received: list[signal.Signals] = []
 
 @contextmanager
 def ends_like_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP too raise ``KeyboardInterrupt`` in the block; what is ignored, as under nohup, stays so."""
+    """Let SIGTERM and SIGHUP too raise ``KeyboardInterrupt`` in the block; what is ignored (nohup) stays so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -33,7 +33,10 @@ def ends_like_ctrl_c() -> Iterator[None]:
         yield
     finally:
         for end in own:
-            signal.signal(end, previous[end])
+            if signal.getsignal(end) is _interrupt:
+                signal.signal(end, previous[end])
+        if own:
+            _received.clear()
 
 
 def told_to_end() -> bool:
