@@ -10,6 +10,7 @@ from pathlib import Path
 
 from harness.grid.tuning_search import FALSE_HIDDEN_COST, HIDDEN_COST_PER_M, Trial, best_of
 from harness.grid.tuning_spaces import DEFAULTS_IN_CODE
+from harness.writing.files import write_text
 
 OBJECTIVE = (
     f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan, "
