@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from harness.comparison.verdicts import compared_quantities
 from harness.errors import InputError
 from harness.grid.cells import RECORDING
+from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.rows import flattened
-from harness.grid.stress import GRID, RUNS
 from harness.grid.summary import labelled
 from harness.runfolder import folder as runfolder
 

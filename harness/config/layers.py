@@ -20,6 +20,7 @@ from harness.config.options import keys_of_options
 from harness.errors import InputError
 from harness.inputs import MOST_SETTINGS_BYTES, check_file, checked_path
 from harness.runfolder import folder as runfolder
+from harness.writing.files import write_text
 from harness.writing.problems import first_problem
 from mmpf.settings import fields_of
 
@@ -65,7 +66,7 @@ def _table_of_file(path: Path) -> Table:
 
 def write_config(config: RunConfig, path: Path) -> None:
     """Write a configuration so that ``config`` reads the same one back."""
-    path.write_text(tomli_w.dumps(config.as_table()), encoding="utf-8")
+    write_text(path, tomli_w.dumps(config.as_table()))
 
 
 def _table_of_options(options: Mapping[str, object]) -> Table:

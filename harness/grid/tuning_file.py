@@ -10,6 +10,7 @@ from pathlib import Path
 
 from harness.grid.tuning_search import FALSE_HIDDEN_COST, HIDDEN_COST_PER_M, Trial, best_of
 from harness.grid.tuning_spaces import DEFAULTS_IN_CODE
+from harness.writing.files import write_text
 
 OBJECTIVE = (
     f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan, "
@@ -42,7 +43,7 @@ def write_outcome(outcome: Outcome, path: Path) -> None:
         path: The TOML file.
     """
     lines = [*_other_tables(path, outcome.tracker), *_table(outcome)]
-    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines).rstrip() + "\n")
 
 
 def _table(outcome: Outcome) -> list[str]:

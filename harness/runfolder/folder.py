@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -9,6 +10,7 @@ import re
 import shutil
 import tomllib
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,10 @@ import pyarrow as pa
 
 from harness.errors import InputError
 from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
+from harness.runfolder import ownership
 from harness.runfolder.checks import check_kinds, read_parquet
+from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
+from harness.writing.files import write_text
 from mmpf.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -47,29 +52,53 @@ class PendingFolder:
         path: Where files are written now.
         final: The name that a finished run gets.
         force: Whether it may replace an earlier run there.
+        lock: Keeps other processes off the final name; None where nobody asked for that name.
     """
 
     path: Path
     final: Path
     force: bool = False
+    lock: FolderLock | None = None
+
+    @property
+    def replaced(self) -> str | None:
+        """What will be removed for this folder, in words; None if nothing."""
+        return ownership.described(self.final) if self.force and self.final.exists() else None
 
     def finish(self) -> Path:
         """Give the folder its final name and return it; if another run took that name meanwhile, the next free one."""
-        if self.force and self.final.exists():
-            shutil.rmtree(self.final)
-        return self.path.rename(_first_free(self.final))
+        ownership.record_all(self.path, ownership.RUN)
+        if not (self.force and self.final.exists() and _is_replaceable(self.final)):
+            # Also where somebody's files came into the folder since the run began: they stay, and so does the run.
+            return self._take_name(self.final)
+        aside = self.final.with_name(f".{self.final.name}.replaced-{os.getpid()}@{platform.node()}")
+        self.final.rename(aside)
+        taken = self._take_name(self.final)
+        ownership.remove(aside)
+        return taken
 
     def leave_incomplete(self) -> Path:
         """Give the folder a name that tells that the run did not end, and return it."""
+        ownership.record_all(self.path, ownership.RUN)
         marked = self.final.with_name(self.final.name + INCOMPLETE_SUFFIX)
-        if marked.exists():
-            shutil.rmtree(marked)
-        self.path.rename(marked)
-        return marked
+        if marked.exists() and _is_replaceable(marked):
+            ownership.remove(marked)
+        return self._take_name(marked)
 
     def discard(self) -> None:
         """Remove the folder."""
         shutil.rmtree(self.path, ignore_errors=True)
+        self._release()
+
+    def _take_name(self, wanted: Path) -> Path:
+        try:
+            return self.path.rename(_first_free(wanted))
+        finally:
+            self._release()
+
+    def _release(self) -> None:
+        if self.lock is not None:
+            self.lock.release()
 
 
 def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFolder:
@@ -82,20 +111,48 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         force: Whether an earlier run in ``out`` may be replaced.
 
     Raises:
-        InputError: The folder exists and may not be replaced, or can't be written.
+        InputError: The folder exists and may not be replaced, can't be written, or another process is writing it.
     """
-    final = out if out is not None else _first_free(DEFAULT_PARENT / default_name)
-    if final.exists() and not force:
-        raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
-    if final.exists() and not _may_be_replaced(final):
-        raise InputError(f"`out`: {final} is not a run's folder, so `force` leaves it alone; choose another folder")
+    final = _first_free(DEFAULT_PARENT / default_name) if out is None else out if out.name else out.resolve()
+    try:
+        _check_free(final, force)
+        final.parent.mkdir(parents=True, exist_ok=True)
+        lock = lock_beside(final, "out") if out is not None else None
+    except OSError as error:
+        raise _not_writable(final, error) from None
     pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
-        pending.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"`out`: can't write in {final.parent}: {error.strerror}; choose another folder") from None
+        # Whoever held the lock a moment ago may have finished.
+        _check_free(final, force)
+        pending.mkdir()
+        ownership.claim(pending, ownership.RUN)
+    except (OSError, InputError) as error:
+        with suppress(OSError):
+            pending.rmdir()
+        if lock is not None:
+            lock.release()
+        raise error if isinstance(error, InputError) else _not_writable(final, error) from None
     _remove_leftovers(final.parent)
-    return PendingFolder(path=pending, final=final, force=force)
+    return PendingFolder(path=pending, final=final, force=force, lock=lock)
+
+
+def _check_free(final: Path, force: bool) -> None:
+    if os.path.lexists(final):
+        if not force:
+            raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
+        ownership.check_replaceable(final, ownership.RUN, "out")
+
+
+def _not_writable(final: Path, error: OSError) -> InputError:
+    return InputError(f"`out`: can't write in {final.parent}: {error.strerror}; choose another folder")
+
+
+def _is_replaceable(folder: Path) -> bool:
+    try:
+        ownership.check_replaceable(folder, ownership.RUN, "out")
+    except (InputError, OSError):
+        return False
+    return True
 
 
 def is_run_folder(path: Path) -> bool:
@@ -111,7 +168,7 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
     """
     check_file(folder / MANIFEST, MOST_JSON_BYTES, parameter)
     try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        manifest = json.loads(read_regular(folder / MANIFEST))
     except (OSError, ValueError, RecursionError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
@@ -127,7 +184,7 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     """
     check_file(folder / CONFIG, MOST_SETTINGS_BYTES, parameter)
     try:
-        return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        return tomllib.loads(read_regular(folder / CONFIG))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
 
@@ -145,6 +202,8 @@ def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]
         InputError: It is missing, truncated, not parquet, or lacks columns.
     """
     path = folder / name
+    if path.exists() and not path.is_file():
+        raise InputError(f"`{parameter}`: {path} is no file; make the run again")
     try:
         table = read_parquet(path, parameter)
     except FileNotFoundError:
@@ -158,9 +217,21 @@ def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]
     return table
 
 
+def read_regular(path: Path) -> str:
+    """Return a text file's content.
+
+    Raises:
+        OSError: It can't be read, or is no file: reading a pipe would wait for ever.
+        ValueError: It is not UTF-8.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file", str(path))
+    return path.read_text(encoding="utf-8")
+
+
 def write_road(road: Road, path: Path) -> None:
     """Write a road so that a replay needs no network."""
-    path.write_text(json.dumps(asdict(road), indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(asdict(road), indent=1) + "\n")
 
 
 def read_road(path: Path, parameter: str) -> Road:
@@ -175,7 +246,7 @@ def read_road(path: Path, parameter: str) -> Road:
     """
     check_file(path, MOST_JSON_BYTES, parameter)
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
+        fields = json.loads(read_regular(path))
         road = Road(
             lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
             reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),
@@ -208,7 +279,7 @@ def _check_road(road: Road) -> None:
 
 def _first_free(path: Path) -> Path:
     candidate, number = path, 2
-    while candidate.exists():
+    while os.path.lexists(candidate):
         candidate = path.with_name(f"{path.name}-{number}")
         number += 1
     return candidate
@@ -216,12 +287,17 @@ def _first_free(path: Path) -> Path:
 
 def _remove_leftovers(parent: Path) -> None:
     """Remove the folders of runs that were killed: those whose process, of this machine, lives no more."""
-    ours = re.compile(rf"\..+\.running-([0-9]+)@{re.escape(platform.node())}")
-    for folder in parent.glob(".*.running-*"):
+    ours = re.compile(rf"\..+\.(?:running|replaced)-([0-9]+)@{re.escape(platform.node())}")
+    remove_stale_locks(parent)
+    for folder in parent.glob(".*"):
         name = ours.fullmatch(folder.name)
         if name is None or _lives(int(name.group(1))):
             continue
-        if folder.is_dir() and not folder.is_symlink() and (is_run_folder(folder) or not any(folder.iterdir())):
+        if folder.is_symlink() or not folder.is_dir():
+            continue
+        if ".replaced-" in folder.name:
+            ownership.remove(folder)
+        elif is_run_folder(folder) or ownership.kind_of(folder) == ownership.RUN or not any(folder.iterdir()):
             shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -235,9 +311,3 @@ def _lives(process: int) -> bool:
     except (OSError, OverflowError):
         return True
     return True
-
-
-def _may_be_replaced(folder: Path) -> bool:
-    if not folder.is_dir():
-        return False
-    return (folder / MANIFEST).is_file() or not any(folder.iterdir())

@@ -12,9 +12,10 @@ from harness.cli import run_command_line
 from harness.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.gridfolder import RUNS
 from harness.grid.pooled import pool_files
 from harness.grid.pooled_tables import pooled_markdown
-from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, Telling, run_stress
+from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
 from mmpf.compute.arrays import BoolArray
 from tests.harness.grid.test_stress import ECHO, InProcess
