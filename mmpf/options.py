@@ -103,16 +103,10 @@ class JointDetectability(Settings):
     """Components above this existence probability cast shadows."""
     hidden_probability: Probability = 0.02
     """Detection probability of a particle that lies in shadow."""
-    missed_cap: Probability = 0.6
-    """The detection probability used for "not seen" is at most this, since misses of one vehicle are correlated in
-    time.
-    """
-    missed_from_fraction: Probability = 0.2
-    """"Not seen" counts as evidence from this visible fraction on: shadows are cast by vehicles whose place and size
-    are uncertain.
-    """
-    missed_full_fraction: Probability = 0.8
-    """From this visible fraction on, "not seen" counts in full."""
+    run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.08
+    """Share of time that vehicles are expected to spend in runs of misses that no shadow explains."""
+    run_s: Positive = 0.6
+    """Mean length of such a run."""
 
 
 class JointAssociation(Settings):

@@ -40,12 +40,12 @@ class Occlusion:
 
     Attributes:
         detection_probability: Of each particle, shape (n,).
-        missed_probability: The same where "not detected" is weighed, shape (n,): never more, since the misses of one
-            vehicle are correlated in time and the shadows are not exactly known.
+        run_probability: Of each component, that the sensor is in a run of misses of it, shape (m,); it is part of the
+            detection probability.
     """
 
     detection_probability: FloatArray
-    missed_probability: FloatArray
+    run_probability: FloatArray
 
 
 @dataclass(frozen=True)

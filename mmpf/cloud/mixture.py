@@ -90,6 +90,7 @@ class Components:
         hits: Scans in which a detection was attributed to it.
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
+        missed: Probability that the sensor is in a run of misses of this vehicle.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_scans: For how many scans in a row.
         length_m: Estimated length of the vehicle.
@@ -104,6 +105,7 @@ class Components:
     hits: IntArray
     age_scans: IntArray
     unseen_s: FloatArray
+    missed: FloatArray
     overlap_with: IntArray
     overlap_scans: IntArray
     length_m: FloatArray
@@ -135,6 +137,7 @@ class Components:
             hits=zeros + 1,
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
+            missed=np.zeros(len(track_id)),
             overlap_with=zeros + NEVER,
             overlap_scans=zeros,
             length_m=np.full(len(track_id), vehicle.length_m),

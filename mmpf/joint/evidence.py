@@ -28,11 +28,10 @@ def association_evidence(
     weight: FloatArray,
     starts: IntArray,
     detection_probability: FloatArray,
-    missed_probability: FloatArray,
     likelihoods: GatedLikelihoods,
     detections: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_missed] per component, shape (m,)."""
+    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_D] per component, shape (m,)."""
     components = len(starts) - 1
     evidence = np.zeros((components, detections))
     not_seen = np.ones(components)
@@ -40,7 +39,6 @@ def association_evidence(
         weight,
         starts,
         detection_probability,
-        missed_probability,
         likelihoods.component,
         likelihoods.detection,
         likelihoods.values,
@@ -53,13 +51,12 @@ def association_evidence(
 
 def particle_factors(
     detection_probability: FloatArray,
-    missed_probability: FloatArray,
     starts: IntArray,
     likelihoods: GatedLikelihoods,
     message: FloatArray,
 ) -> FloatArray:
-    """Return each particle's weight factor (1 - P_missed) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
-    factor = 1.0 - missed_probability
+    """Return each particle's weight factor (1 - P_D) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
+    factor = 1.0 - detection_probability
     pair_message = message[likelihoods.component, likelihoods.detection]
     _add_detection_terms(
         detection_probability,
@@ -109,7 +106,6 @@ def _sum_evidence(
     weight: FloatArray,
     starts: IntArray,
     detection_probability: FloatArray,
-    missed_probability: FloatArray,
     pair_component: IntArray,
     pair_detection: IntArray,
     values: FloatArray,
@@ -120,7 +116,7 @@ def _sum_evidence(
     for m in range(len(starts) - 1):
         seen = 0.0
         for n in range(starts[m], starts[m + 1]):
-            seen += weight[n] * missed_probability[n]
+            seen += weight[n] * detection_probability[n]
         not_seen[m] = 1.0 - seen
     for p in range(len(pair_component)):
         begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]

@@ -19,7 +19,7 @@ from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.joint.association import associate
-from mmpf.joint.detectability import detection_probabilities, distances_m, missed_probabilities
+from mmpf.joint.detectability import detection_probabilities, distances_m
 from mmpf.joint.evidence import (
     association_evidence,
     gated_likelihoods,
@@ -30,6 +30,7 @@ from mmpf.joint.evidence import (
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
+from mmpf.joint.missed_runs import run_after_scan, run_expected
 from mmpf.options import FilterOptions, JointExistence
 from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
@@ -55,13 +56,10 @@ class JointUpdate:
             visible = visible_fractions(ego, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
             distance = distances_m(ego, cloud.state[LON], cloud.state[LAT])
             probability = detection_probabilities(visible, distance, situation.sensor, options.hidden_probability)
-            missed = missed_probabilities(
-                visible, probability, options.missed_cap, options.missed_from_fraction, options.missed_full_fraction
-            )
         else:
             probability = np.full(len(cloud), options.fixed_probability)
-            missed = np.minimum(probability, options.missed_cap)
-        return Occlusion(probability, missed)
+        run = run_expected(prior.components.missed, options.run_share, options.run_s, situation.dt_s)
+        return Occlusion(probability * (1.0 - run)[cloud.component], run)
 
     def measurement_update(
         self,
@@ -82,7 +80,6 @@ class JointUpdate:
             prior_weight,
             prior.starts,
             occlusion.detection_probability,
-            occlusion.missed_probability,
             likelihoods,
             len(detections),
         )
@@ -92,7 +89,6 @@ class JointUpdate:
 
         factor = particle_factors(
             occlusion.detection_probability,
-            occlusion.missed_probability,
             prior.starts,
             likelihoods,
             marginals.detection_message / situation.sensor.clutter_density_per_m2,
@@ -105,11 +101,12 @@ class JointUpdate:
             options.exclusion_per_s * situation.dt_s,
         )
         claimed = (evidence * marginals.detection_message).sum(axis=1)
+        run = run_after_scan(occlusion.run_probability, not_seen, claimed / np.maximum(existence, 1e-300))
         existence = (existence * not_seen + claimed) / (missed + claimed)
         existence = np.minimum(existence, self.options.joint.existence.largest)
 
         was_hit = marginals.probability.sum(axis=1) > options.hit_probability
-        components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence)
+        components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
         hit = np.flatnonzero(was_hit)
         if detections.sizes is not None and len(hit):
             measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))

@@ -46,7 +46,7 @@ class MaxLikelihoodUpdate:
             shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
         is_hidden = shadowed >= self.options.max_likelihood.association.shadowed_share
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
-        return Occlusion(probability, probability)
+        return Occlusion(probability, np.zeros(len(prior)))
 
     def measurement_update(
         self,
