@@ -165,6 +165,13 @@ class SensorModel:
             the probability falls in proportion.
         hidden_fraction: Visible fraction, 0 to 1, below which a vehicle gives no detection.
         clutter_area_m2: Area over which clutter spreads evenly, square metres.
+        clutter_speed_span_mps: Span over which the speeds of false detections spread evenly, m/s, where speed is
+            measured.
+        noise_correlated_share: Share of the noise's variance, 0 to 1, that drifts from scan to scan.
+        noise_correlation_s: Time constant with which it drifts, seconds.
+
+    Raises:
+        ValueError: A value is not finite or out of its bounds.
     """
 
     range_m: float = 100.0
@@ -173,6 +180,29 @@ class SensorModel:
     full_view_fraction: float = 0.7
     hidden_fraction: float = 0.15
     clutter_area_m2: float = 4000.0
+    clutter_speed_span_mps: float = 40.0
+    noise_correlated_share: float = 0.0
+    noise_correlation_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            value = getattr(self, column.name)
+            if not np.isfinite(value):
+                raise ValueError(f"sensor {column.name} is {value}, not a finite number")
+        for name in ("range_m", "clutter_area_m2", "clutter_speed_span_mps"):
+            if getattr(self, name) <= 0.0:
+                raise ValueError(f"sensor {name} is {getattr(self, name)}; it must be positive")
+        for name in ("clutter_per_scan", "noise_correlation_s"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"sensor {name} is {getattr(self, name)}; it must not be negative")
+        for name in ("detection_probability", "full_view_fraction", "hidden_fraction", "noise_correlated_share"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"sensor {name} is {getattr(self, name)}; it must lie between 0 and 1")
+        if self.hidden_fraction >= self.full_view_fraction:
+            raise ValueError(
+                f"sensor hidden_fraction is {self.hidden_fraction}; it must be below full_view_fraction, "
+                f"{self.full_view_fraction}"
+            )
 
     @property
     def clutter_density_per_m2(self) -> float:

@@ -56,11 +56,32 @@ def position_std(
     return PositionStd(fit_lon, fit_lat, along, across, lon, lat)
 
 
+def hidden_share(settings: SensorSettings, visible_fraction: FloatArray) -> FloatArray:
+    """Return 0 for vehicles in plain view, 1 at the edge of being hidden and beyond, linear between; shape (n,)."""
+    span = settings.full_view_fraction - settings.hidden_fraction
+    return np.asarray(np.clip((settings.full_view_fraction - visible_fraction) / span, 0.0, 1.0))
+
+
 def box_factor(settings: SensorSettings, visible_fraction: FloatArray) -> FloatArray:
     """Return by how much the errors of a box grow for what is hidden of its vehicle, shape (n,)."""
-    span = settings.full_view_fraction - settings.hidden_fraction
-    hidden_share = np.clip((settings.full_view_fraction - visible_fraction) / span, 0.0, 1.0)
-    return np.asarray(1.0 + (settings.hidden_noise_factor - 1.0) * hidden_share)
+    share = hidden_share(settings, visible_fraction)
+    return np.asarray(1.0 + (settings.hidden_noise_factor - 1.0) * share)
+
+
+def reported_factors(settings: SensorSettings, visible_fraction: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return by what detections multiply the deviations in plain view that they report, shape (n, 5).
+
+    The columns are longitudinal, lateral, speed, length and width. A detector knows its own error badly: what it
+    reports spreads from detection to detection and tells little of how much of the vehicle was seen.
+
+    Args:
+        settings: The sensor's figures.
+        visible_fraction: How much of each vehicle is seen, shape (n,).
+        normals: Standard normal numbers, shape (n, 6).
+    """
+    seen = box_factor(settings, visible_fraction) ** settings.reported_view
+    spread = settings.reported_spread * (normals[:, :1] + 0.5 * normals[:, 1:])
+    return np.asarray(settings.reported_factor * seen[:, None] * np.exp(spread))
 
 
 def measured_sizes(

@@ -14,7 +14,7 @@ from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}
 
 
-def look(frame, profile="lidar", seed=0, road=ROAD, **overrides):
+def look(frame, profile="lidar-independent", seed=0, road=ROAD, **overrides):
     sensor = build_sensor(sensor_settings(profile, overrides))
     return sensor.observe(frame, road, np.random.default_rng(seed))
 

@@ -1,0 +1,171 @@
+"""Who is missed just now, and what becomes of the boxes: shifted, split in two, merged into one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.sensor.memory import Chain, VehicleMemory, next_state
+from harness.sensor.noise import hidden_share
+from harness.sensor.profiles import SensorSettings
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+
+FRONT_SHARE = 0.35
+"""Share of a long vehicle's length that its front box takes when it is split: a tractor before its trailer."""
+
+
+def detection_probability(
+    settings: SensorSettings, distance_m: FloatArray, visible_fraction: FloatArray, reachable: BoolArray
+) -> FloatArray:
+    """Return the probability of a detection, single misses and runs together, bursts apart; shape (n,).
+
+    Args:
+        settings: The sensor's figures.
+        distance_m: Distance from the sensor, shape (n,).
+        visible_fraction: How much of each vehicle is seen, shape (n,).
+        reachable: Whether each is in range and no ego, shape (n,).
+    """
+    view = np.minimum(1.0, visible_fraction / settings.full_view_fraction) ** settings.view_exponent
+    far = np.minimum(1.0, distance_m / settings.range_m)
+    probability = settings.detection_probability * view * (1.0 - settings.missed_far_share * far**2)
+    probability[~reachable | (visible_fraction < settings.hidden_fraction)] = 0.0
+    return np.asarray(probability)
+
+
+def miss_chain(settings: SensorSettings, probability: FloatArray, visible_fraction: FloatArray) -> Chain:
+    """Return the runs of misses, each part of shape (n,); who has no chance of a detection is in none."""
+    share = np.where(probability > 0.0, settings.missed_in_runs * (1.0 - probability), 0.0)
+    hidden = hidden_share(settings, visible_fraction)
+    run_s = settings.missed_run_s + (settings.missed_run_hidden_s - settings.missed_run_s) * hidden
+    return Chain(share, run_s)
+
+
+def advance(
+    settings: SensorSettings, memory: VehicleMemory, misses: Chain, step_s: float, rng: np.random.Generator
+) -> VehicleMemory:
+    """Return what is remembered of the vehicles a step later, its drift left as it was."""
+    uniforms = rng.random((len(memory.vehicle_id), 4))
+    chains = {
+        "missed": misses,
+        "burst": Chain(settings.burst_share, settings.burst_s),
+        "split": Chain(settings.split_share, settings.split_s),
+        "merged": Chain(settings.merged_share, settings.merged_s),
+    }
+    states = {
+        name: next_state(chain, getattr(memory, name), step_s, uniforms[:, k]).astype(np.float64)
+        for k, (name, chain) in enumerate(chains.items())
+    }
+    return replace(memory, **states)
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """What the detector takes for a vehicle each, struct of arrays, each of shape (b,).
+
+    Attributes:
+        origin: Index of the vehicle in the frame.
+        lon_m: Longitudinal position of the box's true middle.
+        lat_m: Lateral position of it.
+        length_m: Length.
+        width_m: Width.
+        second: Whether it is the other part of a vehicle that another box stands for.
+    """
+
+    origin: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+    second: BoolArray
+
+    def take(self, index: IntArray) -> Boxes:
+        """Return some of the boxes."""
+        return taken(self, index)
+
+
+def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fraction: FloatArray) -> Boxes:
+    """Return the boxes with those that merge gone, each into the nearest one that it nearly touches.
+
+    The box that stays, that of the vehicle of which more is seen, stands for it and reaches over both.
+
+    Args:
+        settings: The sensor's figures.
+        boxes: One for each vehicle that is detected, b of them.
+        merges: Whether each would merge now, shape (b,).
+        visible_fraction: How much of each is seen, shape (b,).
+    """
+    lon, lat, length, width = (np.array(part) for part in (boxes.lon_m, boxes.lat_m, boxes.length_m, boxes.width_m))
+    there = np.ones(len(lon), dtype=np.bool_)
+    whole = np.ones(len(lon), dtype=np.bool_)
+    for k in np.flatnonzero(merges):
+        gap = np.hypot(
+            np.maximum(np.abs(lon - lon[k]) - 0.5 * (length + length[k]), 0.0),
+            np.maximum(np.abs(lat - lat[k]) - 0.5 * (width + width[k]), 0.0),
+        )
+        gap[~(there & whole)] = np.inf
+        gap[k] = np.inf
+        other = int(gap.argmin())
+        if not (whole[k] and gap[other] <= settings.merged_gap_m):
+            continue
+        stays, goes = (k, other) if visible_fraction[k] > visible_fraction[other] else (other, k)
+        for middle, size in ((lon, length), (lat, width)):
+            low = min(middle[j] - 0.5 * size[j] for j in (stays, goes))
+            high = max(middle[j] + 0.5 * size[j] for j in (stays, goes))
+            middle[stays], size[stays] = 0.5 * (low + high), high - low
+        there[goes] = whole[goes] = whole[stays] = False
+    return replace(boxes, lon_m=lon, lat_m=lat, length_m=length, width_m=width).take(np.flatnonzero(there))
+
+
+def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad: FloatArray) -> Boxes:
+    """Return the boxes with those of long vehicles that split in two: the longer part, then the front at the end.
+
+    Args:
+        settings: The sensor's figures.
+        boxes: The boxes, b of them.
+        splits: Whether each would split now, shape (b,).
+        heading_rad: Heading of each against the road, shape (b,).
+    """
+    chosen = np.flatnonzero(splits & (boxes.length_m >= settings.split_length_m))
+    length = boxes.length_m[chosen]
+    cosine, sine = np.cos(heading_rad[chosen]), np.sin(heading_rad[chosen])
+
+    def part(from_middle: FloatArray, share: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return (
+            boxes.lon_m[chosen] + from_middle * cosine,
+            boxes.lat_m[chosen] + from_middle * sine,
+            length * share,
+        )
+
+    lon, lat, long = (np.array(column) for column in (boxes.lon_m, boxes.lat_m, boxes.length_m))
+    lon[chosen], lat[chosen], long[chosen] = part(-0.5 * FRONT_SHARE * length, 1.0 - FRONT_SHARE)
+    front = part(0.5 * (1.0 - FRONT_SHARE) * length, FRONT_SHARE)
+    return Boxes(
+        origin=np.concatenate([boxes.origin, boxes.origin[chosen]]),
+        lon_m=np.concatenate([lon, front[0]]),
+        lat_m=np.concatenate([lat, front[1]]),
+        length_m=np.concatenate([long, front[2]]),
+        width_m=np.concatenate([boxes.width_m, boxes.width_m[chosen]]),
+        second=np.arange(len(lon) + len(chosen)) >= len(lon),
+    )
+
+
+def shifted(
+    settings: SensorSettings, boxes: Boxes, visible_fraction: FloatArray, angle_rad: FloatArray, side: FloatArray
+) -> Boxes:
+    """Return the boxes moved towards what is seen of them: away from who hides them, and towards the near end.
+
+    Of a vehicle whose hidden part is a share h of its extent, the middle of what is left is off by h / 2 of it.
+
+    Args:
+        settings: The sensor's figures.
+        boxes: The boxes, b of them.
+        visible_fraction: How much of each is seen, shape (b,).
+        angle_rad: Direction of the line of sight against the road, shape (b,).
+        side: 1 where its left side, seen from the sensor, is what is seen, -1 for the right, 0 if neither; shape (b,).
+    """
+    recedes = 0.5 * settings.centre_shift_share * (1.0 - visible_fraction)
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    along = np.clip(-side * sine - cosine, -1.0, 1.0) * recedes * boxes.length_m
+    across = side * cosine * recedes * boxes.width_m
+    return replace(boxes, lon_m=boxes.lon_m + along, lat_m=boxes.lat_m + across)

@@ -1,0 +1,180 @@
+"""What a sensor remembers from scan to scan: which vehicles it fails to see just now, and how their boxes drift.
+
+All randomness that lasts is drawn from streams of its own, in blocks that depend on the number of vehicles alone. A
+detector that forgets everything therefore draws what it would draw without a memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
+
+NORMALS = 7
+"""Standard normal numbers of a vehicle: longitudinal, lateral, along, across, speed, length, width."""
+
+
+class Chain(NamedTuple):
+    """A state that comes in runs.
+
+    Attributes:
+        share: Share of time in the state, below 1, shape (n,) or a number.
+        run_s: Mean length of a run in it, seconds, likewise.
+    """
+
+    share: FloatArray | float
+    run_s: FloatArray | float
+
+
+def next_state(chain: Chain, before: FloatArray, step_s: float, uniforms: FloatArray) -> BoolArray:
+    """Return whether each of n chains is in its state now.
+
+    A chain that holds on to its state with the right probability and else draws it anew has exactly the asked-for
+    share, and runs of the asked-for mean length, where these are longer than those of independent draws.
+
+    Args:
+        chain: Shares and mean run lengths.
+        before: 1 or 0 for the state a step ago; nan where there was none, shape (n,).
+        step_s: Time since then.
+        uniforms: Uniform random numbers, shape (n,).
+    """
+    share = np.broadcast_to(np.asarray(chain.share, dtype=np.float64), before.shape)
+    run_s = np.broadcast_to(np.asarray(chain.run_s, dtype=np.float64), before.shape)
+    held = np.clip(1.0 - step_s / np.maximum(run_s * (1.0 - share), 1e-12), 0.0, 1.0)
+    chance = np.where(np.isnan(before), share, share + held * (before - share))
+    return np.asarray(uniforms < chance)
+
+
+@dataclass(frozen=True)
+class VehicleMemory:
+    """What is remembered of n vehicles, struct of arrays.
+
+    Attributes:
+        vehicle_id: Their names, shape (n,).
+        missed: 1 where a vehicle is in a run of misses, 0 elsewhere, nan if it is new; shape (n,).
+        burst: The same for bursts of misses that have nothing to do with visibility.
+        split: The same for one vehicle seen as two boxes.
+        merged: The same for two vehicles seen as one box.
+        drift: Standard normal numbers that drift, nan if new, shape (n, ``NORMALS``).
+    """
+
+    vehicle_id: StringArray
+    missed: FloatArray
+    burst: FloatArray
+    split: FloatArray
+    merged: FloatArray
+    drift: FloatArray
+
+    @classmethod
+    def none_of(cls, vehicle_id: StringArray) -> VehicleMemory:
+        """Return the memory of vehicles that were never met."""
+        count = len(vehicle_id)
+        unknown = np.full(count, np.nan)
+        return cls(vehicle_id, unknown, unknown, unknown, unknown, np.full((count, NORMALS), np.nan))
+
+    def of(self, vehicle_id: StringArray) -> VehicleMemory:
+        """Return what is remembered of these vehicles, in their order."""
+        row = {str(name): k for k, name in enumerate(self.vehicle_id)}
+        index = np.array([row.get(str(name), -1) for name in vehicle_id], dtype=np.int64)
+        columns = (self.missed, self.burst, self.split, self.merged, self.drift)
+        return VehicleMemory(vehicle_id, *(_taken_or_nan(column, index) for column in columns))
+
+
+def _taken_or_nan(column: FloatArray, index: IntArray) -> FloatArray:
+    taken = np.full((len(index), *column.shape[1:]), np.nan)
+    known = index >= 0
+    taken[known] = column[index[known]]
+    return taken
+
+
+def drifted(drift: FloatArray, step_s: float, time_s: float, normals: FloatArray) -> FloatArray:
+    """Return Ornstein-Uhlenbeck processes of standard deviation 1 a step later, shape (n, k); nan begins anew."""
+    kept = np.exp(-step_s / time_s) if time_s > 0.0 else 0.0
+    return np.where(np.isnan(drift), normals, kept * drift + np.sqrt(1.0 - kept**2) * normals)
+
+
+@dataclass(frozen=True)
+class Ghosts:
+    """False objects that stay in view for a while, struct of arrays, each of shape (g,).
+
+    Attributes:
+        lon_m: Longitudinal position.
+        lat_m: Lateral position.
+        speed_mps: Longitudinal speed; 0 for what is fixed to the road.
+        length_m: Length of its box.
+        width_m: Width of its box.
+    """
+
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.lon_m)
+
+    @classmethod
+    def none(cls) -> Ghosts:
+        """Return no ghosts."""
+        return cls(*(np.zeros(0) for _ in range(5)))
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Independent streams of randomness, so that no failing shifts the draws of another."""
+
+    misses: np.random.Generator
+    boxes: np.random.Generator
+    drift: np.random.Generator
+    reports: np.random.Generator
+    ghosts: np.random.Generator
+
+    @classmethod
+    def below(cls, parent: np.random.Generator) -> Streams:
+        """Return streams that the parent's seed decides; the parent's own numbers stay as they were."""
+        return cls(*parent.spawn(5))
+
+
+@dataclass
+class SensorMemory:
+    """All that one sensor remembers within one episode.
+
+    Attributes:
+        parent: Generator that the streams came from.
+        streams: The streams.
+        episode: The episode.
+        time_s: Time of the last scan.
+        vehicles: What is remembered of the vehicles of the last frame.
+        ghosts: False objects that stay; None before the first scan.
+        pending: Times and contents of scans that were made but not handed out yet, oldest first.
+    """
+
+    parent: np.random.Generator | None = None
+    streams: Streams = field(init=False)
+    episode: int = -1
+    time_s: float = 0.0
+    vehicles: VehicleMemory = field(init=False)
+    ghosts: Ghosts | None = None
+    pending: list[tuple[float, object]] = field(default_factory=list)
+
+    def begin_scan(self, parent: np.random.Generator, episode: int, time_s: float) -> float:
+        """Forget what does not belong to this episode; return the time since its last scan, seconds.
+
+        Args:
+            parent: The sensor's generator.
+            episode: Number of the episode.
+            time_s: Time of the scan.
+        """
+        if self.parent is not parent:
+            self.parent, self.streams, self.episode = parent, Streams.below(parent), -1
+        step_s = time_s - self.time_s
+        if self.episode != episode:
+            self.episode, self.ghosts, step_s = episode, None, 0.0
+            self.vehicles = VehicleMemory.none_of(np.zeros(0, dtype=np.str_))
+            self.pending.clear()
+        self.time_s = time_s
+        return step_s
