@@ -145,6 +145,41 @@ class JointExistence(Settings):
     """A component that is spread less than this has a known place."""
 
 
+class JointGhosts(Settings):
+    """Whether a source of detections is a vehicle or a false object that stays for a while."""
+
+    weighed: bool = True
+    """Whether the question is asked; without, everything that exists is a vehicle."""
+    vehicle_in_view: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
+    """Probability that what appears in plain view is a vehicle."""
+    vehicle_out_of_view: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.8
+    """Probability that what appears at a shadow's or the range's edge, or in the first scan, is a vehicle."""
+    edge_m: Positive = 8.0
+    """Width of the range's edge."""
+    seen_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.6
+    """Probability that a false object in plain view is detected in a scan."""
+    life_s: Positive = 3.0
+    """Mean life of a false object."""
+    standing_share: Probability = 0.7
+    """Share of false objects that stand still; the others move as traffic does."""
+    standing_std_mps: Positive = 1.0
+    """Spread of their speeds."""
+    flow_std_mps: Positive = 4.0
+    """Spread of vehicles' speeds around the traffic's."""
+    hidden_discount: Probability = 0.2
+    """A detection counts as no less probable from a vehicle than from a false object, since shadows are not exactly
+    known; less this where the vehicle would be hidden.
+    """
+    overlap_share: NotNegative = 0.6
+    """Two sources nearer than this share of a length and a width can't both be vehicles."""
+    overlap_per_s: NotNegative = 3.0
+    """Log odds that the lesser one of them loses a second."""
+    confirm_log_odds: float = 0.5
+    """Log odds of a vehicle above which a component may be reported."""
+    withdraw_log_odds: float = -1.5
+    """Log odds below which it is no longer reported."""
+
+
 class JointRemoval(Settings):
     """When a component is let go."""
 
@@ -214,6 +249,8 @@ class JointOptions(Settings):
     """Which detection may belong to which component."""
     existence: JointExistence = JointExistence()
     """Whether a component is a vehicle."""
+    ghosts: JointGhosts = JointGhosts()
+    """Whether it is a vehicle or a false object."""
     removal: JointRemoval = JointRemoval()
     """When a component is let go."""
     resampling: JointResampling = JointResampling()

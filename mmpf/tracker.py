@@ -116,7 +116,7 @@ class MixtureTracker:
         """Draw particles around the detections of the first scan: "Initialization"."""
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         count = len(scan.detections)
-        births = Births(scan.detections, np.arange(count), np.full(count, self._options.birth.first_existence), traffic)
+        births = Births(scan.detections, np.arange(count), np.full(count, self._options.birth.first_existence), traffic, np.full(count, 1.4))
         nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
 

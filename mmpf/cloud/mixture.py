@@ -91,6 +91,8 @@ class Components:
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
         missed: Probability that the sensor is in a run of misses of this vehicle.
+        source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its detections.
+        vehicle_log_odds: The same, its present speed included.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_scans: For how many scans in a row.
         length_m: Estimated length of the vehicle.
@@ -106,6 +108,8 @@ class Components:
     age_scans: IntArray
     unseen_s: FloatArray
     missed: FloatArray
+    source_log_odds: FloatArray
+    vehicle_log_odds: FloatArray
     overlap_with: IntArray
     overlap_scans: IntArray
     length_m: FloatArray
@@ -121,7 +125,7 @@ class Components:
         return replace(self, hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
 
     @classmethod
-    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Components:
+    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR, log_odds: FloatArray | None = None) -> Components:
         """Return components of their first scan, one detection each.
 
         Args:
@@ -130,6 +134,7 @@ class Components:
             vehicle: Their sizes as far as is known before any is measured.
         """
         zeros = np.zeros(len(track_id), dtype=np.int64)
+        log_odds = np.full(len(track_id), 6.0) if log_odds is None else log_odds
         return cls(
             track_id=track_id,
             existence=existence,
@@ -138,6 +143,8 @@ class Components:
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
             missed=np.zeros(len(track_id)),
+            source_log_odds=log_odds,
+            vehicle_log_odds=log_odds,
             overlap_with=zeros + NEVER,
             overlap_scans=zeros,
             length_m=np.full(len(track_id), vehicle.length_m),

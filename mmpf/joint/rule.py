@@ -27,6 +27,13 @@ from mmpf.joint.evidence import (
     normalised,
     particle_factors,
 )
+from mmpf.joint.ghosts import (
+    is_vehicle,
+    log_odds_after_scan,
+    log_odds_at_birth,
+    overlap_log_odds,
+    speed_log_odds,
+)
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
@@ -50,7 +57,7 @@ class JointUpdate:
         """Work out each particle's detection probability from the shadows of the other components."""
         options, ego, cloud = self.options.joint.detectability, situation.scan.ego, prior.cloud
         if options.shadow:
-            casts = prior.components.existence > options.occluder_existence
+            casts = (prior.components.existence > options.occluder_existence) & is_vehicle(prior.components)
             bodies = Bodies(prior.components.length_m, prior.components.width_m)
             table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(ego, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
@@ -107,6 +114,18 @@ class JointUpdate:
 
         was_hit = marginals.probability.sum(axis=1) > options.hit_probability
         components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
+        ghosts = self.options.joint.ghosts
+        if ghosts.weighed:
+            hit_probability = marginals.probability.sum(axis=1)
+            plain_view = np.maximum(1.0 - occlusion.run_probability, 1e-3) * situation.sensor.detection_probability
+            odds = log_odds_after_scan(
+                prior.components.source_log_odds, hit_probability, np.clip((1.0 - not_seen) / plain_view, 0.0, 1.0),
+                occlusion.run_probability, not_seen, situation.sensor, ghosts, situation.dt_s,
+            )
+            seen = prior.components.unseen_s <= self.options.reporting.hidden_after_s
+            odds += overlap_log_odds(prior.components, moments, seen, ghosts, situation.dt_s)
+            by_speed = speed_log_odds(moments, situation.traffic, ghosts, self.options.birth.local_range_m)
+            components = replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
         hit = np.flatnonzero(was_hit)
         if detections.sizes is not None and len(hit):
             measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
@@ -142,7 +161,13 @@ class JointUpdate:
         chosen = chosen[~self._on_ego(situation, chosen)]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
-        births = Births(situation.scan.detections, chosen, existence, situation.traffic)
+        log_odds = None
+        if self.options.joint.ghosts.weighed:
+            log_odds = log_odds_at_birth(
+                situation.scan.detections, chosen, updated.mixture, moments, situation.scan.ego, situation.sensor,
+                self.options.vehicle, self.options.joint.ghosts,
+            )
+        births = Births(situation.scan.detections, chosen, existence, situation.traffic, log_odds)
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
 
@@ -158,7 +183,11 @@ class JointUpdate:
             ~components.confirmed
             & (components.existence > options.confirm_above)
             & (components.hits >= options.confirm_hits)
+            & (components.vehicle_log_odds >= self.options.joint.ghosts.confirm_log_odds)
         )
+        stays = components.confirmed & (components.vehicle_log_odds >= self.options.joint.ghosts.withdraw_log_odds)
+        components = replace(components, confirmed=stays)
+        mixture = replace(mixture, components=components)
         if not confirmed_now.any():
             return mixture, 0
         moments = component_moments(mixture)

@@ -1,0 +1,120 @@
+"""Is it a vehicle, or a false object that stays: reflections and wayside things give detections again and again.
+
+Existence says whether there is a source of detections; what is weighed here is what kind of source. A false object
+appears anywhere, while a vehicle comes in from the edge of the range or out of a shadow; it is detected less regularly,
+does not last, and mostly stands still. Log odds of the two kinds are kept beside each component's particles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.around.shadows import Bodies, depth_table, visible_fractions
+from mmpf.cloud.birth import Traffic, local_speed
+from mmpf.cloud.mixture import Components, Mixture
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.options import Footprint, JointGhosts
+from mmpf.scan import Detections, EgoPose, SensorModel
+from mmpf.state import LAT, LON, SPEED
+
+LARGEST_LOG_ODDS = 6.0
+
+
+def log_odds_at_birth(
+    detections: Detections,
+    chosen: IntArray,
+    mixture: Mixture,
+    moments: Moments,
+    ego: EgoPose,
+    sensor: SensorModel,
+    vehicle: Footprint,
+    options: JointGhosts,
+) -> FloatArray:
+    """Return the log odds that what appears here is a vehicle: low in plain view, where one would be known, shape (k,).
+
+    Args:
+        detections: The scan's detections.
+        chosen: Those that something new is started from, shape (k,).
+        mixture: The belief, whose vehicles cast shadows.
+        moments: Its components' moments.
+        ego: Pose of the sensor.
+        sensor: The sensor's data sheet.
+        vehicle: Size of a vehicle before it is measured.
+        options: Probabilities of a vehicle in plain view and out of it.
+    """
+    lon, lat = detections.lon_m[chosen], detections.lat_m[chosen]
+    components = mixture.components
+    bodies = Bodies(
+        np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
+    )
+    nobody = len(mixture)
+    casts = np.append(is_vehicle(components) & components.confirmed, False)
+    place = np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0)
+    table = depth_table(ego, *place, casts, bodies)
+    visible = visible_fractions(ego, lon, lat, np.full(len(chosen), nobody), bodies, table)
+    in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
+    distance = np.hypot(lon - ego.lon_m, lat - ego.lat_m)
+    in_view *= np.clip((sensor.range_m - distance) / options.edge_m - 0.5, 0.0, 1.0)
+    probability = options.vehicle_out_of_view + in_view * (options.vehicle_in_view - options.vehicle_out_of_view)
+    return np.log(probability / (1.0 - probability))
+
+
+def log_odds_after_scan(
+    log_odds: FloatArray,
+    hit: FloatArray,
+    in_view: FloatArray,
+    run_probability: FloatArray,
+    not_seen: FloatArray,
+    sensor: SensorModel,
+    options: JointGhosts,
+    dt_s: float,
+) -> FloatArray:
+    """Return the log odds after a scan: vehicles are detected more regularly, and they last, shape (m,).
+
+    Args:
+        log_odds: The log odds before, shape (m,).
+        hit: Probability that the component was detected, shape (m,).
+        in_view: Share of plain view's detection probability that is left where the component is, shape (m,).
+        run_probability: Probability of being in a run of misses, before the scan, shape (m,).
+        not_seen: Probability that a vehicle gives no detection there, shape (m,).
+        sensor: The sensor's data sheet.
+        options: How false objects behave.
+        dt_s: Time since the scan before.
+    """
+    vehicle_seen = 1.0 - not_seen
+    least = options.seen_probability - options.hidden_discount * np.clip(1.0 - 5.0 * vehicle_seen, 0.0, 1.0)
+    seen = np.log(np.maximum(vehicle_seen, least) / options.seen_probability) + dt_s / options.life_s
+    missed = np.log(np.clip(not_seen / (1.0 - options.seen_probability * in_view), 1e-3, 1.0))
+    return np.clip(log_odds + hit * seen + (1.0 - hit) * missed, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
+
+
+def speed_log_odds(moments: Moments, traffic: Traffic, options: JointGhosts, range_m: float) -> FloatArray:
+    """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,)."""
+    speed, variance = moments.mean[SPEED], moments.variance[SPEED]
+    flow = local_speed(moments.mean[LON], traffic, range_m)
+    vehicle = _normal(speed - flow, variance + options.flow_std_mps**2)
+    standing = _normal(speed, variance + options.standing_std_mps**2)
+    false = options.standing_share * standing + (1.0 - options.standing_share) * vehicle
+    return np.log(np.maximum(vehicle, 1e-12) / np.maximum(false, 1e-12))
+
+
+def overlap_log_odds(
+    components: Components, moments: Moments, is_seen: BoolArray, options: JointGhosts, dt_s: float
+) -> FloatArray:
+    """Return what two seen sources in one place say: the one that was less of a vehicle is none, shape (m,)."""
+    mean, odds = moments.mean, components.vehicle_log_odds
+    length, width = components.length_m, components.width_m
+    overlaps = np.abs(mean[LON][:, None] - mean[LON]) < options.overlap_share * 0.5 * (length[:, None] + length)
+    overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.overlap_share * 0.5 * (width[:, None] + width)
+    overlaps &= is_seen[:, None] & is_seen & (odds[:, None] < odds)
+    return np.where(overlaps.any(axis=1), -options.overlap_per_s * dt_s, 0.0)
+
+
+def is_vehicle(components: Components) -> BoolArray:
+    """Return which components are vehicles rather than false objects, shape (m,)."""
+    return np.asarray(components.vehicle_log_odds > 0.0)
+
+
+def _normal(difference: FloatArray, variance: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-0.5 * difference**2 / variance) / np.sqrt(variance))
