@@ -166,9 +166,9 @@ class JointGhosts(Settings):
     """Spread of their speeds."""
     flow_std_mps: Positive = 4.0
     """Spread of vehicles' speeds around the traffic's."""
-    hidden_discount: Probability = 0.2
-    """A detection counts as no less probable from a vehicle than from a false object, since shadows are not exactly
-    known; less this where the vehicle would be hidden.
+    shadow_doubt: Probability = 0.5
+    """By this share a vehicle's detection probability is drawn towards that of plain view, since neither the shadows
+    nor what they do to the sensor are exactly known.
     """
     overlap_share: NotNegative = 0.6
     """Two sources nearer than this share of a length and a width can't both be vehicles."""

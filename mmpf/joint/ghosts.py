@@ -82,10 +82,10 @@ def log_odds_after_scan(
         options: How false objects behave.
         dt_s: Time since the scan before.
     """
-    vehicle_seen = 1.0 - not_seen
-    least = options.seen_probability - options.hidden_discount * np.clip(1.0 - 5.0 * vehicle_seen, 0.0, 1.0)
-    seen = np.log(np.maximum(vehicle_seen, least) / options.seen_probability) + dt_s / options.life_s
-    missed = np.log(np.clip(not_seen / (1.0 - options.seen_probability * in_view), 1e-3, 1.0))
+    plain_view = (1.0 - run_probability) * sensor.detection_probability
+    vehicle_seen = 1.0 - not_seen + options.shadow_doubt * (plain_view - (1.0 - not_seen))
+    seen = np.log(np.maximum(vehicle_seen, 1e-3) / options.seen_probability) + dt_s / options.life_s
+    missed = np.log(np.clip((1.0 - vehicle_seen) / (1.0 - options.seen_probability), 1e-3, 1.0))
     return np.clip(log_odds + hit * seen + (1.0 - hit) * missed, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
 
 
