@@ -76,18 +76,9 @@ def prior_update(
     speed = speed_error(options, spreads_speed=spreads_speed(motion))
     _add_model_error(state, surroundings.is_hidden, dt_s, options.model_error, speed, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
-    drift = _drifted(cloud.drift, situation.sensor.noise_correlation_s, dt_s, rng)
     components = replace(mixture.components, age_scans=mixture.components.age_scans + 1)
-    moved = replace(cloud, state=state, latents=latents, drift=drift, log_raw_weight=cloud.log_weight + log_ratio)
+    moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
     return replace(mixture, cloud=moved, components=components)
-
-
-def _drifted(drift: FloatArray, correlation_s: float, dt_s: float, rng: np.random.Generator) -> FloatArray:
-    """Return the sensor's lasting errors a step later: an Ornstein-Uhlenbeck process of variance one, shape (2, n)."""
-    if len(drift) == 0:
-        return drift
-    kept = np.exp(-dt_s / correlation_s)
-    return np.asarray(kept * drift + np.sqrt(1.0 - kept**2) * standard_normals(rng, drift.shape), dtype=np.float64)
 
 
 def _add_model_error(

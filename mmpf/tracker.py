@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mmpf.around.surroundings import surroundings_of
-from mmpf.cloud.birth import Births, Traffic, drifting_share, give_birth
+from mmpf.cloud.birth import Births, Traffic, give_birth
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
@@ -57,7 +55,7 @@ class MixtureTracker:
         self._proposal = proposal
         is_joint = self._options.update == "joint"
         self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
-        self._mixture = self._nobody()
+        self._mixture = Mixture.empty(motion.latent_size)
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
         self.last_report = StepReport()
@@ -119,13 +117,8 @@ class MixtureTracker:
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         count = len(scan.detections)
         births = Births(scan.detections, np.arange(count), np.full(count, self._options.birth.first_existence), traffic, np.full(count, 1.4))
-        nobody = self._nobody()
-        births = replace(births, drifting_share=drifting_share(nobody, self._sensor))
-        return self._rule.weight_update(give_birth(nobody, np.zeros(0, dtype=np.bool_), births, self._motion, self._options, self._rng))
-
-    def _nobody(self) -> Mixture:
-        drifts = self._options.update == "joint" and self._sensor.noise_correlated_share > 0.0
-        return Mixture.empty(self._motion.latent_size, 2 if drifts and self._sensor.noise_correlation_s > 0.0 else 0)
+        nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
+        return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = self._moments.mean

@@ -11,7 +11,7 @@ from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
-from mmpf.scan import Detections, SensorModel
+from mmpf.scan import Detections
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 
@@ -37,7 +37,6 @@ class Births:
         chosen: Indices of those that start one, shape (k,).
         existence: Existence probability of each new component, shape (k,).
         traffic: Speeds around.
-        drifting_share: Share of the detections' variance that drifts from scan to scan; None if particles do not ask.
         log_odds: Log odds that each is a vehicle rather than a false object, shape (k,); None if that is not asked.
     """
 
@@ -45,13 +44,7 @@ class Births:
     chosen: IntArray
     existence: FloatArray
     traffic: Traffic
-    drifting_share: float | None = None
     log_odds: FloatArray | None = None
-
-
-def drifting_share(mixture: Mixture, sensor: SensorModel) -> float | None:
-    """Return the share of the noise's variance that drifts; None where particles do not carry it."""
-    return sensor.noise_correlated_share if len(mixture.cloud.drift) else None
 
 
 def give_birth(
@@ -78,7 +71,7 @@ def give_birth(
     detections, chosen, particles = births.detections, births.chosen, options.particles
     if len(chosen) == 0:
         return mixture.keep(keep)
-    state, drift = _draw_states(births, particles, options.birth, rng)
+    state = _draw_states(births, particles, options.birth, rng)
     track_id = mixture.next_track_id + np.arange(len(chosen))
     even = np.full(state.shape[1], -np.log(particles))
     cloud = ParticleCloud(
@@ -88,7 +81,6 @@ def give_birth(
         component=np.repeat(np.arange(len(chosen)), particles),
         log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=motion.draw_latents(state, rng),
-        drift=drift,
     )
     components = Components.newborn(track_id, births.existence, options.vehicle, births.log_odds)
     if detections.sizes is not None:
@@ -96,7 +88,7 @@ def give_birth(
     return mixture.keep_and_join(keep, cloud, components)
 
 
-def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.random.Generator) -> FloatArray:
     detections, chosen = births.detections, births.chosen
     shape = (len(chosen), particles)
 
@@ -121,17 +113,7 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
     state[LAT_SPEED] = options.lat_speed_std_mps * rng.standard_normal(shape)
     state[ACCEL] = options.accel_std_mps2 * rng.standard_normal(shape)
     state[-1] = 0.0
-    drift = np.zeros((0, *shape))
-    if births.drifting_share is not None:
-        error = (state[LON] - detections.lon_m[chosen, None]) / detections.std_lon_m[chosen, None]
-        error_lat = (state[LAT] - detections.lat_m[chosen, None]) / detections.std_lat_m[chosen, None]
-        drift = _drift_given(np.stack([error, error_lat]), births.drifting_share, rng)
-    return state.reshape(STATE_SIZE, -1), drift.reshape(len(drift), -1)
-
-
-def _drift_given(offset: FloatArray, share: float, rng: np.random.Generator) -> FloatArray:
-    """Draw what drifts of errors that put particles so far off the detection, in units of the whole, any shape."""
-    return np.asarray(-np.sqrt(share) * offset + np.sqrt(1.0 - share) * rng.standard_normal(offset.shape))
+    return state.reshape(STATE_SIZE, -1)
 
 
 def local_speed(lon_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:

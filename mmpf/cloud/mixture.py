@@ -27,8 +27,6 @@ class ParticleCloud:
         component: c, index of the particle's component, ascending, shape (n,).
         log_component_weight: log pi of the particle's component, shape (n,).
         latents: What the motion model carries beside the state, shape (latent_size, n).
-        drift: By how much the sensor is off lastingly, longitudinally and laterally, in units of the reported
-            deviation's drifting part, shape (2, n); (0, n) where its errors are independent from scan to scan.
     """
 
     state: FloatArray
@@ -37,7 +35,6 @@ class ParticleCloud:
     component: IntArray
     log_component_weight: FloatArray
     latents: FloatArray
-    drift: FloatArray
 
     def __len__(self) -> int:
         return len(self.component)
@@ -60,7 +57,6 @@ class ParticleCloud:
             component=component,
             log_component_weight=self.log_component_weight[particles],
             latents=self.latents.take(particles, axis=1),
-            drift=self.drift.take(particles, axis=1),
         )
 
     def stretches(
@@ -181,10 +177,10 @@ class Mixture:
         return self.cloud.starts(len(self.components))
 
     @classmethod
-    def empty(cls, latent_size: int, drift_size: int = 0) -> Mixture:
-        """Return a belief without components whose particles carry so many latents and drifts."""
+    def empty(cls, latent_size: int) -> Mixture:
+        """Return a belief without components."""
         none, no_index = np.zeros(0), np.zeros(0, dtype=np.int64)
-        cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)), np.zeros((drift_size, 0)))
+        cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
         return cls(cloud, Components.newborn(no_index, none))
 
     def keep(self, keep: BoolArray) -> Self:

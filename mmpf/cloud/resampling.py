@@ -8,11 +8,13 @@ import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture, ParticleCloud
+from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from mmpf.compute.normals import standard_normals
 from mmpf.compute.threads import in_shares
-from mmpf.state import SPEED, STATE_SIZE
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
+SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL, LAT_ACCEL)
 SMALLEST_VARIANCE = 1e-9
 
 
@@ -54,7 +56,6 @@ def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.
         component=component,
         log_component_weight=log_component_weight,
         latents=descended(cloud.latents),
-        drift=descended(cloud.drift),
     )
     return replace(mixture, cloud=cloud), ancestors
 
@@ -83,40 +84,33 @@ def resample_smoothly(
         The belief after resampling; the same one if nothing was chosen.
     """
     chosen = np.flatnonzero(which)
-    mean, factor = _means_and_factors(mixture, chosen)
-    factor *= kernel_width[chosen, None, None]
+    mean = component_moments(mixture, chosen).mean[list(SMOOTHED)]
+    factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
     kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
     mixture, _ = resample(mixture, which, particles, rng)
     if len(chosen) == 0:
         return mixture
-    normal = standard_normals(rng, (len(chosen), len(mean), particles))
-    values, begins = _smoothed_values(mixture.cloud), mixture.starts[chosen]
+    normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
+    # Resampling has just made this array: nobody else holds it.
+    state, begins = mixture.cloud.state, mixture.starts[chosen]
 
     def smooth(begin: int, end: int) -> None:
-        _smooth(begin, end, values, begins, mean, kept, factor, normal)
+        _smooth(begin, end, state, begins, mean, kept, factor, normal)
 
     in_shares(smooth, len(chosen), cost=particles)
-    return replace(mixture, cloud=replace(mixture.cloud, state=values[:STATE_SIZE], drift=values[STATE_SIZE:]))
+    return mixture
 
 
-def _smoothed_values(cloud: ParticleCloud) -> FloatArray:
-    """Return what is smoothed of a cloud, the state and below it the drift, shape (6 or 8, n)."""
-    return np.concatenate([cloud.state, cloud.drift])
-
-
-def _means_and_factors(mixture: Mixture, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return means, shape (r, c), and Cholesky factors of covariances, shape (c, r, r), of the chosen components."""
-    values, weight, starts = _smoothed_values(mixture.cloud), np.exp(mixture.cloud.log_weight), mixture.starts
-    rows = len(values)
-    mean = np.zeros((rows, len(chosen)))
-    covariance = np.zeros((len(chosen), rows, rows))
+def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) -> FloatArray:
+    """Return the Cholesky factors of the chosen components' covariances, shape (c, 6, 6)."""
+    covariance = np.zeros((len(chosen), len(SMOOTHED), len(SMOOTHED)))
+    state, log_weight, starts = mixture.cloud.state, mixture.cloud.log_weight, mixture.starts
 
     def accumulate(begin: int, end: int) -> None:
-        _accumulate_covariances(begin, end, values, weight, starts, chosen, mean, covariance)
+        _accumulate_covariances(begin, end, state, log_weight, starts, chosen, mean, covariance)
 
-    in_shares(accumulate, len(chosen), cost=len(values[0]) / max(len(mixture), 1))
-    factors = np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(rows))
-    return mean, np.asarray(factors, dtype=np.float64)
+    in_shares(accumulate, len(chosen), cost=len(state[0]) / max(len(mixture), 1))
+    return np.asarray(np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(len(SMOOTHED))), dtype=np.float64)
 
 
 @numba.njit(cache=True)
@@ -154,28 +148,24 @@ def _systematic_ancestors(
 def _accumulate_covariances(
     begin: int,
     end: int,
-    values: FloatArray,
-    all_weights: FloatArray,
+    state: FloatArray,
+    log_weight: FloatArray,
     starts: IntArray,
     chosen: IntArray,
     mean: FloatArray,
     covariance: FloatArray,
 ) -> None:
-    """Write the weighted means and covariances of the rows of the chosen components."""
+    """Write the weighted covariance of the smoothed state variables of the chosen components."""
     for c in range(begin, end):
         own = slice(starts[chosen[c]], starts[chosen[c] + 1])
-        weight = all_weights[own]
+        weight = np.exp(log_weight[own])
         weighted = np.empty_like(weight)
-        for i in range(len(values)):
-            first = values[i, own]
-            middle = 0.0
+        for i in range(len(SMOOTHED)):
+            first = state[SMOOTHED[i], own]
             for n in range(len(weight)):
-                middle += weight[n] * first[n]
-            mean[i, c] = middle
-            for n in range(len(weight)):
-                weighted[n] = weight[n] * (first[n] - middle)
+                weighted[n] = weight[n] * (first[n] - mean[i, c])
             for j in range(i + 1):
-                second = values[j, own]
+                second = state[SMOOTHED[j], own]
                 total = 0.0
                 for n in range(len(weight)):
                     total += weighted[n] * (second[n] - mean[j, c])
@@ -186,7 +176,7 @@ def _accumulate_covariances(
 def _smooth(
     begin: int,
     end: int,
-    rows: FloatArray,
+    state: FloatArray,
     begins: IntArray,
     mean: FloatArray,
     kept: FloatArray,
@@ -197,8 +187,8 @@ def _smooth(
     size = normal.shape[2]
     for c in range(begin, end):
         own = slice(begins[c], begins[c] + size)
-        for i in range(len(rows)):
-            values = rows[i, own]
+        for i in range(len(SMOOTHED)):
+            values = state[SMOOTHED[i], own]
             centre = (1.0 - kept[c]) * mean[i, c]
             for n in range(size):
                 values[n] = centre + kept[c] * values[n]
@@ -206,7 +196,7 @@ def _smooth(
                 share, source = factor[c, i, j], normal[c, j]
                 for n in range(size):
                     values[n] += share * source[n]
-            if i == SPEED:
+            if SMOOTHED[i] == SPEED:
                 for n in range(size):
                     values[n] = max(values[n], 0.0)
 

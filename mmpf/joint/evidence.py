@@ -163,13 +163,10 @@ class GatedLikelihoods:
     starts: IntArray
 
 
-def gated_likelihoods(
-    mixture: Mixture, moments: Moments, detections: Detections, gate_std: float, drifting_share: float = 0.0
-) -> GatedLikelihoods:
+def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections, gate_std: float) -> GatedLikelihoods:
     """Return f(z | x), a Gaussian in position and, where it is measured, speed, for all pairs within the gate.
 
-    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``. Where particles carry
-    the drift of the sensor's errors, ``drifting_share`` of the variance is theirs and the rest is new.
+    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``.
     """
     component, detection = np.nonzero(gate_table(moments, detections, gate_std))
     sizes = np.diff(mixture.starts)[component]
@@ -177,8 +174,6 @@ def gated_likelihoods(
     values = np.empty(starts[-1])
     _evaluate(
         mixture.cloud.state,
-        mixture.cloud.drift,
-        np.sqrt(drifting_share if len(mixture.cloud.drift) else 0.0),
         mixture.starts,
         component,
         detection,
@@ -194,8 +189,6 @@ def gated_likelihoods(
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _evaluate(
     state: FloatArray,
-    drift: FloatArray,
-    drifting: float,
     particle_starts: IntArray,
     component: IntArray,
     detection: IntArray,
@@ -209,24 +202,14 @@ def _evaluate(
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]
         has_speed = np.isfinite(measured[2, j])
-        fresh = np.sqrt(1.0 - drifting * drifting)
-        fresh_lon, fresh_lat = fresh * std[0, j], fresh * std[1, j]
-        log_normaliser = -np.log(2.0 * np.pi * fresh_lon * fresh_lat)
+        log_normaliser = -np.log(2.0 * np.pi * std[0, j] * std[1, j])
         if has_speed:
             log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std[2, j])
         own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
-        if drifting > 0.0:
-            drift_lon, drift_lat = drift[0, begin:end], drift[1, begin:end]
-            scale_lon, scale_lat = drifting * std[0, j], drifting * std[1, j]
-            for n in range(len(own)):
-                lon = (own_lon[n] + scale_lon * drift_lon[n] - measured[0, j]) / fresh_lon
-                lat = (own_lat[n] + scale_lat * drift_lat[n] - measured[1, j]) / fresh_lat
-                own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
-        else:
-            for n in range(len(own)):
-                lon = (own_lon[n] - measured[0, j]) / fresh_lon
-                lat = (own_lat[n] - measured[1, j]) / fresh_lat
-                own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
+        for n in range(len(own)):
+            lon = (own_lon[n] - measured[0, j]) / std[0, j]
+            lat = (own_lat[n] - measured[1, j]) / std[1, j]
+            own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
         if has_speed:
             own_speed = state[SPEED, begin:end]
             for n in range(len(own)):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
-from mmpf.cloud.birth import Births, drifting_share, give_birth
+from mmpf.cloud.birth import Births, give_birth
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
@@ -78,9 +78,7 @@ class JointUpdate:
     ) -> Updated:
         """Weigh particles and existence by the association marginals, then resample."""
         options, detections = self.options.joint.association, situation.scan.detections
-        likelihoods = gated_likelihoods(
-            prior, moments, detections, options.gate_std, situation.sensor.noise_correlated_share
-        )
+        likelihoods = gated_likelihoods(prior, moments, detections, options.gate_std)
         survival = np.exp(-self.options.joint.existence.death_rate_per_s * situation.dt_s)
         existence = prior.components.existence * survival
         prior_weight = normalised(prior.cloud.log_raw_weight, prior.starts)
@@ -169,7 +167,7 @@ class JointUpdate:
                 situation.scan.detections, chosen, updated.mixture, moments, situation.scan.ego, situation.sensor,
                 self.options.vehicle, self.options.joint.ghosts,
             )
-        births = Births(situation.scan.detections, chosen, existence, situation.traffic, drifting_share(updated.mixture, situation.sensor), log_odds)
+        births = Births(situation.scan.detections, chosen, existence, situation.traffic, log_odds)
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
 
