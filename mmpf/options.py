@@ -180,6 +180,17 @@ class JointGhosts(Settings):
     """Log odds below which it is no longer reported."""
 
 
+class JointNoise(Settings):
+    """How the noise of detections is learned from the innovations."""
+
+    learned: bool = True
+    """Whether it is; without, detections are believed as they report themselves."""
+    memory_s: Positive = 2.0
+    """Innovations count for about so long."""
+    followed_drift: Probability = 0.7
+    """Share of the drifting noise that the filter takes for motion."""
+
+
 class JointRemoval(Settings):
     """When a component is let go."""
 
@@ -251,6 +262,8 @@ class JointOptions(Settings):
     """Whether a component is a vehicle."""
     ghosts: JointGhosts = JointGhosts()
     """Whether it is a vehicle or a false object."""
+    noise: JointNoise = JointNoise()
+    """How noisy detections are."""
     removal: JointRemoval = JointRemoval()
     """When a component is let go."""
     resampling: JointResampling = JointResampling()

@@ -110,7 +110,7 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(self._mixture, self._moments, self._options.reporting)
+        return reported_tracks(self._mixture, self._moments, self._options.reporting, self._sensor.noise_correlated_share)
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class Births:
         existence: Existence probability of each new component, shape (k,).
         traffic: Speeds around.
         log_odds: Log odds that each is a vehicle rather than a false object, shape (k,); None if that is not asked.
+        noise_factor: Measured noise over reported noise of the components so far.
     """
 
     detections: Detections
@@ -45,6 +46,7 @@ class Births:
     existence: FloatArray
     traffic: Traffic
     log_odds: FloatArray | None = None
+    noise_factor: float = 1.0
 
 
 def give_birth(
@@ -83,6 +85,7 @@ def give_birth(
         latents=motion.draw_latents(state, rng),
     )
     components = Components.newborn(track_id, births.existence, options.vehicle, births.log_odds)
+    components = replace(components, noise_factor=np.full(len(chosen), births.noise_factor))
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
     return mixture.keep_and_join(keep, cloud, components)

@@ -93,6 +93,9 @@ class Components:
         missed: Probability that the sensor is in a run of misses of this vehicle.
         source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its detections.
         vehicle_log_odds: The same, its present speed included.
+        noise_factor: Measured noise over reported noise, from the innovations.
+        noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
+        noise_lat_m: The same, lateral.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_scans: For how many scans in a row.
         length_m: Estimated length of the vehicle.
@@ -110,6 +113,9 @@ class Components:
     missed: FloatArray
     source_log_odds: FloatArray
     vehicle_log_odds: FloatArray
+    noise_factor: FloatArray
+    noise_lon_m: FloatArray
+    noise_lat_m: FloatArray
     overlap_with: IntArray
     overlap_scans: IntArray
     length_m: FloatArray
@@ -143,6 +149,9 @@ class Components:
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
             missed=np.zeros(len(track_id)),
+            noise_factor=np.ones(len(track_id)),
+            noise_lon_m=np.zeros(len(track_id)),
+            noise_lat_m=np.zeros(len(track_id)),
             source_log_odds=log_odds,
             vehicle_log_odds=log_odds,
             overlap_with=zeros + NEVER,

@@ -179,6 +179,7 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         detection,
         np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),
         np.stack([detections.std_lon_m, detections.std_lat_m, detections.std_speed_mps]),
+        mixture.components.noise_factor,
         starts,
         values,
     )
@@ -194,6 +195,7 @@ def _evaluate(
     detection: IntArray,
     measured: FloatArray,
     std: FloatArray,
+    noise_factor: FloatArray,
     starts: IntArray,
     values: FloatArray,
 ) -> None:
@@ -202,13 +204,14 @@ def _evaluate(
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]
         has_speed = np.isfinite(measured[2, j])
-        log_normaliser = -np.log(2.0 * np.pi * std[0, j] * std[1, j])
+        std_lon, std_lat = noise_factor[component[p]] * std[0, j], noise_factor[component[p]] * std[1, j]
+        log_normaliser = -np.log(2.0 * np.pi * std_lon * std_lat)
         if has_speed:
             log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std[2, j])
         own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
         for n in range(len(own)):
-            lon = (own_lon[n] - measured[0, j]) / std[0, j]
-            lat = (own_lat[n] - measured[1, j]) / std[1, j]
+            lon = (own_lon[n] - measured[0, j]) / std_lon
+            lat = (own_lat[n] - measured[1, j]) / std_lat
             own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
         if has_speed:
             own_speed = state[SPEED, begin:end]

@@ -38,6 +38,7 @@ from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.missed_runs import run_after_scan, run_expected
+from mmpf.joint.noise import common_factor, with_innovations
 from mmpf.options import FilterOptions, JointExistence
 from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
@@ -127,9 +128,14 @@ class JointUpdate:
             by_speed = speed_log_odds(moments, situation.traffic, ghosts, self.options.birth.local_range_m)
             components = replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
         hit = np.flatnonzero(was_hit)
+        by = marginals.probability[hit].argmax(axis=1) if len(hit) else hit
+        if self.options.joint.noise.learned:
+            share = situation.sensor.noise_correlated_share
+            components = with_innovations(
+                components, moments, detections, hit, by, share, self.options.joint.noise, situation.dt_s
+            )
         if detections.sizes is not None and len(hit):
-            measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
-            components = with_measured_sizes(components, hit, measured)
+            components = with_measured_sizes(components, hit, detections.sizes.take(by))
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = log_normalised(raw, prior.starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
@@ -167,7 +173,7 @@ class JointUpdate:
                 situation.scan.detections, chosen, updated.mixture, moments, situation.scan.ego, situation.sensor,
                 self.options.vehicle, self.options.joint.ghosts,
             )
-        births = Births(situation.scan.detections, chosen, existence, situation.traffic, log_odds)
+        births = Births(situation.scan.detections, chosen, existence, situation.traffic, log_odds, common_factor(updated.mixture.components))
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
 
