@@ -226,8 +226,10 @@ class JointMerging(Settings):
 
     lon_m: Positive = 2.5
     """Components overlap if their means are nearer than this along the road and ``lat_m`` across it."""
-    lat_m: Positive = 1.0
+    lat_m: Positive = 1.4
     """See ``lon_m``."""
+    speed_mps: Positive = 4.0
+    """Those whose speeds differ by more pass each other."""
     scans: Annotated[int, Field(ge=1)] = 3
     """Components that overlap for so many scans in a row become one."""
 

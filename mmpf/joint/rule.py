@@ -158,9 +158,7 @@ class JointUpdate:
             updated.mixture,
             moments,
             alive,
-            merging.lon_m,
-            merging.lat_m,
-            merging.scans,
+            merging,
             self.options.reporting.hidden_after_s,
         )
         chosen = np.flatnonzero(updated.birth_claim > association.birth_unexplained)
