@@ -103,9 +103,9 @@ class JointDetectability(Settings):
     """Components above this existence probability cast shadows."""
     hidden_probability: Probability = 0.02
     """Detection probability of a particle that lies in shadow."""
-    run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.08
+    run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.12
     """Share of time that vehicles are expected to spend in runs of misses that no shadow explains."""
-    run_s: Positive = 0.6
+    run_s: Positive = 0.8
     """Mean length of such a run."""
 
 
@@ -158,6 +158,10 @@ class JointGhosts(Settings):
     """Width of the range's edge."""
     seen_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.6
     """Probability that a false object in plain view is detected in a scan."""
+    gap_credit: Probability = 0.5
+    """Share of the log odds of a false object's misses that a vehicle gets back when it is seen again."""
+    largest_gap_scans: NotNegative = 6.0
+    """So many of its misses count at most."""
     life_s: Positive = 3.0
     """Mean life of a false object."""
     standing_share: Probability = 0.7
@@ -228,6 +232,8 @@ class JointMerging(Settings):
     """Components overlap if their means are nearer than this along the road and ``lat_m`` across it."""
     lat_m: Positive = 1.4
     """See ``lon_m``."""
+    existence_above: Probability = 0.3
+    """Components that exist with less probability do not merge: one stray detection must not take a track's place."""
     speed_mps: Positive = 4.0
     """Those whose speeds differ by more pass each other."""
     scans: Annotated[int, Field(ge=1)] = 3

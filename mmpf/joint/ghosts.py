@@ -66,6 +66,7 @@ def log_odds_after_scan(
     in_view: FloatArray,
     run_probability: FloatArray,
     not_seen: FloatArray,
+    unseen_s: FloatArray,
     sensor: SensorModel,
     options: JointGhosts,
     dt_s: float,
@@ -78,6 +79,7 @@ def log_odds_after_scan(
         in_view: Share of plain view's detection probability that is left where the component is, shape (m,).
         run_probability: Probability of being in a run of misses, before the scan, shape (m,).
         not_seen: Probability that a vehicle gives no detection there, shape (m,).
+        unseen_s: Time since the last detection before this scan, shape (m,).
         sensor: The sensor's data sheet.
         options: How false objects behave.
         dt_s: Time since the scan before.
@@ -85,6 +87,9 @@ def log_odds_after_scan(
     plain_view = (1.0 - run_probability) * sensor.detection_probability
     vehicle_seen = 1.0 - not_seen + options.shadow_doubt * (plain_view - (1.0 - not_seen))
     seen = np.log(np.maximum(vehicle_seen, 1e-3) / options.seen_probability) + dt_s / options.life_s
+    # A false object that is not seen for a few scans is usually gone: who returns after them is a vehicle.
+    missed_scans = np.clip(unseen_s / dt_s - 1.0, 0.0, options.largest_gap_scans)
+    seen = seen - options.gap_credit * in_view**2 * missed_scans * np.log(1.0 - options.seen_probability)
     missed = np.log(np.clip((1.0 - vehicle_seen) / (1.0 - options.seen_probability), 1e-3, 1.0))
     return np.clip(log_odds + hit * seen + (1.0 - hit) * missed, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
 

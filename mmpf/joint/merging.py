@@ -50,7 +50,8 @@ def merge_lasting_overlaps(
     )
     apart |= np.abs(mean[SPEED][:, None] - mean[SPEED][None, :]) >= options.speed_mps
     both = components.confirmed[:, None] & components.confirmed[None, :]
-    apart |= ~(alive[:, None] & alive[None, :])
+    there = alive & (components.existence > options.existence_above)
+    apart |= ~(there[:, None] & there[None, :])
     distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
     np.fill_diagonal(distance, np.inf)
     nearest = distance.argmin(axis=1)

@@ -121,7 +121,7 @@ class JointUpdate:
             plain_view = np.maximum(1.0 - occlusion.run_probability, 1e-3) * situation.sensor.detection_probability
             odds = log_odds_after_scan(
                 prior.components.source_log_odds, hit_probability, np.clip((1.0 - not_seen) / plain_view, 0.0, 1.0),
-                occlusion.run_probability, not_seen, situation.sensor, ghosts, situation.dt_s,
+                occlusion.run_probability, not_seen, prior.components.unseen_s, situation.sensor, ghosts, situation.dt_s,
             )
             seen = prior.components.unseen_s <= self.options.reporting.hidden_after_s
             odds += overlap_log_odds(prior.components, moments, seen, ghosts, situation.dt_s)
