@@ -8,30 +8,36 @@ help: lines of at most 78 characters, examples indented by two under a line "Exa
 
 from __future__ import annotations
 
+import errno
 import importlib
+import os
 import re
 import sys
+import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import typer
 from typer.core import TyperGroup, TyperOption
 from typer.exceptions import TyperException
 from typer.main import get_group
 
+from harness import exitcodes
 from harness.commands.from_options import typer_command
+from harness.ends import code_of_end, ends_like_ctrl_c, told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
-EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = 0, 1, 2, 3, 130
-
-
-EXIT_CODES: dict[type[Exception], int] = {
-    InputError: EXIT_USER_ERROR,
-    UnknownNameError: EXIT_USER_ERROR,
-    RunError: EXIT_RUN_FAILED,
-    RunInterruptedError: EXIT_INTERRUPTED,
-}
+EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = (
+    *(exitcodes.DONE, exitcodes.WORSE, exitcodes.WRONG_INPUT, exitcodes.RUN_FAILED, exitcodes.INTERRUPTED),
+)
+AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
+"""Errors whose messages name parameters, as Python spells them."""
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM)
+"""What the system refuses through no fault of the command."""
+TRACEBACK = "HARNESS_TRACEBACK"
 
 
 @dataclass(frozen=True)
@@ -83,21 +89,84 @@ def run_command_line(arguments: Sequence[str]) -> int:
         arguments: What follows the program's name.
 
     Returns:
-        Exit code: 0 done, 1 a regression was found, 2 wrong input, 3 a run failed part-way, 130 interrupted.
+        Exit code, one of ``harness.exitcodes.MEANINGS``.
     """
     called = next((word for word in arguments if not word.startswith("-")), None)
     group = get_group(_application(called))
+    with ends_like_ctrl_c():
+        return _outcome(group, arguments, called)
+
+
+def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) -> int:
+    """Run a command and turn whatever ends it into an exit code."""
     try:
+        _refuse_pipes(arguments)
         outcome = group(args=list(arguments), prog_name="python -m harness", standalone_mode=False)
-    except TyperException as error:
-        return _complain(error.format_message(), EXIT_USER_ERROR)
-    except tuple(EXIT_CODES) as error:
-        exit_code = next(code for kind, code in EXIT_CODES.items() if isinstance(error, kind))
-        return _complain(_as_typed(str(error), group, called), exit_code)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python would complain once more when it flushes stdout at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return exitcodes.READER_GONE
+    except (Exception, KeyboardInterrupt) as error:
+        message, exit_code = _told(error)
+        return _complain(_as_typed(message, group, called) if isinstance(error, AS_TYPED) else message, exit_code)
     # Typer itself turns a Ctrl-C into this exit code.
     if outcome == EXIT_INTERRUPTED:
-        return _complain("interrupted", EXIT_INTERRUPTED)
+        return _complain("interrupted", code_of_end())
     return outcome if isinstance(outcome, int) else EXIT_DONE
+
+
+def _told(error: BaseException) -> tuple[str, int]:
+    """Return the line and the exit code that an error becomes."""
+    match error:
+        case RunInterruptedError() | KeyboardInterrupt():
+            told = str(error) or "interrupted", code_of_end()
+        case Exception() if told_to_end():
+            told = "interrupted", code_of_end()
+        case TyperException():
+            told = error.format_message(), EXIT_USER_ERROR
+        case InputError() | UnknownNameError():
+            told = str(error), EXIT_USER_ERROR
+        case RunError():
+            told = str(error), EXIT_RUN_FAILED
+        case OSError():
+            told = _of_the_system(error), EXIT_RUN_FAILED if error.errno in NO_ROOM else EXIT_USER_ERROR
+        case MemoryError():
+            told = "out of memory; make the run smaller or the machine larger", EXIT_RUN_FAILED
+        case _:
+            # Never the exit code 1 that Python itself ends with: that is a verdict of compare.
+            if os.environ.get(TRACEBACK):
+                traceback.print_exception(error)
+            told = _of_the_program(error), exitcodes.INTERNAL
+    return told
+
+
+def _refuse_pipes(arguments: Sequence[str]) -> None:
+    """Refuse a pipe in the place of a file: reading it would wait for ever; those of a shell's ``<(...)`` are fine."""
+    for word in arguments:
+        path = Path(word.partition("=")[2] if word.startswith("--") and "=" in word else word)
+        try:
+            is_pipe = path.is_fifo() and not str(path).startswith(("/dev/", "/proc/"))
+        except (OSError, ValueError):
+            continue
+        if is_pipe:
+            raise InputError(f"{path} is a pipe; give a file or folder")
+
+
+def _of_the_system(error: OSError) -> str:
+    """Return in words what the operating system refused: a full disk, a name that is too long, a folder's rights."""
+    file = f"{str(error.filename)[:200]}: " if error.filename else ""
+    return f"{file}{error.strerror or error}; choose another file or folder, or make room"
+
+
+def _of_the_program(error: BaseException) -> str:
+    """Return in words where the program itself is at fault."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "/harness/" in frame.filename]
+    place = f" in {Path(frames[-1].filename).name}, line {frames[-1].lineno}" if frames else ""
+    return (
+        f"a fault of the program, not of the input: {type(error).__name__}: {error}{place}; "
+        f"with {TRACEBACK}=1 in the environment the whole traceback is shown for a report"
+    )
 
 
 def _application(called: str | None) -> typer.Typer:
@@ -149,5 +218,8 @@ def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
 
 def _complain(message: str, exit_code: int) -> int:
     line = " ".join(message.split())
-    print(f"error: {line}" if exit_code != EXIT_INTERRUPTED else line, file=sys.stderr)  # noqa: T201
+    ended = exit_code in (exitcodes.HANGUP, exitcodes.INTERRUPTED, exitcodes.TERMINATED)
+    # Nobody may be there to read it any more.
+    with suppress(OSError):
+        print(line if ended else f"error: {line}", file=sys.stderr, flush=True)  # noqa: T201
     return exit_code

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.around.surroundings import surroundings_of
-from mmpf.cloud.birth import Births, Traffic, give_birth
+from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
@@ -54,7 +54,7 @@ class MixtureTracker:
         self._options = options or FilterOptions()
         self._proposal = proposal
         is_joint = self._options.update == "joint"
-        self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
+        self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options, road)
         self._mixture = Mixture.empty(motion.latent_size)
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
@@ -115,8 +115,9 @@ class MixtureTracker:
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
-        count = len(scan.detections)
-        births = Births(scan.detections, np.arange(count), np.full(count, self._options.birth.first_existence), traffic, np.full(count, 1.4))
+        chosen = np.flatnonzero(~lies_on_ego(scan.detections, scan.ego))
+        existence = np.full(len(chosen), self._options.birth.first_existence)
+        births = Births(scan.detections, chosen, existence, traffic, np.full(len(chosen), 1.4))
         nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
 

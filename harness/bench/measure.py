@@ -128,7 +128,7 @@ def _build(contender: Contender, scene: BenchScene) -> Tracker:
     setting = TrackerSetting(scene.road, scene.sensor, np.random.default_rng(0), STEP_S)
     tracker = build_tracker(contender.tracker, setting, contender.options)
     if isinstance(tracker, TruthAssociatedTracker):
-        raise TypeError(f"{contender.tracker} is told the truth; it is a bound, not a tracker to be timed")
+        raise TypeError(f"{contender.tracker} is told the truth; it is a reference, not a tracker to be timed")
     return tracker
 
 

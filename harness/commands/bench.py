@@ -48,6 +48,7 @@ def command(options: Options) -> None:
 
     from harness.bench.bench import BenchPlan, run_bench  # noqa: PLC0415
     from harness.bench.written import plot, print_tables  # noqa: PLC0415
+    from harness.writing.files import save_figure, write_text  # noqa: PLC0415
     from harness.writing.numbers import without_nan  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
@@ -64,8 +65,8 @@ def command(options: Options) -> None:
         result = without_nan(run_bench(plan, advance))
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-    (out / "bench.json").write_text(text, encoding="utf-8")
-    plot(result).savefig(out / "bench.png")
+    write_text(out / "bench.json", text)
+    save_figure(plot(result), out / "bench.png")
     if not quiet:
         print_tables(result, Console(stderr=True))
         typer.echo(f"written to {out}", err=True)

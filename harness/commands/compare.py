@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 import typer
 
 from harness.config.options import Option
+from harness.exitcodes import DONE, UNDECIDED, WORSE
 
 if TYPE_CHECKING:
     from harness.comparison.sources import Source
@@ -46,7 +47,8 @@ def command(options: Options) -> int:
 
     Runs are paired by seed and setting; two single runs, by vehicle. Verdicts
     are corrected for the number of metrics: at most 5 % false alarms.
-    Exit code 1 if anything is worse by more than the tolerance.
+    Exit code 1 if anything is worse by more than the tolerance, 3 if it stays
+    undecided for want of data: failed runs, missing values, too few pairs.
 
     Examples:
       python -m harness compare results/before results/after
@@ -69,15 +71,24 @@ def command(options: Options) -> int:
     if markdown is not None:
         from harness.comparison.written import as_markdown  # noqa: PLC0415
 
-        markdown.write_text(as_markdown(comparison), encoding="utf-8")
+        _write(markdown, as_markdown(comparison), "markdown")
     if html is not None:
         from harness.comparison.written import as_markdown  # noqa: PLC0415
         from harness.report.folderpage import text_page  # noqa: PLC0415
 
-        html.write_text(text_page(as_markdown(comparison)), encoding="utf-8")
+        _write(html, text_page(as_markdown(comparison)), "html")
     if options["json"]:
         typer.echo(json.dumps(comparison.as_table(), indent=2))
-    return 1 if comparison.regression else 0
+    return {"regression": WORSE, "undecided": UNDECIDED}.get(comparison.outcome, DONE)
+
+
+def _write(path: Path, text: str, parameter: str) -> None:
+    from harness.errors import InputError  # noqa: PLC0415
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"`{parameter}`: can't write {path}: {error.strerror}; choose another file") from None
 
 
 def _sides(options: Options) -> tuple[Source, Source] | None:

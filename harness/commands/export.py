@@ -18,7 +18,7 @@ class Options(TypedDict):
     to: Annotated[str | None, Option("mot, fcd, csv, rerun or osi.")]
     video: Annotated[Path | None, Option("MP4 file to write: the road from above.")]
     out: Annotated[Path | None, Option("Folder to write. (default: RUN/export/FORMAT)")]
-    force: Annotated[bool, Option("Replace what is there.", default=False)]
+    force: Annotated[bool, Option("Replace an earlier export, or film, that is there.", default=False)]
     json: Annotated[bool, Option("Print the written files as JSON on stdout, nothing else there.", default=False)]
 
 
@@ -39,7 +39,9 @@ def command(options: Options) -> None:
     folder, to, video, force = options["folder"], options["to"], options["video"], options["force"]
     if to is None and video is None:
         raise InputError(f"`to`: say which format: {', '.join(FORMATS)}; or give `video`, for example run.mp4")
-    files = export_run(folder, to, options["out"], force) if to is not None else []
+    files: list[Path] = []
+    if to is not None:
+        files = export_run(folder, to, options["out"], force, lambda line: typer.echo(line, err=True))
     if video is not None:
         from harness.export.video import write_video  # noqa: PLC0415
 

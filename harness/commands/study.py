@@ -134,22 +134,37 @@ def _refuse(options: Options, parameters: tuple[str, ...], study: str) -> None:
 def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
     import pandas as pd  # noqa: PLC0415
 
-    from harness.grid.ablation import ablation_request, ablation_rows, as_markdown, write_ablation  # noqa: PLC0415
-    from harness.grid.pool import run_cells  # noqa: PLC0415
-    from harness.grid.stress import RUNS, Telling, run_stress  # noqa: PLC0415
-
-    request = ablation_request(net, seeds, ABLATION_S)
-    finished = run_stress(
-        request,
-        folder,
-        lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
-        resume=(folder / RUNS).exists() or (folder / "grid.json").exists(),
-        user=Telling(quiet),
-        command="harness study ablation",
+    from harness.grid.ablation import (  # noqa: PLC0415
+        IDEAL_ABLATIONS,
+        ablation_request,
+        ablation_rows,
+        as_markdown,
+        ideal_request,
+        write_ablation,
     )
-    rows = ablation_rows(pd.read_parquet(finished.folder / RUNS))
-    setting = f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, gmm."
-    return _Told(write_ablation(rows, setting, folder), as_markdown(rows, setting))
+    from harness.grid.grid import GridRequest  # noqa: PLC0415
+    from harness.grid.gridfolder import RUNS  # noqa: PLC0415
+    from harness.grid.pool import run_cells  # noqa: PLC0415
+    from harness.grid.stress import Telling, run_stress  # noqa: PLC0415
+
+    def runs_of(request: GridRequest, out: Path) -> pd.DataFrame:
+        run_stress(
+            request,
+            out,
+            lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
+            resume=(out / RUNS).exists() or (out / "grid.json").exists(),
+            user=Telling(quiet),
+            command="harness study ablation",
+        )
+        return pd.read_parquet(out / RUNS)
+
+    rows = ablation_rows(runs_of(ablation_request(net, seeds, ABLATION_S), folder))
+    ideal = ablation_rows(runs_of(ideal_request(net, seeds, ABLATION_S), folder / "ideal"), IDEAL_ABLATIONS)
+    setting = (
+        f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, gmm unless "
+        "an arm says otherwise."
+    )
+    return _Told(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
 
 
 def _make_transfer(

@@ -36,6 +36,7 @@ class Comparison:
         verdicts: One for each tracker and metric.
         notes: What a reader must know beside.
         tolerance: A worse value is a regression if the difference exceeds this share of a.
+        wanting: What is missing beside single metrics' values, a sentence each: b may not pass without it.
     """
 
     a: str
@@ -43,15 +44,37 @@ class Comparison:
     verdicts: tuple[Verdict, ...]
     notes: tuple[str, ...]
     tolerance: float
+    wanting: tuple[str, ...] = ()
 
     @property
     def regression(self) -> bool:
         """Whether anything is worse beyond the tolerance."""
         return any(verdict.regression for verdict in self.verdicts)
 
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why nothing may be concluded, a sentence each; empty where something may be."""
+        metrics: dict[str, list[str]] = {}
+        for verdict in self.verdicts:
+            if verdict.wanting:
+                metrics.setdefault(f"{verdict.label}: {verdict.wanting}", []).append(verdict.metric)
+        of_metrics = [
+            f"{why} ({', '.join(names[:3])}{f' and {len(names) - 3} more' if len(names) > 3 else ''})."
+            for why, names in metrics.items()
+        ]
+        untested = not any(np.isfinite(verdict.p) for verdict in self.verdicts)
+        nothing = ["No metric has values on both sides that could be tested."] if untested else []
+        return (*self.wanting, *of_metrics, *nothing)
+
+    @property
+    def outcome(self) -> str:
+        """The verdict over all: ``regression``, ``undecided`` for want of data, or ``no regression``."""
+        return "regression" if self.regression else "undecided" if self.reasons else "no regression"
+
     def as_table(self) -> dict[str, Any]:
         """Return everything as plain nested values."""
-        table: dict[str, Any] = without_nan(asdict(self) | {"regression": self.regression})
+        told = {"regression": self.regression, "outcome": self.outcome, "reasons": self.reasons}
+        table: dict[str, Any] = without_nan(asdict(self) | told)
         return table
 
 
@@ -70,9 +93,13 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
         InputError: They have no tracker or no setting in common, or are single runs on different traffic.
     """
     notes = [f"{side.failed} failed runs of {side.name} are left out." for side in (a, b) if side.failed]
+    for side in (a, b):
+        if not len(side.rows):
+            raise InputError(f"compare: every run of {side.name} failed, so there is nothing to compare; run it again")
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
         arms, note = _arms_by_vehicle(a, b), "One seed: vehicles are paired, so this tells nothing of other traffic."
-        return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), (note, *notes), tolerance)
+        notes = [note, *_common_note(a, b), *notes]
+        return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), tuple(notes), tolerance)
     arms = []
     for label, rows_a, rows_b in _matching_labels(a, b):
         arms += _arms(label, rows_a, rows_b, [*SETTING, *a.axes])
@@ -81,7 +108,21 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
             f"compare: {a.name} and {b.name} have no setting in common; compare grids of the same densities"
         )
     verdicts = tuple(judge(arms, tolerance))
-    return Comparison(a.name, b.name, verdicts, (*notes, *_power_notes(arms), *_survivor_notes(verdicts)), tolerance)
+    told = (*notes, *_power_notes(arms), *_survivor_notes(verdicts))
+    return Comparison(a.name, b.name, verdicts, told, tolerance, tuple(_missing_runs(a, b)))
+
+
+def _missing_runs(a: Source, b: Source) -> list[str]:
+    """Return what of a has no counterpart in b that it should have: failed runs, and trackers that are gone."""
+    missing = []
+    if b.failed:
+        missing.append(f"{b.failed} runs of b failed; mend them by --resume --retry-failed.")
+    gone = [label for label in a.labels if label not in b.labels]
+    if gone and any(label in b.labels for label in a.labels):
+        missing.append(
+            f"b has no finished run of {', '.join(gone)}; choose one tracker by FOLDER@LABEL if that is meant."
+        )
+    return missing
 
 
 def _arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
@@ -95,6 +136,17 @@ def _arms_by_vehicle(a: Source, b: Source) -> list[Arms]:
     pairs = paired_errors(first, second)
     label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
     return [_arm(label, each, pairs, a, b) for each in compared_quantities()]
+
+
+def _common_note(a: Source, b: Source) -> list[str]:
+    """Tell what share of the hidden vehicle-steps each run follows; errors are over those that both do."""
+    shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
+    if not np.isfinite(shares).all():
+        return []
+    return [
+        "Errors of hidden vehicles are over the vehicle-steps that both follow; of all of them a follows "
+        f"{shares[0]:.0f} %, b {shares[1]:.0f} %."
+    ]
 
 
 def _check_same_traffic(a: Source, b: Source) -> None:
@@ -125,6 +177,9 @@ def _vehicle_means(errors: pd.Series[float], vehicle: list[pd.Series[str]]) -> F
 def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, pd.DataFrame]]:
     if a.axes != b.axes:
         raise InputError(f"compare: {a.name} and {b.name} vary different settings; compare grids of the same settings")
+    for side in (a, b):
+        if missing := [axis for axis in side.axes if axis not in side.rows]:
+            raise InputError(f"compare: {side.name} lacks the columns {', '.join(missing)}; make the grid again")
     common = [label for label in a.labels if label in b.labels]
     if not common and len(a.labels) == len(b.labels) == 1:
         yield f"{a.labels[0]} to {b.labels[0]}", a.rows, b.rows

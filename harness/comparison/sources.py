@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.comparison.verdicts import compared_quantities
 from harness.errors import InputError
+from harness.grid.cells import RECORDING
+from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.rows import flattened
-from harness.grid.stress import GRID, RUNS
 from harness.grid.summary import labelled
 from harness.runfolder import folder as runfolder
 
@@ -73,11 +75,27 @@ def _open_grid(name: str, folder: Path, parameter: str) -> Source:
     table = runfolder.read_table(folder, RUNS, parameter, (*SETTING, "seed", "succeeded", "variant", "model"))
     done = labelled(table)
     try:
-        vary = json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]
-    except (OSError, ValueError, KeyError):
+        vary = [str(word) for word in json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]]
+    except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
     axes = tuple(word.partition("=")[0].strip() for word in vary)
+    _check_rows(done, table, axes, folder / RUNS, parameter)
     return Source(name, folder, done, len(table) - len(done), False, axes)
+
+
+def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], path: Path, parameter: str) -> None:
+    """Refuse a table of runs that no grid writes: empty, with a run twice, with texts for numbers."""
+    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
+
+    if not len(table):
+        raise InputError(f"`{parameter}`: {path} has no rows; make the grid again")
+    numbers = ("seed", *(quantity.key for quantity in compared_quantities() if quantity.key in table))
+    texts = [name for name in numbers if not is_numeric_dtype(table[name]) and table[name].notna().any()]
+    if texts:
+        raise InputError(f"`{parameter}`: {path}: {texts[0]} holds no numbers; make the grid again")
+    keys = ["label", *(name for name in dict.fromkeys((*SETTING, RECORDING, *axes, "seed")) if name in done)]
+    if done[keys].astype(str).duplicated().any():
+        raise InputError(f"`{parameter}`: {path} has several rows of one run; make the grid again")
 
 
 def _open_run(name: str, folder: Path, parameter: str) -> Source:
@@ -92,6 +110,9 @@ def _open_run(name: str, folder: Path, parameter: str) -> Source:
         raise InputError(
             f"`{parameter}`: {folder / runfolder.METRICS} is missing or broken; make the run again"
         ) from None
-    run = metrics.pop("run")
+    run = metrics.pop("run", None) if isinstance(metrics, dict) else None
+    known = isinstance(run, dict) and {*SETTING, "seed", "tracker", "model"} <= run.keys()
+    if not known or not isinstance(run["seed"], int):
+        raise InputError(f"`{parameter}`: {folder / runfolder.METRICS} is broken; make the run again")
     row = {**run, "variant": run["tracker"], **flattened(metrics), "succeeded": True}
     return Source(name, folder, labelled(pd.DataFrame([row])).drop(columns="succeeded"), 0, True)

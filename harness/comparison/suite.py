@@ -8,9 +8,11 @@ from pathlib import Path
 from harness.comparison.sources import STANDARD
 from harness.errors import InputError
 from harness.grid.grid import GridRequest
+from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.pool import run_cells
-from harness.grid.stress import GRID, RUNS, TABLE, FinishedGrid, Telling, run_stress
+from harness.grid.stress import TABLE, FinishedGrid, Telling, run_stress
 from harness.runfolder import folder as runfolder
+from harness.writing.files import replacing
 
 SUITES = {
     STANDARD: GridRequest(
@@ -26,7 +28,8 @@ def keep_as_baseline(finished: FinishedGrid, name: str, baseline: Path) -> Path:
     folder = baseline / name
     folder.mkdir(parents=True, exist_ok=True)
     for file in KEPT:
-        shutil.copyfile(finished.folder / file, folder / file)
+        with replacing(folder / file) as temporary:
+            shutil.copyfile(finished.folder / file, temporary)
     return folder
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,12 +15,14 @@ from mmpf.compute.arrays import FloatArray, IntArray
 
 LEVEL = 0.05
 DRAWS = 10_000
-BETTER, WORSE, SAME, UNTESTED = "better", "worse", "no difference", "not tested"
+BETTER, WORSE, SAME, UNTESTED, UNDECIDED = "better", "worse", "no difference", "not tested", "undecided"
+# So large a share of the first arm's values may be without one in the second before nothing is concluded from the rest.
+TOLERATED_LOSS = 0.05
 
 
 def compared_quantities() -> list[Quantity]:
-    """Return what verdicts are given on: errors first, then what becomes of hidden vehicles, then the rest."""
-    return [quantity for quantity in quantities("mae", "hidden_outcomes", "occlusion") if quantity.compared]
+    """Return what verdicts are given on: hidden vehicles first, then errors, then what becomes of tracks, the rest."""
+    return [quantity for quantity in quantities("hidden", "mae", "hidden_outcomes", "occlusion") if quantity.compared]
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,9 @@ class Verdict:
         ci95: Bootstrap interval of the difference.
         p: p value of no difference, corrected for the number of metrics and trackers by Holm's method.
         pairs: Number of pairs, or of values of the smaller arm where not paired.
-        verdict: ``better``, ``worse``, ``no difference`` or ``not tested``, of b.
+        verdict: ``better``, ``worse``, ``no difference``, ``not tested`` or ``undecided``, of b.
         regression: Whether b is worse by more than the tolerance.
+        wanting: What is missing for a verdict, in words; empty where nothing is.
     """
 
     label: str
@@ -71,6 +75,7 @@ class Verdict:
     pairs: int
     verdict: str
     regression: bool
+    wanting: str = ""
 
 
 def judge(arms: Sequence[Arms], tolerance: float = 0.0, draws: int = DRAWS) -> list[Verdict]:
@@ -87,9 +92,14 @@ def judge(arms: Sequence[Arms], tolerance: float = 0.0, draws: int = DRAWS) -> l
     compared = [_cleaned(arm) for arm in arms]
     differences = [_difference(arm, draws) for arm in compared]
     corrected = holm(np.array([difference.p for difference in differences]))
-    return [
+    verdicts = [
         _verdict(arm, difference, p, tolerance)
         for arm, difference, p in zip(compared, differences, corrected.tolist(), strict=True)
+    ]
+    tests = int(np.isfinite(corrected).sum())
+    return [
+        _undecided(verdict, _wanting(arm, left, verdict, tests, tolerance))
+        for verdict, arm, left in zip(verdicts, arms, compared, strict=True)
     ]
 
 
@@ -110,6 +120,44 @@ def holm(p: FloatArray) -> FloatArray:
 def fewest_pairs(tests: int) -> int:
     """Return how many pairs the sign-flip test needs before any verdict can fall, given the number of tests."""
     return int(np.ceil(1.0 + np.log2(tests / LEVEL)))
+
+
+def _undecided(verdict: Verdict, wanting: str) -> Verdict:
+    """Return the verdict with what is missing for it; a regression that shows all the same stays one."""
+    if not wanting:
+        return verdict
+    single = verdict.verdict == UNTESTED and np.isfinite(verdict.difference)
+    return replace(verdict, verdict=verdict.verdict if verdict.regression or single else UNDECIDED, wanting=wanting)
+
+
+def _wanting(given: Arms, left: Arms, verdict: Verdict, tests: int, tolerance: float) -> str:
+    """Return why the values allow no verdict; empty where they do, or where the first arm has none either."""
+    a, b = np.isfinite(given.a), np.isfinite(given.b)
+    if not a.any():
+        return ""
+    if not b.any():
+        return "b has no value of it"
+    lost = int((a & ~b).sum()) if given.strata is None else max(0, int((~b).sum()) - int((~a).sum()))
+    if lost > TOLERATED_LOSS * a.sum():
+        return f"b lacks {lost} of the {int(a.sum())} values that a has"
+    if not given.testable:
+        # One value a side can't be tested, but may not pass where it looks worse either.
+        worsening = verdict.difference if not given.quantity.higher_is_better else -verdict.difference
+        return "b is worse in a single run, which can't be tested" if worsening > tolerance * abs(verdict.a) else ""
+    if _smallest_p(left) * max(tests, 1) > LEVEL:
+        return f"{verdict.pairs} {'pairs are' if given.strata is None else 'runs of an arm are'} too few"
+    return ""
+
+
+def _smallest_p(arms: Arms) -> float:
+    """Return the smallest p value that the test of so many values can give."""
+    if arms.strata is None:
+        return 2.0 ** (1 - len(arms.a)) if len(arms.a) else 1.0
+    ways = 1.0
+    for stratum in np.intersect1d(*arms.strata):
+        of_a, of_b = (int((strata == stratum).sum()) for strata in arms.strata)
+        ways *= math.comb(of_a + of_b, of_a)
+    return min(1.0, 2.0 / ways)
 
 
 def unpaired_difference(

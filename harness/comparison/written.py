@@ -23,6 +23,8 @@ def conclusion(comparison: Comparison) -> str:
     found = f"{counts[BETTER]} metrics better, {counts[WORSE]} worse, of {len(comparison.verdicts)}"
     if regressions:
         return f"Regression: {found}; {regressions} beyond the tolerance of {100 * comparison.tolerance:g} %."
+    if comparison.reasons:
+        return f"Undecided for want of data: {found}. {' '.join(comparison.reasons)}"
     return f"No regression: {found}."
 
 
@@ -41,7 +43,7 @@ def print_comparison(comparison: Comparison) -> None:
     labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts)
     parts += [_screen_table(comparison, label) for label in labels]
     parts += [Text(note) for note in comparison.notes]
-    style = "bold red" if comparison.regression else "bold"
+    style = "bold red" if comparison.regression else "bold yellow" if comparison.reasons else "bold"
     Console(stderr=True, highlight=False).print(Group(*parts, Text(conclusion(comparison), style=style)))
 
 

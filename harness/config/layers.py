@@ -14,10 +14,13 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
+from harness.config.consent import check_modules
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
 from harness.errors import InputError
+from harness.inputs import MOST_SETTINGS_BYTES, check_file, checked_path
 from harness.runfolder import folder as runfolder
+from harness.writing.files import write_text
 from harness.writing.problems import first_problem
 from mmpf.settings import fields_of
 
@@ -50,8 +53,11 @@ def config_from_table(table: Table) -> RunConfig:
 
 
 def _table_of_file(path: Path) -> Table:
+    check_file(path, MOST_SETTINGS_BYTES, "config")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise InputError(f"`config`: {path} is nested too deeply") from None
     except OSError as error:
         raise InputError(f"`config`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -60,7 +66,7 @@ def _table_of_file(path: Path) -> Table:
 
 def write_config(config: RunConfig, path: Path) -> None:
     """Write a configuration so that ``config`` reads the same one back."""
-    path.write_text(tomli_w.dumps(config.as_table()), encoding="utf-8")
+    write_text(path, tomli_w.dumps(config.as_table()))
 
 
 def _table_of_options(options: Mapping[str, object]) -> Table:
@@ -86,7 +92,7 @@ def _toml_value(text: str) -> object:
     """Read a value as TOML would; what is no TOML value is a plain word."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError):
         return text
 
 
@@ -104,7 +110,8 @@ def _forget_another_trackers_options(merged: Table, layer: Table) -> None:
     if isinstance(earlier, dict) and isinstance(later, dict):
         present = earlier.get("name", DEFAULT_TRACKER)
         if later.get("name", present) != present:
-            del merged["tracker"]
+            # What is believed of the sensor is no option of the tracker's own.
+            merged["tracker"] = {name: earlier[name] for name in ("believes",) if name in earlier}
 
 
 def _merge_into(merged: Table, layer: Table) -> None:
@@ -156,9 +163,16 @@ def resolve_run_config(
             traffic, a sensor or a folder that the recording does not have; or the file is no recorded traffic.
     """
     table = _merged(config_file, options or {}, settings)
+    for name in ("traffic", "sensor", "tracker"):
+        if not isinstance(table.get(name, {}), dict):
+            raise InputError(f"`settings`: {name} is a table of settings, not a value; for example {name}.KEY=VALUE")
+    if not isinstance(table.get("traffic", {}).get("recording", {}), dict):
+        raise InputError("`settings`: traffic.recording is a table of settings; for example traffic.recording.ego=auto")
+    if config_file is not None:
+        check_modules(_table_of_file(config_file), _merged(None, options or {}, settings), config_file)
     replay = table.get("replay")
     if isinstance(replay, str):
-        path = Path(replay).resolve()
+        path = checked_path(Path(replay), "replay").resolve()
         part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
         table |= part | {"replay": str(path)}
     elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):

@@ -14,6 +14,8 @@ from harness.truth.network.network import default_demand
 from mmpf.options import FilterOptions
 
 DEFAULT_TRACKER = "mmpf"
+# Letters take up to four of the 255 bytes that a name may have, and some mark a folder that is being written.
+LONGEST_FOLDER_NAME = 120
 
 # What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
 MMPF_DEFAULTS: dict[str, str | int] = {
@@ -89,6 +91,27 @@ class SensorConfig(_Strict):
         return dict(self.model_extra or {})
 
 
+class BeliefsConfig(_Strict):
+    """What trackers are told of the sensor; where nothing is set, the fair data sheet of its profile."""
+
+    detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+    """Probability of detecting a vehicle in plain view."""
+    clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] | None = None
+    """Expected number of false detections a scan."""
+    noise_factor: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    """Factor on every deviation that detections report, before any tracker sees them; 1 if not set."""
+    full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    """Visible fraction from which a vehicle is in plain view."""
+    hidden_fraction: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+    """Visible fraction below which a vehicle gives no detection."""
+    range_m: Annotated[float, Field(gt=0.0)] | None = None
+    """Distance beyond which nothing is detected."""
+
+    def sheet(self) -> dict[str, float]:
+        """Return what is believed otherwise than the data sheet says, by its names."""
+        return dict(self.model_dump(exclude_none=True, exclude={"noise_factor"}))
+
+
 class TrackerConfig(_Strict):
     """Which tracker follows the vehicles."""
 
@@ -104,6 +127,8 @@ class TrackerConfig(_Strict):
     """File of a fitted behaviour model to use in place of the one that travels with the package."""
     options: dict[str, Any] = Field(default_factory=dict)
     """The tracker's own settings by name."""
+    believes: BeliefsConfig = Field(default_factory=BeliefsConfig)
+    """What any tracker is told of the sensor."""
     _factory: Callable[..., Any] | None = PrivateAttr(default=None)
 
     @property
@@ -143,7 +168,10 @@ class RunConfig(_Strict):
 
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
-        return self.model_dump(exclude_none=True)
+        table = self.model_dump(exclude_none=True)
+        if not table["tracker"]["believes"]:
+            del table["tracker"]["believes"]
+        return table
 
     def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:
         """Return the same configuration with a function that builds the tracker; no file can hold one."""
@@ -170,7 +198,7 @@ class RunConfig(_Strict):
         if traffic.recording is not None and self.replay is not None:
             network, demand = Path(self.replay).stem, f"ego-{traffic.recording.ego}"
         parts = [network, self.tracker.name, self.tracker.model, demand, f"s{self.seed}"]
-        return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))
+        return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))[:LONGEST_FOLDER_NAME]
 
 
 def brings_its_own_demand(net: str) -> bool:

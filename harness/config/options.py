@@ -17,6 +17,7 @@ from types import NoneType
 from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_type_hints
 
 from harness.errors import InputError
+from harness.inputs import checked_path
 
 TRAFFIC, TRACKING, RESULT = "Traffic and sensor", "Tracker", "Configuration and result"
 
@@ -66,7 +67,10 @@ class RunOptions(TypedDict, total=False):
     duration: Annotated[
         float | None, Option("Scored seconds; warm-up comes on top. (default: 60)", "traffic.duration_s", TRAFFIC)
     ]
-    sensor: Annotated[str | None, Option("lidar, radar or camera. (default: lidar)", "sensor.profile", TRAFFIC)]
+    sensor: Annotated[
+        str | None,
+        Option("Profile: lidar, radar, camera, ...; see 'settings'. (default: lidar)", "sensor.profile", TRAFFIC),
+    ]
     replay: Annotated[
         Path | str | None,
         Option(
@@ -213,6 +217,8 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
     if isinstance(plain, int | float) and not ((least is None or plain >= least) and (most is None or plain <= most)):
         bounds = f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
         raise InputError(f"`{name}` {plain} is out of range: give {bounds}")
+    if Path in entry.types and isinstance(plain, str | os.PathLike):
+        checked_path(Path(plain), name)
     if entry.types[0] is Path:
         return Path(cast("os.PathLike[str]", plain))
     return os.fspath(plain) if isinstance(plain, os.PathLike) else plain

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import pandas as pd
 import pyarrow as pa
+from pandas.api.types import is_numeric_dtype
 from pyarrow import csv
 
 from harness.report.finished import RecordedRun
 
+# A minus begins a formula too, unless a number follows it and nothing else.
+FORMULA = re.compile(r"[=+@\t\r]|-(?![\d.]+$)")
 TABLES = ("truth", "detections", "tracks", "errors", "events")
 
 
@@ -17,5 +22,15 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     files = []
     for name in TABLES:
         files.append(folder / f"{name}.csv")
-        csv.write_csv(pa.Table.from_pandas(getattr(run, name), preserve_index=False), files[-1])
+        csv.write_csv(pa.Table.from_pandas(_without_formulas(getattr(run, name)), preserve_index=False), files[-1])
     return files
+
+
+def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose texts no spreadsheet takes for a formula: an apostrophe goes before those that begin so."""
+    texts = [name for name in table if not is_numeric_dtype(table[name])]
+    return table.assign(**{str(name): table[name].map(_harmless) for name in texts})
+
+
+def _harmless(value: object) -> object:
+    return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -11,6 +12,7 @@ from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
 
 FILE = "fcd.xml"
+NOT_IN_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
@@ -21,6 +23,11 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     path = folder / FILE
     path.write_text("\n".join(_lines(run)) + "\n", encoding="utf-8")
     return [path]
+
+
+def _in_xml(name: str) -> str:
+    """Return a name with the characters that XML can not hold written as %xx."""
+    return NOT_IN_XML.sub(lambda found: f"%{ord(found[0]):02x}", name)
 
 
 def _lines(run: RecordedRun) -> list[str]:
@@ -46,7 +53,8 @@ def _lines(run: RecordedRun) -> list[str]:
         'length="%.3f" width="%.3f"/>'
     )
     vehicles = [
-        pattern % (quoteattr(name), *row) for name, row in zip(truth["vehicle_id"], numbers.tolist(), strict=True)
+        pattern % (quoteattr(_in_xml(name)), *row)
+        for name, row in zip(truth["vehicle_id"], numbers.tolist(), strict=True)
     ]
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<fcd-export>"]
     times = truth["time_s"].to_numpy(np.float64)

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from harness.errors import InputError
 from harness.report.finished import RecordedRun, read_recorded_run
+from harness.runfolder import ownership
+from harness.runfolder.checks import sound_tables
+from harness.runfolder.lock import lock_beside
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
 EXPORTS = "export"
@@ -39,40 +42,60 @@ FORMATS = {
 }
 
 
-def export_run(folder: Path, name: str, out: Path | None = None, force: bool = False) -> list[Path]:
+def export_run(
+    folder: Path,
+    name: str,
+    out: Path | None = None,
+    force: bool = False,
+    tell: Callable[[str], object] = str,
+) -> list[Path]:
     """Write a run in a format and return the files.
 
     Args:
         folder: A finished run's folder.
         name: A key of ``FORMATS``.
         out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced.
-        force: Whether an existing ``out`` may be replaced.
+        force: Whether an earlier export in ``out`` may be replaced.
+        tell: Called with a line about what is replaced.
 
     Raises:
         InputError: There is no such format, the package's part for it is not installed, the folder is no finished
-            run's, or ``out`` exists.
+            run's, or ``out`` exists, is no export, holds somebody's files or can't be written.
     """
     exporter = _exporter(name)
     target = out if out is not None else folder / EXPORTS / name
-    if target.exists() and out is not None and not force:
-        raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
-    if target.exists() and not target.is_dir():
-        raise InputError(f"`out`: {target} is a file; choose another folder")
-    run = read_recorded_run(folder)
-    pending = target.with_name(f".{target.name}.running")
-    shutil.rmtree(pending, ignore_errors=True)
+    if target.exists():
+        if out is not None and not force:
+            raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
+        ownership.check_replaceable(target, ownership.EXPORT, "out")
+    with sound_tables(folder, "folder"):
+        run = read_recorded_run(folder)
     try:
-        pending.mkdir(parents=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        lock = lock_beside(target, "out")
     except OSError as error:
         raise InputError(f"`out`: can't write in {target.parent}: {error.strerror}; choose another folder") from None
+    # Within the lock nobody else writes here; what a killed export left goes.
+    pending = target.with_name(f".{target.name}.exporting")
     try:
-        files = exporter(run, pending)
-    except BaseException:
-        shutil.rmtree(pending, ignore_errors=True)
-        raise
-    if target.exists():
-        shutil.rmtree(target)
-    pending.rename(target)
+        if ownership.kind_of(pending) == ownership.EXPORT:
+            shutil.rmtree(pending)
+        pending.mkdir(exist_ok=not pending.is_symlink() and pending.is_dir() and not any(pending.iterdir()))
+        ownership.claim(pending, ownership.EXPORT)
+        with sound_tables(folder, "folder"):
+            files = exporter(run, pending)
+        ownership.record_all(pending, ownership.EXPORT)
+        if target.exists():
+            tell(f"replaced {ownership.described(target)}")
+            ownership.check_replaceable(target, ownership.EXPORT, "out")
+            ownership.remove(target)
+        pending.rename(target)
+    except OSError as error:
+        raise InputError(f"`out`: can't write {target}: {error.strerror or error}; choose another folder") from None
+    finally:
+        if ownership.kind_of(pending) == ownership.EXPORT:
+            shutil.rmtree(pending, ignore_errors=True)
+        lock.release()
     return [target / file.relative_to(pending) for file in files]
 
 

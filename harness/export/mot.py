@@ -7,6 +7,7 @@ TrackEval on these files scores the same vehicles and tracks. Tracks have no siz
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,9 +63,14 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         files += [
             _written(folder / "gt" / name / "gt" / "gt.txt", truth_lines),
             _written(folder / "gt" / name / "seqinfo.ini", _sequence_info(name, rows)),
-            _written(folder / "trackers" / run.config.tracker.name / "data" / f"{name}.txt", track_lines),
+            _written(folder / "trackers" / folder_name(run.config.tracker.name) / "data" / f"{name}.txt", track_lines),
         ]
     return files
+
+
+def folder_name(tracker: str) -> str:
+    """Return a tracker's name as the name of a folder: the run may come from elsewhere, so no name is a path."""
+    return re.sub(r"[^\w.+-]+", "-", tracker).lstrip(".-")[:60] or "tracker"
 
 
 def _boxes(lon_m: FloatArray, lat_m: FloatArray, size_m: FloatArray) -> FloatArray:

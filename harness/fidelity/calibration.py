@@ -17,6 +17,7 @@ from harness.fidelity.simulate import RunJob, simulate_all
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
+from harness.writing.files import write_text
 
 # The first steps go almost all the way; later ones follow less what differs from seed to seed.
 LAST_STEP = 0.3
@@ -105,7 +106,7 @@ class CalibrationResult:
         """Write ``calibration.json`` and ``calibration.toml`` to a folder, and into a network's if one is given."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            (folder / "calibration.json").write_text(json.dumps(self.as_json(), indent=2) + "\n", encoding="utf-8")
+            write_text(folder / "calibration.json", json.dumps(self.as_json(), indent=2) + "\n")
             outcome.write_candidate(folder / "calibration.toml", self.outcome)
         except OSError as error:
             raise InputError(f"`out` {folder}: cannot be written: {error.strerror}") from error

@@ -18,6 +18,7 @@ from harness.fidelity.comparison import Distance, Fidelity, Period
 from harness.fidelity.fields import Fields
 from harness.fidelity.samples import UNITS
 from harness.fidelity.statistics import QUARTERS, Target
+from harness.writing.files import save_figure, write_text
 from harness.writing.markdown import markdown_table
 from harness.writing.plots import strip
 from mmpf.compute.arrays import FloatArray
@@ -38,10 +39,10 @@ def write_fidelity(result: Fidelity, folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "fidelity.json").write_text(json.dumps(result.as_json(), indent=2) + "\n", encoding="utf-8")
-        (folder / "fidelity.md").write_text(as_markdown(result), encoding="utf-8")
+        write_text(folder / "fidelity.json", json.dumps(result.as_json(), indent=2) + "\n")
+        write_text(folder / "fidelity.md", as_markdown(result))
         for name, figure in draw_figures(result).items():
-            figure.savefig(folder / f"{name}.png")
+            save_figure(figure, folder / f"{name}.png")
     except OSError as error:
         raise InputError(f"`out` {folder}: cannot be written: {error.strerror}") from error
 

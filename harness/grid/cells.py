@@ -11,7 +11,7 @@ from typing import Any
 
 from harness.config.model import RunConfig, TrackerConfig
 
-DENSITY, DEMAND, SEED, RECORDING = "density", "demand", "seed", "replay"
+DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "density", "demand", "seed", "replay", "mismatch"
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,13 @@ class PlannedRun:
         config: Its whole configuration.
         variant: The tracker as the user wrote it, with its own settings.
         varied: Values of the other axes by key; absent where an axis does not concern the tracker.
+        mismatch: Name of the mismatch between what is true and what is believed; None outside a grid of them.
     """
 
     config: RunConfig
     variant: str
     varied: Mapping[str, float] = field(default_factory=dict)
+    mismatch: str | None = None
 
     @property
     def key(self) -> str:
@@ -74,7 +76,9 @@ class PlannedRun:
         words = [traffic.net, _traffic_word(self.config), f"s{self.config.seed}", tracker.name, tracker.model]
         readable = "-".join(word for word in words if word)
         readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[-80:]
-        content = json.dumps([self.config.as_table(), self.variant], sort_keys=True)
+        content = json.dumps(
+            [self.config.as_table(), self.variant, *([self.mismatch] if self.mismatch else [])], sort_keys=True
+        )
         return f"{readable.lstrip('-.')}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
 
     def identity(self) -> dict[str, Any]:
@@ -91,6 +95,7 @@ class PlannedRun:
             "update": tracker.update,
             SEED: self.config.seed,
             **self.varied,
+            **({MISMATCH: self.mismatch} if self.mismatch is not None else {}),
         }
 
 

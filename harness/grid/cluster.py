@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
-from harness.errors import InputError
+from harness.errors import InputError, RunError
 from harness.grid.cells import Cell
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.rows import Row, failed_row
@@ -19,6 +21,9 @@ PARAMETER = "scheduler"
 EXAMPLE = "tcp://host:8786"
 CONNECT_S = 10
 RETRIES = 3
+CANCELLED, FINISHED = "cancelled", "finished"
+LOST = "the connection to the cluster's scheduler was lost"
+MEND = "the rows that had arrived are kept: start the scheduler again, then the same command with `resume`"
 
 
 def connect(address: str) -> Client:
@@ -33,6 +38,9 @@ def connect(address: str) -> Client:
         raise InputError(
             f"`{PARAMETER}` needs Dask, which is not installed: pip install 'mmpf-harness[cluster]'"
         ) from None
+    # Its log repeats with tracebacks what is told in one line here.
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         return distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -63,7 +71,9 @@ def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float
                 on_row(key, row)
             task.release()
     finally:
-        client.cancel([task for task in tasks if not task.done()])
+        # Of a scheduler that is gone there is nothing to take back.
+        with suppress(Exception):
+            client.cancel([task for task in tasks if not task.done()])
 
 
 def run_cell(cell: Cell, timeout_s: float | None) -> list[tuple[str, Row]]:
@@ -79,9 +89,15 @@ def run_cell(cell: Cell, timeout_s: float | None) -> list[tuple[str, Row]]:
 
 
 def _rows_of(task: Future, cell: Cell) -> list[tuple[str, Row]]:
-    error = task.exception()
-    if error is None:
-        rows: list[tuple[str, Row]] = task.result()
+    try:
+        error = None if task.status == CANCELLED else task.exception(timeout=CONNECT_S)
+        rows: list[tuple[str, Row]] | None = task.result(timeout=CONNECT_S) if task.status == FINISHED else None
+    # Dask has many words for it: cancelled, closed, timed out.
+    except Exception as lost:
+        raise RunError(f"{LOST} ({type(lost).__name__}); {MEND}") from None
+    if rows is not None:
         return rows
+    if error is None:
+        raise RunError(f"{LOST}; {MEND}")
     reason = f"the cluster gave the task up: {type(error).__name__}: {error}"
     return [(run.key, failed_row(run, reason, 0.0)) for run in cell.runs]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,12 @@ from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.errors import InputError
 from harness.grid.cells import DEMAND, DENSITY, RECORDING, Cell, Grid, PlannedRun
+from harness.grid.mismatch import mismatches
+from harness.sensor.profiles import sensor_settings
 from harness.truth.recorded.egos import EACH
 
 MOST_RUNS = 100_000
+BELIEFS = "tracker.believes."
 NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
 VARY_EXAMPLE = "sensor.range_m=40:160:20"
 TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
@@ -47,6 +50,7 @@ class GridRequest:
         vary: ``KEY=VALUES`` words; each is one more axis.
         replay: Files of recorded traffic in place of simulated traffic.
         ego: Which recorded vehicles carry the sensor, as in ``ego`` of a run.
+        mismatch: Whether each run is made under every mismatch of ``harness.grid.mismatch``.
     """
 
     net: str | None = "us101"
@@ -62,6 +66,7 @@ class GridRequest:
     vary: tuple[str, ...] = ()
     replay: tuple[str, ...] = ()
     ego: str | None = None
+    mismatch: bool = False
 
 
 def plan_grid(request: GridRequest) -> Grid:
@@ -74,28 +79,31 @@ def plan_grid(request: GridRequest) -> Grid:
     seeds = seed_values(request.seeds)
     axes = _axes(request.vary)
     variants = _variants(request)
-    sizes = (len(places), len(seeds), *(len(values) for values in axes.values()), len(variants))
+    mismatches = _mismatches(request)
+    sizes = (len(places), len(seeds), len(mismatches), *(len(values) for values in axes.values()), len(variants))
     if math.prod(sizes) > MOST_RUNS:
         raise InputError(
             f"the grid has {math.prod(sizes)} runs, at most {MOST_RUNS} are allowed; fewer densities, seeds or values, "
             "for example `densities` 5:65:10, `seeds` 10"
         )
     shared = {key: values for key, values in axes.items() if not key.startswith("tracker.")}
-    own = {key: values for key, values in axes.items() if key.startswith("tracker.")}
+    beliefs = {key: values for key, values in axes.items() if key.startswith(BELIEFS)}
+    own = {key: values for key, values in axes.items() if key not in shared}
     cells = []
-    for place, varied in itertools.product(places, _combinations(shared)):
+    for place, varied, (mismatch, words) in itertools.product(places, _combinations(shared), mismatches.items()):
         # Every configuration is checked once; only the seed differs among those that follow.
         first = [
-            PlannedRun(_config(request, variant, place, seeds[0], each), variant.text, each)
+            PlannedRun(
+                _config(replace(request, settings=(*request.settings, *words)), variant, place, seeds[0], each),
+                variant.text,
+                each,
+                mismatch,
+            )
             for variant in variants
-            for each in ([varied | more for more in _combinations(own)] if variant.takes_settings else [varied])
+            for each in (varied | more for more in _combinations(own if variant.takes_settings else beliefs))
         ]
         cells += [
-            Cell(
-                tuple(
-                    PlannedRun(run.config.model_copy(update={"seed": seed}), run.variant, run.varied) for run in first
-                )
-            )
+            Cell(tuple(replace(run, config=run.config.model_copy(update={"seed": seed})) for run in first))
             for seed in seeds
         ]
     return Grid(tuple(cells), tuple(axes))
@@ -177,9 +185,23 @@ def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
     return axes
 
 
+def _mismatches(request: GridRequest) -> Mapping[str | None, tuple[str, ...]]:
+    """Return the settings of each mismatch by its name; those of none where none is asked for."""
+    if not request.mismatch:
+        return {None: ()}
+    options = {"sensor": request.sensor}
+    sensor = resolve_run_config(None, options, [word for word in request.settings if word.startswith("sensor.")]).sensor
+    return dict(mismatches(sensor_settings(sensor.profile, sensor.overrides)).items())
+
+
 def _combinations(axes: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:
     for values in itertools.product(*axes.values()):
         yield dict(zip(axes, values, strict=True))
+
+
+def _concerns_all(word: str) -> bool:
+    """Whether a setting concerns every tracker, not only those that take the grid's own."""
+    return word.startswith(BELIEFS) or not word.startswith("tracker.")
 
 
 def _config(
@@ -195,7 +217,7 @@ def _config(
         "particles": request.particles if variant.takes_settings else None,
         "seed": seed,
     }
-    settings = [word for word in request.settings if variant.takes_settings or not word.startswith("tracker.")]
+    settings = [word for word in request.settings if variant.takes_settings or _concerns_all(word)]
     words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
     try:
         return resolve_run_config(None, options, [*settings, *variant.settings, *words])

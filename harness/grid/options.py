@@ -55,9 +55,19 @@ class GridOptions(TypedDict, total=False):
         list[str] | Mapping[str, str | Sequence[float]] | None,
         Option("One more axis; repeatable.", panel=GRID, metavar="KEY=VALUES"),
     ]
+    mismatch: Annotated[
+        bool,
+        Option(
+            "Every run under a ready grid of wrong beliefs and harder worlds; one table of what each costs.",
+            panel=GRID,
+            default=False,
+        ),
+    ]
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
-    sensor: Annotated[str | None, Option("lidar, radar or camera. (default: lidar)", panel=GRID)]
+    sensor: Annotated[
+        str | None, Option("Profile: lidar, radar, camera, ...; see 'settings'. (default: lidar)", panel=GRID)
+    ]
     settings: Annotated[
         list[str] | Mapping[str, object] | None,
         Option("Any setting of config.toml for all runs.", panel=GRID, flag="--set", metavar="KEY=VALUE"),
@@ -99,6 +109,7 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         vary=tuple(_axes(options["vary"])),
         replay=tuple(map(str, files)),
         ego=options["ego"],
+        mismatch=options["mismatch"],
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
@@ -111,19 +113,22 @@ class _Worker:
         self.cells += 1
         self.idle = False
         self._now, self._since = Started(CELL), monotonic()
-        try:
+        # One that died is noticed when its answer is waited for.
+        with suppress(OSError):
             self.connection.send(cell)
-        except OSError:
-            self.gone = True
 
     def take_in(self, on_row: OnRow) -> None:
         """Take in what the worker reported; notice when it died or has taken too long."""
-        try:
-            while self.connection.poll():
-                self._take(self.connection.recv(), on_row)
-        except (EOFError, OSError):
-            self._give_up(f"the worker process died ({self._death()})", on_row)
-            return
+        while True:
+            # What `on_row` raises, such as a full disk's error, must not be taken for a worker's death.
+            try:
+                message = self.connection.recv() if self.connection.poll() else None
+            except (EOFError, OSError, pickle.UnpicklingError):
+                self._give_up(f"the worker process died ({self._death()})", on_row)
+                return
+            if message is None:
+                break
+            self._take(message, on_row)
         if self.deadline is not None and not self.idle and monotonic() > self.deadline:
             what = "traffic and sensor" if self._now.what == CELL else "the run"
             self._give_up(f"timeout: {what} took longer than {self.timeout_s:g} s", on_row)
@@ -155,7 +160,12 @@ class _Worker:
             on_row(key, failed_row(self.rest.pop(key), reason, monotonic() - self._since))
 
     def _death(self) -> str:
-        code = self.process.wait()
+        try:
+            code = self.process.wait(LONGEST_WAIT_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            return "it no longer answered"
         if code >= 0:
             self._complaints.seek(0)
             last = self._complaints.read().decode(errors="replace").strip().rpartition("\n")[2]

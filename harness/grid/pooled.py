@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.grid.cells import RECORDING
+from harness.grid.rows import column_of
 from harness.grid.summary import labelled, summed_by, sums_and_weights
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
@@ -23,8 +24,8 @@ DRAWS = 2000
 
 
 def pooled_quantities() -> list[Quantity]:
-    """Return the columns of the table: multi-object scores first, then errors, then the rest."""
-    return [quantity for quantity in quantities("mot", "mae", "hidden_outcomes") if quantity.pooled]
+    """Return the columns of the table: the headline of hidden vehicles, multi-object scores, errors, the rest."""
+    return [quantity for quantity in quantities("hidden", "mot", "mae") if quantity.pooled]
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class HiddenError:
         ratio: One over the other.
         ratio_ci95: Its interval over files.
         n: Vehicle-steps.
+        followed_percent: Share of all such vehicle-steps that the tracker follows.
     """
 
     tracker: str
@@ -71,6 +73,7 @@ class HiddenError:
     ratio: float | None
     ratio_ci95: tuple[float, float] | None
     n: int
+    followed_percent: float | None
 
 
 @dataclass(frozen=True)
@@ -165,9 +168,17 @@ def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
                 ratio=ratio,
                 ratio_ci95=ratio_interval,
                 n=int(counts.sum()),
+                followed_percent=_followed(runs, key.removeprefix(prefix) if is_bin else ""),
             )
         )
     return errors
+
+
+def _followed(runs: pd.DataFrame, number: str) -> float | None:
+    """Return the share of the hidden vehicle-steps of a bin, or of all, that the tracker follows."""
+    key = f"mae.by_seconds_hidden.{number}" if number else "hidden_outcomes"
+    share, n = column_of(runs, f"{key}.tracked_percent"), column_of(runs, f"{key}.{'hidden_n' if number else 'n'}")
+    return _ratio(*summed_by(RECORDING, runs, share * n, n))[0]
 
 
 def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[float, float] | None]:

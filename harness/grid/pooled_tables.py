@@ -30,7 +30,8 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
         "## Hidden vehicles by the time since their last detection",
         "",
         "Mean absolute longitudinal error, m; in brackets that of coasting at constant velocity, told the true "
-        "association, on the same vehicle-steps; then the ratio with its interval and the number of vehicle-steps.",
+        "association, on the same vehicle-steps; then the ratio with its interval, the number of vehicle-steps and the "
+        "share of all hidden ones that the tracker follows.",
         "",
         *_hidden_table(pooled),
         "",
@@ -78,7 +79,8 @@ def _hidden_cell(error: HiddenError) -> str:
     if error.lon_m is None or error.ratio is None:
         return "-"
     ends = f" [{error.ratio_ci95[0]:.2f}, {error.ratio_ci95[1]:.2f}]" if error.ratio_ci95 is not None else ""
-    return f"{error.lon_m:.2f} ({error.coasting_lon_m:.2f}); {error.ratio:.2f}{ends}; {error.n}"
+    followed = f", {error.followed_percent:.0f} % followed" if error.followed_percent is not None else ""
+    return f"{error.lon_m:.2f} ({error.coasting_lon_m:.2f}); {error.ratio:.2f}{ends}; {error.n}{followed}"
 
 
 OFFSET_S = 0.06

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.grid.cells import DENSITY, RECORDING, Grid, PlannedRun
+from harness.grid.cells import DENSITY, MISMATCH, RECORDING, Grid, PlannedRun
+from harness.writing.files import write_text
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -20,12 +20,11 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 TEXT_COLUMNS = (
-    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error"),
+    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error", MISMATCH),
     *(f"recording.{name}" for name in ("file", "format", "ego")),
 )
 FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")
 OUTCOME_COLUMNS = ("succeeded", "error", "total_s")
-TEMPORARY = ".partial"
 
 
 def finished_row(run: PlannedRun, metrics: Mapping[str, Any], total_s: float) -> Row:
@@ -64,20 +63,33 @@ def column_of(table: pd.DataFrame, name: str) -> FloatArray:
 def write_row(folder: Path, key: str, row: Row) -> None:
     """Write a run's row so that it is there whole or not at all."""
     final = folder / f"{key}.json"
-    temporary = folder / f"{key}.{os.getpid()}{TEMPORARY}"
-    temporary.write_text(json.dumps(row, allow_nan=False), encoding="utf-8")
-    temporary.replace(final)
+    write_text(final, json.dumps(row, allow_nan=False))
 
 
 def read_rows(folder: Path, keys: Iterable[str]) -> dict[str, Row]:
-    """Return the rows that are there, by key."""
+    """Return the rows that are there and whole, by key; a damaged one counts as not there."""
     rows = {}
     for key in keys:
-        try:
-            rows[key] = json.loads((folder / f"{key}.json").read_text(encoding="utf-8"))
-        except FileNotFoundError:
+        path = folder / f"{key}.json"
+        if not path.is_file():
             continue
+        try:
+            row = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            continue
+        if _is_row(row):
+            rows[key] = row
     return rows
+
+
+def _is_row(content: object) -> bool:
+    """Return whether a file holds what ``write_row`` writes: an outcome, and single values of the columns' types."""
+    if not isinstance(content, dict) or not isinstance(content.get("succeeded"), bool) or "error" not in content:
+        return False
+    return all(
+        value is None or isinstance(value, str if name in TEXT_COLUMNS else int | float)
+        for name, value in content.items()
+    )
 
 
 def assemble(grid: Grid, rows: Mapping[str, Row]) -> pd.DataFrame:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import InputError, RunInterruptedError
-from harness.grid.cells import RECORDING, Cell, Grid, distinct_trackers
+from harness.errors import InputError, RunError, RunInterruptedError
+from harness.grid.cells import MISMATCH, RECORDING, Cell, Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
+from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
 from harness.grid.pool import OnRow
-from harness.grid.rows import TEMPORARY, Row, assemble, read_rows, write_row
+from harness.grid.rows import Row, assemble, read_rows, write_row
 from harness.grid.summary import Break, Point, breaks, curve_points
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
+from harness.writing.files import save_figure, write_text
 from harness.writing.numbers import without_nan
 from harness.writing.progress import progress_bar
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-ROWS, RUNS, SUMMARY, TABLE, FIGURES, GRID = "runs", "runs.parquet", "summary.json", "table.md", "figures", "grid.json"
+SUMMARY, TABLE, FIGURES = "summary.json", "table.md", "figures"
 
 RunCells = Callable[[list[Cell], OnRow], None]
 
@@ -89,43 +92,63 @@ def run_stress(
     Raises:
         InputError: The grid or the folder is wrong; no run was made.
         RunInterruptedError: The user stopped it; finished runs are kept.
+        RunError: The disk is full, the cluster is lost or the like; finished runs are kept.
     """
     user = user or Telling()
     grid = plan_grid(request)
     _check_grid(grid, user.tell)
-    rows_folder = _open_folder(out, resume)
-    done = read_rows(rows_folder, (run.key for run in grid.runs))
-    if retry_failed:
-        done = {key: row for key, row in done.items() if row["succeeded"]}
-    versions = _versions(out)
-    _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
-    if done and versions != _versions(out):
-        user.warn(f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?")
-    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
-    open_cells = [cell for cell in left if cell.runs]
-    # What was made of fewer runs goes.
-    for name in (RUNS, SUMMARY, TABLE) if open_cells else ():
-        (out / name).unlink(missing_ok=True)
-    (out / GRID).write_text(json.dumps(asdict(request), indent=2) + "\n", encoding="utf-8")
-    total = len(grid.runs) - len(done)
-    title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
-    try:
-        with progress_bar(title, total, user.quiet) as advance:
+    done: dict[str, Row] = {}
+    with open_grid_folder(out, resume) as rows_folder, _ends_in_one_line(out, done, len(grid.runs)):
+        check_same_grid(out, rows_folder, {run.key for run in grid.runs})
+        there = read_rows(rows_folder, (run.key for run in grid.runs))
+        done |= {key: row for key, row in there.items() if row["succeeded"] or not retry_failed}
+        versions = _versions(out)
+        _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
+        if done and versions != _versions(out):
+            user.warn(
+                f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?"
+            )
+        write_text(out / GRID, json.dumps(asdict(request), indent=2) + "\n")
+        cells = _rest_of(grid, done)
+        # What was made of fewer runs goes.
+        for name in (RUNS, SUMMARY, TABLE) if cells else ():
+            (out / name).unlink(missing_ok=True)
+        title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
+        with progress_bar(title, len(grid.runs) - len(done), user.quiet) as advance:
 
             def keep(key: str, row: Row) -> None:
                 write_row(rows_folder, key, without_nan(row))
                 done[key] = row
                 advance()
 
-            # The longest first, so that no worker is left alone with it in the end.
-            execute(sorted(open_cells, key=lambda cell: -(cell.config.traffic.density or 0.0)), keep)
+            execute(cells, keep)
+        finished = _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
+        _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
+        return finished
+
+
+def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
+    """Return what is left to run, the longest first, so that no worker is left alone with it in the end."""
+    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
+    return sorted((cell for cell in left if cell.runs), key=lambda cell: -(cell.config.traffic.density or 0.0))
+
+
+@contextmanager
+def _ends_in_one_line(out: Path, done: Mapping[str, Row], runs: int) -> Iterator[None]:
+    """Turn an interrupt, and what the system refuses, a full disk for example, into an error that says what is kept."""
+    mend = "go on with the same command and `resume`"
+    try:
+        yield
     except KeyboardInterrupt:
-        raise RunInterruptedError(
-            f"interrupted after {len(done)} of {len(grid.runs)} runs; go on with the same command and `resume`"
-        ) from None
-    finished = _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
-    _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
-    return finished
+        raise RunInterruptedError(f"interrupted after {len(done)} of {runs} runs; {mend}") from None
+    except (OSError, MemoryError) as error:
+        problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        if isinstance(error, OSError) and error.strerror:
+            problem = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        raise RunError(
+            f"the stress test in {out} can't go on ({problem}); {len(done)} of {runs} runs are kept; "
+            f"once that is mended, {mend}"
+        ) from error
 
 
 def _check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
@@ -166,21 +189,6 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
         check_tracker(config)
 
 
-def _open_folder(out: Path, resume: bool) -> Path:
-    if out.exists() and not resume:
-        raise InputError(f"`out`: {out} exists; add `resume` to go on with it, or choose another folder")
-    rows = out / ROWS
-    if out.exists() and not rows.is_dir() and any(out.iterdir()):
-        raise InputError(f"`out`: {out} is not a stress test's folder; choose another folder")
-    try:
-        rows.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
-    for leftover in rows.glob(f"*{TEMPORARY}"):
-        leftover.unlink()
-    return rows
-
-
 def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
     write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, grid.cells[0].config.seed, runs))
 
@@ -205,12 +213,13 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
         if not rows[run.key]["succeeded"]
     ]
     (out / FIGURES).mkdir(exist_ok=True)
-    told = (_pooled if grid.is_replay else _curves)(table, grid, request, out / FIGURES, _lines(failures))
+    tell = _mismatched if request.mismatch else _pooled if grid.is_replay else _curves
+    told = tell(table, grid, request, out / FIGURES, _lines(failures))
     about = {"grid": asdict(request), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
     summary: dict[str, Any] = without_nan(about | told.numbers)
-    _replace(out / TABLE, lambda path: path.write_text(told.text, encoding="utf-8"))
-    _replace(out / SUMMARY, lambda path: path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8"))
-    _replace(out / RUNS, lambda path: write_table(table, path))
+    write_text(out / TABLE, told.text)
+    write_text(out / SUMMARY, json.dumps(summary, indent=2) + "\n")
+    write_table(table, out / RUNS)
     return FinishedGrid(out, summary, told.points, told.breaks)
 
 
@@ -230,9 +239,16 @@ def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path
     title = f"Stress test on {request.net}"
     points, broken = curve_points(table, grid.axes), breaks(table)
     for axis in dict.fromkeys(point.axis for point in points):
-        curves_figure(points, axis, title).savefig(figures / f"over_{axis.replace('.', '_')}.png")
+        save_figure(curves_figure(points, axis, title), figures / f"over_{axis.replace('.', '_')}.png")
     numbers = {"breaks": [asdict(entry) for entry in broken], "curves": [asdict(point) for point in points]}
     return _Told(numbers, as_markdown(title, points, broken, failures), points, broken)
+
+
+def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
+    from harness.grid.mismatch import costs, costs_markdown  # noqa: PLC0415
+
+    found = costs(table)
+    return _Told({"mismatches": [asdict(cost) for cost in found]}, costs_markdown(found, failures))
 
 
 def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
@@ -240,7 +256,7 @@ def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path
     from harness.grid.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
 
     pooled = pool_files(table)
-    hidden_figure(pooled).savefig(figures / "hidden.png")
+    save_figure(hidden_figure(pooled), figures / "hidden.png")
     return _Told(asdict(pooled), pooled_markdown(pooled, failures))
 
 
@@ -248,16 +264,9 @@ def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:
     return [failure["run"] + ": " + failure["error"] for failure in failures]
 
 
-def _replace(final: Path, write: Callable[[Path], object]) -> None:
-    """Write a file so that it is there whole or not at all."""
-    temporary = final.with_name(f".{final.name}{TEMPORARY}")
-    write(temporary)
-    temporary.replace(final)
-
-
 def _in_words(row: Mapping[str, Any]) -> str:
     """Return in words which run a row is of."""
-    names = ("net", "density", "demand", RECORDING, "variant", "model", "seed")
+    names = ("net", "density", "demand", RECORDING, MISMATCH, "variant", "model", "seed")
     words = [f"{name} {row[name]}" for name in names if row.get(name) is not None]
     return ", ".join(
         [*words, *(f"{key}={row[key]:g}" for key in row if key.startswith(("sensor.", "tracker.", "traffic.")))]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.grid import common_steps
 from harness.grid.rows import column_of
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import cluster_bootstrap
@@ -24,14 +25,23 @@ FEWEST_EVENTS = 20
 """With fewer occlusions at a density, over all seeds, their share says nothing."""
 
 
+FIRST = ("hidden", "gospa_remembered", "mae", "occlusion")
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms a step")
 
 
 def curve_quantities() -> list[Quantity]:
-    """Return what has curves: errors first, then what becomes of hidden vehicles, then the rest, the time last."""
+    """Return what has curves: the headline of hidden vehicles first, then errors, then identities, the time last."""
     from harness.scoring.metrics import quantities  # noqa: PLC0415  pandas is slow to import
 
-    return [*(each for each in quantities("mae", "occlusion") if each.curve), STEP_TIME]
+    return [*(each for each in quantities(*FIRST) if each.curve), STEP_TIME]
+
+
+def told_quantities() -> list[Quantity]:
+    """Return what is tabulated with intervals: all that has curves, in the same order, and more."""
+    from harness.scoring.metrics import quantities  # noqa: PLC0415
+
+    told = [each for each in quantities(*FIRST) if each.curve or each.tabled]
+    return [*told, *common_steps.QUANTITIES, STEP_TIME]
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,7 @@ class Point:
         mean: Mean over seeds; None without a sample. Errors are pooled by their samples, shares by their events.
         ci95: Bootstrap interval over seeds; None with fewer than two seeds.
         seeds: Number of seeds with a sample.
-        n: Samples or events behind it.
+        n: Samples or events behind it; of a ratio, what it is a ratio of, summed.
     """
 
     label: str
@@ -115,13 +125,13 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
         table: The rows of ``runs.parquet``.
         varied: Keys of the axes other than density and demand.
     """
-    done = labelled(table)
+    done = common_steps.with_ratios(labelled(table))
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:
         for (label, value), runs in done.groupby(["label", axis], sort=False):
             points += [
                 _point(str(label), axis, value if isinstance(value, str) else float(str(value)), quantity, runs)
-                for quantity in curve_quantities()
+                for quantity in told_quantities()
             ]
     return points
 

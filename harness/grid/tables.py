@@ -13,7 +13,17 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, points_of
+from harness.grid.coasting import COASTING
+from harness.grid.summary import (
+    BREAK_METRIC,
+    BREAK_PERCENT,
+    Break,
+    Point,
+    curve_quantities,
+    points_of,
+    told_quantities,
+)
+from harness.scoring.quantity import Quantity
 from harness.writing.markdown import markdown_table
 
 if TYPE_CHECKING:
@@ -23,14 +33,12 @@ if TYPE_CHECKING:
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
     lines = [f"# {title}", "", "Means over seeds with 95 % bootstrap intervals over seeds.", ""]
-    labels = [quantity.label for quantity in curve_quantities()]
     for axis in dict.fromkeys(point.axis for point in points):
-        lines += [
-            f"## Over {axis}",
-            "",
-            *markdown_table(["tracker", axis, *labels, "seeds"], _rows(points, axis, True)),
-            "",
-        ]
+        lines += [f"## Over {axis}", ""]
+        for heading, columns in _themes():
+            labels = [column.label for column in columns]
+            table = markdown_table(["tracker", axis, *labels, "seeds"], _rows(points, axis, columns, True))
+            lines += [heading, "", *table, ""]
     if broken:
         lines += [
             "## Where each tracker breaks",
@@ -55,7 +63,7 @@ def print_result(
         table.add_column("tracker", no_wrap=True)
         for heading in (axis.rpartition(".")[2], *(each.heading or each.label for each in curve_quantities())):
             table.add_column(heading, justify="right")
-        for row in _rows(points, axis, False):
+        for row in _rows(points, axis, curve_quantities(), False):
             table.add_row(*row[:-1])
         parts.append(table)
     parts += [Text(break_sentence(entry)) for entry in broken]
@@ -82,14 +90,37 @@ def break_sentence(entry: Break) -> str:
     return f"{where} (95 % interval {low} to {high})"
 
 
-def _rows(points: Sequence[Point], axis: str, with_intervals: bool) -> list[list[str]]:
+HIDDEN_NOTE = (
+    "All hidden vehicles that were once seen, 10 m where nobody follows, and the tracks that follow nobody "
+    "(docs/scores.md):"
+)
+FOLLOWED_NOTE = (
+    "Errors while followed, each beside the share of vehicle-steps that it is over; and on the vehicle-steps that both "
+    f"the tracker and coasting ({COASTING}, told the true association) follow:"
+)
+REST_NOTE = "Identities, sets and time:"
+THEMES = {
+    **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
+    **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),
+}
+
+
+def _themes() -> list[tuple[str, list[Quantity]]]:
+    """Return the columns of each table with what stands over it."""
+    themes: dict[str, list[Quantity]] = {HIDDEN_NOTE: [], FOLLOWED_NOTE: [], REST_NOTE: []}
+    for quantity in told_quantities():
+        themes[THEMES.get(quantity.key.partition(".")[0], REST_NOTE)].append(quantity)
+    return list(themes.items())
+
+
+def _rows(points: Sequence[Point], axis: str, columns: Sequence[Quantity], with_intervals: bool) -> list[list[str]]:
     places = dict.fromkeys((point.label, point.value) for point in points if point.axis == axis)
     rows = []
     for label, value in places:
         here = {
             point.metric: point for point in points if (point.axis, point.label, point.value) == (axis, label, value)
         }
-        cells = [value_cell(here[each.key], each.decimals, with_intervals) for each in curve_quantities()]
+        cells = [value_cell(here[each.key], each.decimals, with_intervals) for each in columns]
         place = value if isinstance(value, str) else f"{value:g}"
         rows.append([label, place, *cells, str(max(point.seeds for point in here.values()))])
     return rows

@@ -23,8 +23,9 @@ from harness.grid.rows import Row, failed_row, finished_row
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.open import OpenLooks, open_looks, tracker_builder
+from harness.running.open import OpenLooks, as_believed, open_looks, tracker_builder
 from harness.scoring import score_run
+from harness.scoring.scarce import check_scored
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +81,7 @@ def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks)
     begin = perf_counter()
     try:
         looks = open_looks(cell.config).kept()
-        coasting = coasting_errors(looks, cell.config.seed) if cell.config.replay is not None else None
+        coasting = coasting_errors(looks, cell.config.seed)
     except Exception as error:
         for run in cell.runs:
             report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
@@ -91,8 +92,8 @@ def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks)
     report(CellDone())
 
 
-def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], coasting: pd.DataFrame | None) -> Row:
-    """Return the row of one tracker, which is compared with the errors of coasting over the same looks if given."""
+def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], coasting: pd.DataFrame) -> Row:
+    """Return the row of one tracker, which is compared with the errors of coasting over the same looks."""
     begin = perf_counter()
     times = StageTimes()
 
@@ -101,12 +102,12 @@ def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], 
             on_first_step()
 
     try:
-        tables = track(looks, tracker_builder(run.config), run.config.seed, (watch,), times)
+        told = as_believed(looks, run.config)
+        tables = track(told, tracker_builder(run.config), run.config.seed, (watch,), times)
         scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
+        check_scored(scored.metrics, len(times.tracker_s))
         total_s = perf_counter() - begin
-        scores = scored.metrics | dict(looks.about)
-        if coasting is not None:
-            scores |= {"against_coasting": against_coasting(scored.errors, coasting)}
+        scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}
         timing = timing_table(times, looks.step_s, total_s)
         metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, looks.road))
         return finished_row(run, metrics, total_s)

@@ -85,13 +85,19 @@ def error_by_visibility(mae: Mapping[str, Any], title: str) -> Figure:
         highest = 0.0
         for place, state in enumerate(COLOURS):
             highest = max(highest, _bar(axes, place, state, mae[state], key))
-        axes.set_xticks(range(len(COLOURS)), [f"{NAMES[state]}\nn = {mae[state]['n'] or 0}" for state in COLOURS])
+        axes.set_xticks(range(len(COLOURS)), [_tick(state, mae[state]) for state in COLOURS], fontsize=8)
         axes.tick_params(axis="x", length=0)
         axes.set_ylim(0.0, 1.15 * highest or 1.0)
         axes.set_ylabel(label)
         strip(axes)
-    figure.suptitle(f"{title}: mean absolute error, 95 % intervals over vehicles, n samples", fontsize=11)
+    figure.suptitle(f"{title}: mean absolute error while followed, 95 % intervals over vehicles", fontsize=11)
     return figure
+
+
+def _tick(state: str, row: Mapping[str, Any]) -> str:
+    share = row.get("followed_percent")
+    followed = f"\n{share:.0f} % followed" if share is not None else ""
+    return f"{NAMES[state]}\nn = {row['n'] or 0}{followed}"
 
 
 def _bar(axes: Axes, place: int, state: str, row: Mapping[str, Any], key: str) -> float:

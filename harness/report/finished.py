@@ -14,6 +14,7 @@ import pandas as pd
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.errors import InputError
+from harness.inputs import MOST_JSON_BYTES, check_file
 from harness.runfolder import folder as runfolder
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
 from harness.sensor.profiles import SensorSettings, sensor_settings
@@ -106,9 +107,10 @@ def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
         InputError: It is missing or broken.
     """
     path = folder / runfolder.METRICS
+    check_file(path, MOST_JSON_BYTES, parameter)
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error}); make the run again") from None
     if not isinstance(metrics, dict):
         raise InputError(f"`{parameter}`: {path} is broken; make the run again")

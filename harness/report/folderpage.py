@@ -12,9 +12,12 @@ from markupsafe import Markup
 
 from harness.comparison.verdicts import BETTER, SAME, UNTESTED, WORSE
 from harness.errors import InputError
-from harness.report.page import PAGE, PageFigure, embedded, render, write_run_page
+from harness.report.page import PageFigure, embedded, page_of, render, write_run_page
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
+from harness.runfolder import ownership
+from harness.runfolder.checks import sound_tables
+from harness.writing.files import write_text
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
@@ -35,9 +38,11 @@ def write_page(folder: Path, parameter: str = "folder") -> Path:
     if not folder.is_dir():
         raise InputError(f"`{parameter}`: there is no folder {folder}")
     if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
-        return write_run_page(folder, parameter)
-    page = folder / PAGE
-    page.write_text(folder_page(folder), encoding="utf-8")
+        with sound_tables(folder, parameter):
+            return write_run_page(folder, parameter)
+    page = page_of(folder, parameter)
+    write_text(page, folder_page(folder))
+    ownership.add(folder, [page])
     return page
 
 

@@ -27,10 +27,12 @@ from harness.report.scene import (
 from harness.runfolder.tables import detections_of, floats, frame_of
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
+from harness.writing.files import save_figure
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
 WORST = 5
+GALLERY = "gallery-[0-9].png"
 HALF_WINDOW_M = 27.0
 MARGIN_M = 1.2
 PANEL_WIDTH_IN = 2.3
@@ -97,12 +99,12 @@ def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST)
 
 def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Path) -> list[Path]:
     """Write ``gallery-1.png`` and so on, one strip for each event, in place of an earlier report's."""
-    for stale in folder.glob("gallery-*.png"):
-        stale.unlink()
     paths = []
     for number, event in enumerate(events, start=1):
         paths.append(folder / f"gallery-{number}.png")
-        strip_figure(run, event).savefig(paths[-1])
+        save_figure(strip_figure(run, event), paths[-1])
+    for stale in set(folder.glob(GALLERY)) - set(paths):
+        stale.unlink()
     return paths
 
 

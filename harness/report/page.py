@@ -13,15 +13,20 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from harness.errors import InputError
 from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME, SCENE
 from harness.report.finished import RecordedRun, read_recorded_run
-from harness.report.gallery import OcclusionEvent, draw_gallery, worst_events
+from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import replay_data
 from harness.report.sentences import headlines, summary_sentences
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.runfolder import folder as runfolder
+from harness.runfolder import ownership
+from harness.writing.files import write_text
 
 PAGE = "report.html"
+MARK = b"his page is one file and needs no network"
+"""By this a page of this program's is known."""
 SCRIPTS = ("replay_frame.js", "replay_picture.js", "replay_course.js", "replay_control.js")
 FIGURES = {
     BY_VISIBILITY: "Mean absolute error for visible, partly hidden and hidden vehicles, with 95 % intervals",
@@ -72,8 +77,21 @@ def write_run_page(folder: Path, parameter: str = "folder") -> Path:
         InputError: It is no finished run's folder, or one of its files is missing or broken.
     """
     run = read_recorded_run(folder, parameter)
+    page = page_of(folder, parameter)
+    write_text(page, run_page(run))
+    ownership.add(folder, [page, *(folder / runfolder.FIGURES).glob(GALLERY)])
+    return page
+
+
+def page_of(folder: Path, parameter: str) -> Path:
+    """Return where a folder's page goes.
+
+    Raises:
+        InputError: Somebody else's page is there.
+    """
     page = folder / PAGE
-    page.write_text(run_page(run), encoding="utf-8")
+    if page.exists() and (not page.is_file() or (page.stat().st_size and MARK not in page.read_bytes())):
+        raise InputError(f"`{parameter}`: {page} was not made by this program; give it another name")
     return page
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,8 +36,8 @@ class Headline:
 
 def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
-    parts = (_setting(metrics), _in_sight(metrics), _hidden(metrics), _occlusions(metrics), _trust(metrics))
-    return [sentence for sentence in (*parts, _speed(metrics)) if sentence]
+    parts = (_setting, _in_sight, _hidden_cost, _hidden, _occlusions, _trust, _speed)
+    return [sentence for part in parts if (sentence := part(metrics))]
 
 
 def traffic_source(metrics: Metrics) -> str:
@@ -50,7 +50,7 @@ def traffic_source(metrics: Metrics) -> str:
 
 def headlines(metrics: Metrics) -> list[Headline]:
     """Return the numbers that stand at the top of the page."""
-    mae, occlusion = metrics["mae"], metrics["occlusion"]
+    mae, occlusion, hidden = metrics["mae"], metrics["occlusion"], metrics.get("hidden") or {}
     events = occlusion["events"] or 0
     kept = occlusion["same_id"] or 0
     coverage = metrics["calibration"]["coverage95"]["lon"]
@@ -62,8 +62,20 @@ def headlines(metrics: Metrics) -> list[Headline]:
             _interval_of_share(kept, events) if events else "",
             "hidden vehicles that came back on their own track",
         ),
-        _error_headline("Error, hidden", mae["hidden"], "distance between track and hidden vehicle, mean"),
-        _error_headline("Error, visible", mae["visible"], "distance between track and visible vehicle, mean"),
+        Headline(
+            "Hidden cost",
+            number(hidden.get("hidden_cost_m"), 2, " m"),
+            _between(hidden.get("hidden_cost_m_ci95"), " m"),
+            "how far off hidden vehicles are held to be, over all once seen, 10 m where nobody follows",
+        ),
+        Headline(
+            "False hidden tracks",
+            number(hidden.get("false_hidden_tracks_per_scan"), 2),
+            "a scan",
+            "tracks out of sight that follow nobody: the price of a low hidden cost",
+        ),
+        _error_headline("Error, hidden", mae["hidden"]),
+        _error_headline("Error, visible", mae["visible"]),
         Headline("HOTA, in sight", number(metrics["mot"]["hota"], 1, " %"), "one run: no interval", "100 % is perfect"),
         Headline(
             "Identity switches",
@@ -116,6 +128,17 @@ def _in_sight(metrics: Metrics) -> str:
     return (
         f"Vehicles in plain view were placed {_with_interval(visible, 'position_m', ' m')} from where they were, on "
         f"average, and in sight tracks changed vehicles {_times(mot['id_switches'])} (HOTA {mot['hota']:.1f} %)."
+    )
+
+
+def _hidden_cost(metrics: Metrics) -> str:
+    hidden = metrics.get("hidden") or {}
+    if hidden.get("hidden_cost_m") is None:
+        return ""
+    false = number(hidden["false_hidden_tracks_per_scan"], 2)
+    return (
+        f"Vehicles hidden after they were seen were held to be {_with_interval(hidden, 'hidden_cost_m', ' m')} from "
+        f"where they were, 10 m counted where no track followed, at the price of {false} false hidden tracks a scan."
     )
 
 
@@ -174,10 +197,14 @@ def _speed(metrics: Metrics) -> str:
     return f"A tracker step took {median:.0f} ms; traffic, sensor and tracker together ran {pace} real time."
 
 
-def _error_headline(label: str, row: Mapping[str, Any], note: str) -> Headline:
-    interval = row.get("position_m_ci95")
-    text = f"{interval[0]:.2f} to {interval[1]:.2f} m" if interval else ""
-    return Headline(label, number(row.get("position_m"), 2, " m"), text, note)
+def _error_headline(label: str, row: Mapping[str, Any]) -> Headline:
+    share = row.get("followed_percent")
+    note = "mean distance of vehicle and track while followed" + (f", {share:.0f} % of the time" if share else "")
+    return Headline(label, number(row.get("position_m"), 2, " m"), _between(row.get("position_m_ci95"), " m"), note)
+
+
+def _between(interval: Sequence[float] | None, unit: str) -> str:
+    return f"{interval[0]:.2f} to {interval[1]:.2f}{unit}" if interval else ""
 
 
 def _with_interval(row: Mapping[str, Any], key: str, unit: str) -> str:

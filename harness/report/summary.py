@@ -68,14 +68,16 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
 
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
-    table = Table(title="Mean absolute error by visibility", box=box.SIMPLE, title_justify="left")
+    table = Table(title="Mean absolute error while followed, by visibility", box=box.SIMPLE, title_justify="left")
     table.add_column("vehicles")
     for _, heading in MAE_COLUMNS:
         table.add_column(heading, justify="right")
+    table.add_column("followed", justify="right")
     table.add_column("samples", justify="right")
     for key, name in VISIBILITY_ROWS:
         row = mae[key]
-        table.add_row(name, *(number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS), number(row.get("n"), 0))
+        errors = (number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS)
+        table.add_row(name, *errors, number(row.get("followed_percent"), 0, " %"), number(row.get("n"), 0))
     return table
 
 

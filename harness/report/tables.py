@@ -28,13 +28,18 @@ def html_table(headings: Sequence[str], rows: Sequence[Sequence[str | Markup]]) 
 
 
 def error_table(mae: Mapping[str, Any]) -> Markup:
-    """Return the mean errors by visibility with their intervals."""
+    """Return the mean errors by visibility with their intervals and the share of vehicle-steps that they are over."""
     columns = (POSITION_COLUMN, *MAE_COLUMNS)
     rows = [
-        [name, *(_mean(mae[state], key) for key, _ in columns), _count(mae[state].get("n"))]
+        [
+            name,
+            *(_mean(mae[state], key) for key, _ in columns),
+            number(mae[state].get("followed_percent"), 0, " %"),
+            _count(mae[state].get("n")),
+        ]
         for state, name in VISIBILITY_ROWS
     ]
-    return html_table(["vehicles", *(heading for _, heading in columns), "samples"], rows)
+    return html_table(["vehicles", *(heading for _, heading in columns), "followed", "samples"], rows)
 
 
 def hidden_table(mae: Mapping[str, Any]) -> Markup:

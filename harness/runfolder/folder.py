@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -9,15 +10,21 @@ import re
 import shutil
 import tomllib
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from harness.errors import InputError
+from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
+from harness.runfolder import ownership
+from harness.runfolder.checks import check_kinds, read_parquet
+from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
+from harness.writing.files import write_text
 from mmpf.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -34,6 +41,7 @@ FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
 INCOMPLETE_SUFFIX = ".incomplete"
+MOST_POINTS, MOST_LANES, FARTHEST_M = 100_000, 1000, 1e8
 
 
 @dataclass(frozen=True)
@@ -44,29 +52,53 @@ class PendingFolder:
         path: Where files are written now.
         final: The name that a finished run gets.
         force: Whether it may replace an earlier run there.
+        lock: Keeps other processes off the final name; None where nobody asked for that name.
     """
 
     path: Path
     final: Path
     force: bool = False
+    lock: FolderLock | None = None
+
+    @property
+    def replaced(self) -> str | None:
+        """What will be removed for this folder, in words; None if nothing."""
+        return ownership.described(self.final) if self.force and self.final.exists() else None
 
     def finish(self) -> Path:
         """Give the folder its final name and return it; if another run took that name meanwhile, the next free one."""
-        if self.force and self.final.exists():
-            shutil.rmtree(self.final)
-        return self.path.rename(_first_free(self.final))
+        ownership.record_all(self.path, ownership.RUN)
+        if not (self.force and self.final.exists() and _is_replaceable(self.final)):
+            # Also where somebody's files came into the folder since the run began: they stay, and so does the run.
+            return self._take_name(self.final)
+        aside = self.final.with_name(f".{self.final.name}.replaced-{os.getpid()}@{platform.node()}")
+        self.final.rename(aside)
+        taken = self._take_name(self.final)
+        ownership.remove(aside)
+        return taken
 
     def leave_incomplete(self) -> Path:
         """Give the folder a name that tells that the run did not end, and return it."""
+        ownership.record_all(self.path, ownership.RUN)
         marked = self.final.with_name(self.final.name + INCOMPLETE_SUFFIX)
-        if marked.exists():
-            shutil.rmtree(marked)
-        self.path.rename(marked)
-        return marked
+        if marked.exists() and _is_replaceable(marked):
+            ownership.remove(marked)
+        return self._take_name(marked)
 
     def discard(self) -> None:
         """Remove the folder."""
         shutil.rmtree(self.path, ignore_errors=True)
+        self._release()
+
+    def _take_name(self, wanted: Path) -> Path:
+        try:
+            return self.path.rename(_first_free(wanted))
+        finally:
+            self._release()
+
+    def _release(self) -> None:
+        if self.lock is not None:
+            self.lock.release()
 
 
 def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFolder:
@@ -79,20 +111,48 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         force: Whether an earlier run in ``out`` may be replaced.
 
     Raises:
-        InputError: The folder exists and may not be replaced, or can't be written.
+        InputError: The folder exists and may not be replaced, can't be written, or another process is writing it.
     """
-    final = out if out is not None else _first_free(DEFAULT_PARENT / default_name)
-    if final.exists() and not force:
-        raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
-    if final.exists() and not _may_be_replaced(final):
-        raise InputError(f"`out`: {final} is not a run's folder, so `force` leaves it alone; choose another folder")
+    final = _first_free(DEFAULT_PARENT / default_name) if out is None else out if out.name else out.resolve()
+    try:
+        _check_free(final, force)
+        final.parent.mkdir(parents=True, exist_ok=True)
+        lock = lock_beside(final, "out") if out is not None else None
+    except OSError as error:
+        raise _not_writable(final, error) from None
     pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
-        pending.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"`out`: can't write in {final.parent}: {error.strerror}; choose another folder") from None
+        # Whoever held the lock a moment ago may have finished.
+        _check_free(final, force)
+        pending.mkdir()
+        ownership.claim(pending, ownership.RUN)
+    except (OSError, InputError) as error:
+        with suppress(OSError):
+            pending.rmdir()
+        if lock is not None:
+            lock.release()
+        raise error if isinstance(error, InputError) else _not_writable(final, error) from None
     _remove_leftovers(final.parent)
-    return PendingFolder(path=pending, final=final, force=force)
+    return PendingFolder(path=pending, final=final, force=force, lock=lock)
+
+
+def _check_free(final: Path, force: bool) -> None:
+    if os.path.lexists(final):
+        if not force:
+            raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
+        ownership.check_replaceable(final, ownership.RUN, "out")
+
+
+def _not_writable(final: Path, error: OSError) -> InputError:
+    return InputError(f"`out`: can't write in {final.parent}: {error.strerror}; choose another folder")
+
+
+def _is_replaceable(folder: Path) -> bool:
+    try:
+        ownership.check_replaceable(folder, ownership.RUN, "out")
+    except (InputError, OSError):
+        return False
+    return True
 
 
 def is_run_folder(path: Path) -> bool:
@@ -106,9 +166,10 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: The folder is not a run's folder, or the run did not end.
     """
+    check_file(folder / MANIFEST, MOST_JSON_BYTES, parameter)
     try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        manifest = json.loads(read_regular(folder / MANIFEST))
+    except (OSError, ValueError, RecursionError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
         raise InputError(f"`{parameter}`: the run in {folder} did not end; run it again")
@@ -121,9 +182,10 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: It can't be read.
     """
+    check_file(folder / CONFIG, MOST_SETTINGS_BYTES, parameter)
     try:
-        return tomllib.loads((folder / CONFIG).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        return tomllib.loads(read_regular(folder / CONFIG))
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
 
 
@@ -140,21 +202,36 @@ def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]
         InputError: It is missing, truncated, not parquet, or lacks columns.
     """
     path = folder / name
+    if path.exists() and not path.is_file():
+        raise InputError(f"`{parameter}`: {path} is no file; make the run again")
     try:
-        table: pd.DataFrame = pq.read_table(path).to_pandas()
+        table = read_parquet(path, parameter)
     except FileNotFoundError:
         raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
-    except (OSError, pa.ArrowException):
+    except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError):
         raise InputError(f"`{parameter}`: {path} is truncated or damaged; make the run again") from None
     missing = [column for column in columns if column not in table]
     if missing:
         raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
+    check_kinds(table, columns, f"`{parameter}`: {path}")
     return table
+
+
+def read_regular(path: Path) -> str:
+    """Return a text file's content.
+
+    Raises:
+        OSError: It can't be read, or is no file: reading a pipe would wait for ever.
+        ValueError: It is not UTF-8.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file", str(path))
+    return path.read_text(encoding="utf-8")
 
 
 def write_road(road: Road, path: Path) -> None:
     """Write a road so that a replay needs no network."""
-    path.write_text(json.dumps(asdict(road), indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(asdict(road), indent=1) + "\n")
 
 
 def read_road(path: Path, parameter: str) -> Road:
@@ -167,21 +244,42 @@ def read_road(path: Path, parameter: str) -> Road:
     Raises:
         InputError: The file is missing or broken.
     """
+    check_file(path, MOST_JSON_BYTES, parameter)
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
-        return Road(
+        fields = json.loads(read_regular(path))
+        road = Road(
             lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
             reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),
             reference_start_m=float(fields["reference_start_m"]),
             section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
         )
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        _check_road(road)
+        return road
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None
+
+
+def _check_road(road: Road) -> None:
+    """Refuse, with a ValueError, a road that nobody can drive on."""
+    points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
+    if not 2 <= len(points) <= MOST_POINTS or not (np.abs(points) <= FARTHEST_M).all():
+        raise ValueError("its reference line needs two points or more in metres")
+    if (np.hypot(*np.diff(points, axis=0).T) <= 0.0).any():
+        raise ValueError("its reference line has a point twice")
+    ends = (*road.section_m, road.reference_start_m)
+    if not all(abs(value) <= FARTHEST_M for value in ends) or road.section_m[0] >= road.section_m[1]:
+        raise ValueError("its section is empty or not finite")
+    if not 1 <= len(road.lanes) <= MOST_LANES:
+        raise ValueError(f"it has {len(road.lanes)} lanes")
+    for lane in road.lanes:
+        within = -FARTHEST_M <= lane.right_m < lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
+        if not within or not isinstance(lane.number, int):
+            raise ValueError(f"lane {lane.number} has no width or length")
 
 
 def _first_free(path: Path) -> Path:
     candidate, number = path, 2
-    while candidate.exists():
+    while os.path.lexists(candidate):
         candidate = path.with_name(f"{path.name}-{number}")
         number += 1
     return candidate
@@ -189,12 +287,17 @@ def _first_free(path: Path) -> Path:
 
 def _remove_leftovers(parent: Path) -> None:
     """Remove the folders of runs that were killed: those whose process, of this machine, lives no more."""
-    ours = re.compile(rf"\..+\.running-([0-9]+)@{re.escape(platform.node())}")
-    for folder in parent.glob(".*.running-*"):
+    ours = re.compile(rf"\..+\.(?:running|replaced)-([0-9]+)@{re.escape(platform.node())}")
+    remove_stale_locks(parent)
+    for folder in parent.glob(".*"):
         name = ours.fullmatch(folder.name)
         if name is None or _lives(int(name.group(1))):
             continue
-        if folder.is_dir() and not folder.is_symlink() and (is_run_folder(folder) or not any(folder.iterdir())):
+        if folder.is_symlink() or not folder.is_dir():
+            continue
+        if ".replaced-" in folder.name:
+            ownership.remove(folder)
+        elif is_run_folder(folder) or ownership.kind_of(folder) == ownership.RUN or not any(folder.iterdir()):
             shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -208,9 +311,3 @@ def _lives(process: int) -> bool:
     except (OSError, OverflowError):
         return True
     return True
-
-
-def _may_be_replaced(folder: Path) -> bool:
-    if not folder.is_dir():
-        return False
-    return (folder / MANIFEST).is_file() or not any(folder.iterdir())

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from harness.writing.files import write_text
+
 PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
 
 
@@ -51,7 +53,7 @@ def write_manifest(path: Path, facts: RunFacts) -> None:
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
         "wall_times_s": {name: round(seconds, 3) for name, seconds in facts.wall_times_s.items()},
     }
-    path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(manifest, indent=2) + "\n")
 
 
 def _version(package: str) -> str | None:

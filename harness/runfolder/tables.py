@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 
 from harness.sensor.observation import VISIBILITY_STATES, Look
 from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
+from harness.writing.files import replacing
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodySizes, Detections
 from mmpf.tracks import TRACK_STATES, Tracks
@@ -94,7 +95,8 @@ class ColumnRecorder:
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as parquet; the same table gives the same bytes."""
     columns = {name: _arrow_column(table[name].to_numpy()) for name in table}
-    pq.write_table(pa.table(columns), path, compression="zstd")
+    with replacing(path) as temporary:
+        pq.write_table(pa.table(columns), temporary, compression="zstd")
 
 
 def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:

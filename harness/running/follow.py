@@ -14,6 +14,7 @@ from harness.running.looks import Looks, Streams
 from harness.running.memory import keep_freed_memory
 from harness.sensor.observation import Look, Observation
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
+from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
 TrackerBuilder = Callable[[TrackerSetting], AnyTracker]
@@ -104,7 +105,8 @@ class _EpisodeTrackers:
 
     def step(self, observation: Observation) -> Tracks:
         """Give the tracker one scan and make its identities unique over the run."""
-        tracks = step_tracker(self.tracker, observation.scan, observation.truth_id)
+        scan = _as_believed(observation.scan, self.looks.noise_factor)
+        tracks = step_tracker(self.tracker, scan, observation.truth_id)
         if not len(tracks):
             return tracks
         unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
@@ -120,4 +122,26 @@ class _EpisodeTrackers:
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
             scan = replace(observation.scan, time_s=observation.scan.time_s + step * self.looks.step_s)
-            step_tracker(rehearsal, scan, observation.truth_id)
+            step_tracker(rehearsal, _as_believed(scan, self.looks.noise_factor), observation.truth_id)
+
+
+def _as_believed(scan: Scan, noise_factor: float) -> Scan:
+    """Return a scan whose detections report that many times the deviations."""
+    if noise_factor == 1.0:
+        return scan
+    detections = scan.detections
+    sizes = detections.sizes
+    if sizes is not None:
+        sizes = replace(
+            sizes,
+            std_length_m=noise_factor * sizes.std_length_m,
+            std_width_m=noise_factor * sizes.std_width_m,
+        )
+    believed = replace(
+        detections,
+        std_lon_m=noise_factor * detections.std_lon_m,
+        std_lat_m=noise_factor * detections.std_lat_m,
+        std_speed_mps=noise_factor * detections.std_speed_mps,
+        sizes=sizes,
+    )
+    return replace(scan, detections=believed)

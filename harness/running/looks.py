@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from harness.errors import RunError
+from harness.errors import InputError, RunError
 from harness.sensor.observation import Look, Observation, Sensor
 from harness.truth.frame import Frame, TruthSource
 from mmpf.road import Road
@@ -51,6 +51,7 @@ class Looks:
         files: The files that decided them, by a name for the manifest.
         report: What the user should know about them; empty if nothing.
         about: Tables about them for ``metrics.json``, by name.
+        noise_factor: Factor on the deviations that detections report, as trackers are shown them.
     """
 
     road: Road
@@ -62,6 +63,23 @@ class Looks:
     files: Mapping[str, Path] = field(default_factory=dict)
     report: str = ""
     about: Mapping[str, object] = field(default_factory=dict)
+    noise_factor: float = 1.0
+
+    def believed(self, sheet: Mapping[str, float], noise_factor: float | None) -> Looks:
+        """Return the same looks of which trackers are told something else.
+
+        Args:
+            sheet: Values in place of those of the data sheet, by name.
+            noise_factor: Factor on the deviations that detections report to trackers; None for none.
+
+        Raises:
+            InputError: Together with the data sheet the values make no sense.
+        """
+        try:
+            sensor = replace(self.sensor, **sheet)
+        except ValueError as error:
+            raise InputError(f"`tracker.believes`: {error}") from None
+        return replace(self, sensor=sensor, noise_factor=1.0 if noise_factor is None else noise_factor)
 
     def __iter__(self) -> Iterator[Look]:
         return iter(self.stream)

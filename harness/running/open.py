@@ -15,14 +15,13 @@ from harness.runfolder import folder as runfolder
 from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, Streams, look_at
 from harness.running.replay import read_looks
-from harness.sensor.detector import build_sensor
+from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from mmpf.registry import UnknownNameError
 from mmpf.road import highway
-from mmpf.scan import SensorModel
 
 if TYPE_CHECKING:
     from harness.truth.network.network import Network
@@ -82,7 +81,9 @@ def _simulated(config: RunConfig, gui: bool) -> Looks:
         seed=Streams.from_seed(config.seed).truth,
         gui=gui,
     )
-    return replace(look_at(truth, sensor, config.seed), files=_network_files(network))
+    left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
+    report = f"left out of {network.name}: {', '.join(left_out)}" if left_out else ""
+    return replace(look_at(truth, sensor, config.seed), files=_network_files(network), report=report)
 
 
 def _sensor(config: RunConfig) -> Sensor:
@@ -119,7 +120,24 @@ def check_tracker(config: RunConfig) -> None:
     Raises:
         InputError: There is no such tracker or it refuses its options.
     """
-    tracker_builder(config)(TrackerSetting(road=highway(), sensor=SensorModel(), rng=np.random.default_rng(0)))
+    try:
+        settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
+        sensor = replace(data_sheet(settings), **config.tracker.believes.sheet())
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"`tracker.believes`: {error}") from None
+    tracker_builder(config)(TrackerSetting(road=highway(), sensor=sensor, rng=np.random.default_rng(0)))
+
+
+def as_believed(looks: Looks, config: RunConfig) -> Looks:
+    """Return the looks of which the tracker is told what the configuration lets it believe.
+
+    Raises:
+        InputError: Together with the data sheet the beliefs make no sense.
+    """
+    believes = config.tracker.believes
+    return looks.believed(believes.sheet(), believes.noise_factor)
 
 
 def tracker_builder(config: RunConfig) -> TrackerBuilder:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from harness.config.model import RunConfig
 from harness.runfolder import folder as runfolder
+from harness.runfolder.checks import sound_tables
 from harness.runfolder.tables import DETECTION_NUMBERS, TRUTH_NUMBERS, detections_of, frame_of
 from harness.running.looks import Looks, timed_looks
 from harness.sensor.detector import build_sensor
@@ -20,6 +21,7 @@ from mmpf.road import Road
 from mmpf.scan import Scan
 
 PARAMETER = "replay"
+FARTHEST, SIZES_M = 1e8, (0.1, 60.0)
 FRAME_COLUMNS = ("step", "time_s", "episode", "vehicle_id", *TRUTH_NUMBERS, "is_ego")
 OBSERVATION_COLUMNS = ("visible_fraction", "occluder_id", "in_range", "state")
 DETECTION_COLUMNS = ("step", *DETECTION_NUMBERS, "visible_fraction", "truth_id")
@@ -36,11 +38,17 @@ def read_looks(folder: Path, config: RunConfig) -> Looks:
     Raises:
         InputError: The folder is no finished run, or one of its files is missing, truncated or broken.
     """
+    with sound_tables(folder, PARAMETER):
+        return _looks(folder, config)
+
+
+def _looks(folder: Path, config: RunConfig) -> Looks:
     runfolder.read_manifest(folder, PARAMETER)
     truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER, (*FRAME_COLUMNS, *OBSERVATION_COLUMNS))
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER, DETECTION_COLUMNS)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
+    _check_content(truth, detections)
     times = np.unique(truth["time_s"].to_numpy(dtype=np.float64))
     truth_at, detections_at = _by_step(truth), _by_step(detections)
 
@@ -56,6 +64,40 @@ def read_looks(folder: Path, config: RunConfig) -> Looks:
         stream=timed_looks(map(frame_of, truth_at.values()), observe),
         files={f"replay/{name}": folder / name for name in RECORDED},
     )
+
+
+def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
+    """Refuse a recording over which a tracker or a score would stumble later.
+
+    Raises:
+        ValueError: Truth is empty, lacks an ego, or holds what no vehicle or detection is.
+    """
+    if not len(truth):
+        raise ValueError("there is no vehicle in the truth")
+    numbers = truth[[*TRUTH_NUMBERS, "time_s"]].to_numpy(dtype=np.float64)
+    if not (np.abs(numbers) <= FARTHEST).all():
+        raise ValueError("the truth holds a value that is not finite or beyond any road")
+    sizes = truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)
+    if not ((sizes > SIZES_M[0]) & (sizes < SIZES_M[1])).all():
+        raise ValueError(f"a vehicle's size is not within {SIZES_M[0]:g} to {SIZES_M[1]:g} m")
+    egos = truth.groupby("step")["is_ego"].sum()
+    if not (egos == 1).all():
+        raise ValueError(f"step {egos.index[egos != 1][0]} has {egos[egos != 1].iloc[0]} egos")
+    if truth.duplicated(["step", "vehicle_id"]).any():
+        raise ValueError("a vehicle is twice in one step")
+    times = truth.groupby("step")["time_s"].agg(["min", "max"]).to_numpy(dtype=np.float64)
+    if (times[:, 0] != times[:, 1]).any() or (np.diff(times[:, 0]) <= 0.0).any():
+        raise ValueError("the times of the steps do not ascend")
+    if not set(truth["state"]) <= set(VISIBILITY_STATES):
+        raise ValueError("a state is none of " + ", ".join(VISIBILITY_STATES))
+    if not (truth["visible_fraction"].between(0.0, 1.0)).all():
+        raise ValueError("a visible fraction is not one of 0 to 1")
+    measured = detections[["lon_m", "lat_m", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
+    if not (np.abs(measured) <= FARTHEST).all() or not (measured[:, 2:] > 0.0).all():
+        raise ValueError("a detection is not finite, or its deviation is not positive")
+    speed = detections[["speed_mps", "std_speed_mps"]].to_numpy(dtype=np.float64)
+    if np.isinf(speed).any() or (speed[:, 1] <= 0.0).any():
+        raise ValueError("a measured speed is not finite, or its deviation is not positive")
 
 
 def _by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:

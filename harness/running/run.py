@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
+from harness.ends import told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
@@ -22,9 +23,11 @@ from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks, Streams
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.open import OpenLooks, check_tracker, open_looks, tracker_builder
+from harness.running.open import OpenLooks, as_believed, check_tracker, open_looks, tracker_builder
 from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
 from harness.scoring import ScoredRun, score_run
+from harness.scoring.scarce import check_scored
+from harness.writing.files import write_text
 from harness.writing.numbers import as_json
 from harness.writing.progress import progress_bar
 from mmpf.road import Road
@@ -110,23 +113,27 @@ def run(
     check_tracker(config)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     attempt = _Attempt(config, pending.path, command)
+    if pending.replaced is not None and not quiet:
+        sys.stderr.write(f"when this run is done it replaces {pending.replaced}\n")
     try:
         metrics = attempt.complete(open_looks, draw, quiet)
-        return FinishedRun(folder=pending.finish(), metrics=metrics)
+        with _uninterrupted():
+            return FinishedRun(folder=pending.finish(), metrics=metrics)
     except InputError:
         pending.discard()
         raise
     except (KeyboardInterrupt, Exception) as error:
         if is_interrupt(error):
             raise _interrupted(attempt, pending) from None
-        if isinstance(error, RunError) and not attempt.recorder.steps:
+        if isinstance(error, RunError | OSError | MemoryError) and not attempt.recorder.steps:
             pending.discard()
-            raise
-        folder = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
-        words = str(error) if isinstance(error, RunError) else f"{type(error).__name__}: {error}"
+            if isinstance(error, RunError):
+                raise
+            raise RunError(f"the run failed before its first step: {_in_words(error)}") from error
+        left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
         raise RunError(
-            f"the run failed after {attempt.recorder.steps} steps: {words}; the finished steps "
-            f"and the traceback (manifest.json) are in {folder}"
+            f"the run failed after {attempt.recorder.steps} steps: {_in_words(error)}; "
+            f"{left.replace('steps are', 'steps and the traceback (manifest.json) are')}"
         ) from error
     finally:
         attempt.close()
@@ -134,6 +141,8 @@ def run(
 
 def is_interrupt(error: BaseException) -> bool:
     """Return whether Ctrl-C is behind an error: compiled code that it stops may raise a SystemError from it."""
+    if told_to_end():
+        return True
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, KeyboardInterrupt):
@@ -147,15 +156,29 @@ def _interrupted(attempt: _Attempt, pending: runfolder.PendingFolder) -> RunInte
     if not attempt.recorder.steps:
         pending.discard()
         return RunInterruptedError("interrupted before the first step; nothing is kept")
-    folder = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
-    return RunInterruptedError(f"interrupted after {attempt.recorder.steps} steps; the finished steps are in {folder}")
+    left = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
+    return RunInterruptedError(f"interrupted after {attempt.recorder.steps} steps; {left}")
 
 
-def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> Path:
+def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> str:
+    """Keep the finished steps if the disk takes them, and return in words what became of them."""
     with _uninterrupted():
-        attempt.write_tables(attempt.recorder.tables())
-        attempt.write_manifest(status, problem)
-        return pending.leave_incomplete()
+        try:
+            attempt.write_tables(attempt.recorder.tables())
+            attempt.write_manifest(status, problem)
+            return f"the finished steps are in {pending.leave_incomplete()}"
+        except (OSError, MemoryError) as error:
+            # A folder that lacks some of its tables is of no use, and takes room that there is none of.
+            pending.discard()
+            return f"the finished steps could not be kept ({_in_words(error)})"
+
+
+def _in_words(error: BaseException) -> str:
+    if isinstance(error, RunError):
+        return str(error)
+    if isinstance(error, OSError):
+        return f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 
 @dataclass
@@ -187,6 +210,7 @@ class _Attempt:
         tables = self.recorder.tables()
         with self._timed("score"):
             scored = score_run(tables.truth, tables.detections, tables.tracks, self.config.seed)
+            check_scored(scored.metrics, self.recorder.steps)
         with self._timed("write"):
             self.write_tables(tables)
             write_table(scored.errors, self.folder / runfolder.ERRORS)
@@ -200,7 +224,7 @@ class _Attempt:
             timing_table(self.times, looks.step_s, perf_counter() - begin, self.diagnostics.stages_ms),
             traffic_table(tables.truth, looks.road),
         )
-        (self.folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
+        write_text(self.folder / runfolder.METRICS, as_json(metrics))
         self.write_manifest(runfolder.COMPLETE, None)
         if draw is not None:
             draw.page(self.folder)
@@ -233,7 +257,8 @@ class _Attempt:
         stream = Streams.from_seed(self.config.seed).tracker
         with progress_bar("tracking", looks.expected_steps, quiet) as advance:
             watchers = (self.moment.watch, self.diagnostics.watch, self.particles.watch, lambda *_: advance())
-            follow(looks, tracker_builder(self.config), self.recorder, stream, watchers, self.times)
+            told = as_believed(looks, self.config)
+            follow(told, tracker_builder(self.config), self.recorder, stream, watchers, self.times)
         if not self.recorder.steps:
             raise InputError(
                 "the traffic has no ego vehicle in the section; choose another demand, density or duration"
@@ -254,12 +279,14 @@ class _Attempt:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Let no second Ctrl-C cut short what is being saved after the first."""
+    """Let no second Ctrl-C, SIGTERM or SIGHUP cut short what is being saved after the first."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    previous = [signal.signal(end, signal.SIG_IGN) for end in ends]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for end, handler in zip(ends, previous, strict=True):
+            signal.signal(end, handler)

@@ -61,8 +61,7 @@ def error_table(
         std_lon_m, std_lat_m, std_speed_mps, matched_by ("gate", "identity" or ""), outcome. Sorted by step and vehicle.
     """
     vehicles, tracks = rows.truth, rows.tracks
-    kept = np.flatnonzero(vehicles.in_range & (vehicles.state != OUT) & history.remembered(settings))
-    kept = kept[np.lexsort((vehicles.vehicle[kept], vehicles.step[kept]))]
+    kept = scored_rows(rows, history, settings)
     hidden = vehicles.state[kept] == HIDDEN
     track_row = np.where(hidden, matching.holder_row[kept], matching.track_row[kept])
     followed = track_row >= 0
@@ -93,6 +92,13 @@ def error_table(
             "outcome": _labels(outcome, OUTCOMES),
         }
     )
+
+
+def scored_rows(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) -> IntArray:
+    """Return the truth rows that the error table has a row for, in its order, shape (n,)."""
+    vehicles = rows.truth
+    kept = np.flatnonzero(vehicles.in_range & (vehicles.state != OUT) & history.remembered(settings))
+    return kept[np.lexsort((vehicles.vehicle[kept], vehicles.step[kept]))]
 
 
 def error_arrays(errors: pd.DataFrame) -> ErrorArrays:

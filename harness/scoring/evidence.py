@@ -9,6 +9,7 @@ import pandas as pd
 
 from harness.scoring.errors import ErrorArrays, error_arrays, error_table
 from harness.scoring.events import OcclusionEvents, occlusion_events
+from harness.scoring.following import Following, follow
 from harness.scoring.history import DetectionHistory, detection_history
 from harness.scoring.matching import Matching, match
 from harness.scoring.pairs import Pairs, near_pairs
@@ -31,6 +32,7 @@ class Evidence:
         events: The occlusion events.
         in_sight: Vehicles and tracks in sight.
         remembered: Vehicles detected within the memory, and all tracks.
+        following: Which track follows which of the vehicles that were once seen, hidden ones included.
         settings: The numbers of the rules.
         seed: Seed of the run.
     """
@@ -44,6 +46,7 @@ class Evidence:
     events: OcclusionEvents
     in_sight: MotSequence
     remembered: MotSequence
+    following: Following
     settings: ScoringSettings
     seed: int
 
@@ -71,6 +74,7 @@ def gather(
         events=occlusion_events(rows, matching, settings),
         in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs, settings)),
         remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs, settings)),
+        following=follow(rows, history, settings),
         settings=settings,
         seed=seed,
     )

@@ -3,18 +3,42 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from harness.scoring.assignment import best_assignment
 from harness.scoring.evidence import Evidence
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import MotSequence
 
-QUANTITIES = (Quantity("gospa.mean", "GOSPA, m", compared=True),)
+IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m", tabled=True),)
+REMEMBERED = (
+    Quantity("gospa_remembered.mean", "GOSPA remembered, m", pooled="gospa_remembered_m", tabled=True, reported=True),
+    Quantity("gospa_remembered.localisation", "of it localisation, m", tabled=True, reported=True),
+    Quantity("gospa_remembered.missed", "of it missed, m", tabled=True, reported=True),
+    Quantity("gospa_remembered.false", "of it false, m", tabled=True, reported=True),
+)
+PARTS = ("mean", "localisation", "missed", "false")
 
 
 def gospa_in_sight(evidence: Evidence) -> dict[str, float]:
     """Return the scores over vehicles in sight; see ``gospa``."""
     return gospa(evidence.in_sight, evidence.settings.gospa_cutoff_m, evidence.settings.gospa_order)
+
+
+def gospa_remembered(evidence: Evidence) -> dict[str, float]:
+    """Return the scores over all vehicles once seen, hidden ones too, and all reported tracks; see ``gospa``.
+
+    The cut-off is that of ``harness.scoring.following``, so that a hidden vehicle's track may be metres off; the
+    order is 1.
+    """
+    following, rows = evidence.following, evidence.rows
+    truth_step, track_step, steps = rows.truth.step, rows.tracks.step, len(rows.time_s)
+    followed = following.counted & (following.track_row >= 0)
+    half = 0.5 * following.cutoff_m
+    localisation = np.bincount(truth_step[followed], weights=following.distance_m[followed], minlength=steps)
+    missed = half * np.bincount(truth_step[following.counted & ~followed], minlength=steps)
+    false = half * np.bincount(track_step[following.idle], minlength=steps)
+    return _means(localisation, missed, false, 1.0)
 
 
 def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, float]:
@@ -31,8 +55,6 @@ def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, flo
         and each track without a vehicle. For order 1 all are metres, and the three parts add up to the mean.
     """
     steps = sequence.steps
-    if steps == 0:
-        return dict.fromkeys(("mean", "localisation", "missed", "false"), np.nan)
     distance_m = sequence.pair_distance_m
     near = np.flatnonzero(distance_m < cutoff_m)
     gain = cutoff_m**order - distance_m[near] ** order
@@ -43,6 +65,12 @@ def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, flo
     half = 0.5 * cutoff_m**order
     missed = half * (np.bincount(sequence.truth_step, minlength=steps) - assigned)
     false = half * (np.bincount(sequence.track_step, minlength=steps) - assigned)
-    total = (localisation + missed + false) ** (1.0 / order)
-    parts = {"mean": total, "localisation": localisation, "missed": missed, "false": false}
-    return {name: float(part.mean()) for name, part in parts.items()}
+    return _means(localisation, missed, false, order)
+
+
+def _means(localisation: npt.ArrayLike, missed: npt.ArrayLike, false: npt.ArrayLike, order: float) -> dict[str, float]:
+    """Return the means over steps of the metric and of its parts, each of shape (steps,)."""
+    parts = np.array([localisation, missed, false], dtype=np.float64)
+    whole = np.vstack([parts.sum(axis=0) ** (1.0 / order), parts])
+    means = whole.mean(axis=1) if whole.shape[1] else np.full(len(PARTS), np.nan)
+    return dict(zip(PARTS, means.tolist(), strict=True))

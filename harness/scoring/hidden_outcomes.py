@@ -11,10 +11,7 @@ from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import IntArray
 
 TRACKED_PERCENT = "hidden_outcomes.tracked_percent"
-QUANTITIES = (
-    Quantity(TRACKED_PERCENT, "hidden tracked, %", higher_is_better=True, compared=True),
-    Quantity(TRACKED_PERCENT, "hidden and followed, %", True, weight="hidden_outcomes.n", pooled="hidden_followed"),
-)
+QUANTITIES = (Quantity(TRACKED_PERCENT, "hidden tracked, %", higher_is_better=True, compared=True),)
 
 
 def outcomes_while_hidden(evidence: Evidence) -> dict[str, float]:

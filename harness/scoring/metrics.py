@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.scoring import calibration, coverage, gospa, hidden_outcomes, mae, mot, occlusion
+from harness.scoring import calibration, coverage, gospa, hidden_cost, hidden_outcomes, mae, mot, occlusion
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import ScoringSettings
@@ -55,10 +55,12 @@ def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
     return file_under_name
 
 
+register("hidden", *hidden_cost.QUANTITIES)(hidden_cost.cost_of_hidden)
 register("mae", *mae.QUANTITIES)(mae.mean_errors_by_visibility)
 register("mot", *mot.IN_SIGHT)(mot.scores_in_sight)
 register("mot_all", *mot.REMEMBERED)(mot.scores_remembered)
-register("gospa", *gospa.QUANTITIES)(gospa.gospa_in_sight)
+register("gospa", *gospa.IN_SIGHT)(gospa.gospa_in_sight)
+register("gospa_remembered", *gospa.REMEMBERED)(gospa.gospa_remembered)
 register("occlusion", *occlusion.QUANTITIES)(occlusion.occlusion_outcomes)
 register("calibration")(calibration.calibration_by_visibility)
 register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(hidden_outcomes.outcomes_while_hidden)

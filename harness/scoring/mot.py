@@ -23,7 +23,7 @@ IN_SIGHT = (
     Quantity(IDF1, "IDF1 in sight, %", True, heading="IDF1 %", compared=True, ablated=True, reported=True),
     Quantity(IDF1, "IDF1 in sight, %", True, weight=TRUTH_N, pooled="idf1"),
     Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", reported=True),
-    Quantity(SWITCHES, "identity switches a run", ablated=True),
+    Quantity(SWITCHES, "identity switches a run", heading="switches", curve=True, ablated=True),
     Quantity(SWITCHES, "identity switches in sight", decimals=0, heading="switches", reported=True),
     Quantity(
         SWITCHES, "identity switches a vehicle-minute",

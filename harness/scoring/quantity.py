@@ -23,6 +23,7 @@ class Quantity:
         scale: Given where the number is a count: what count over ``weight`` is multiplied by, 100 for percent.
         compared: Whether ``compare`` gives a verdict on it.
         curve: Whether ``stress`` draws and tabulates it over each axis, under ``heading``.
+        tabled: Whether ``stress`` tabulates it with its interval over seeds without drawing it.
         pooled: What it is called in the pooled scores over recorded traffic; empty leaves it out of them.
         ablated: Whether the ablation study tabulates it.
         reported: Whether a run's page and its summary on the screen show it, multi-object scores under ``heading``.
@@ -37,6 +38,7 @@ class Quantity:
     scale: float | None = None
     compared: bool = False
     curve: bool = False
+    tabled: bool = False
     pooled: str = ""
     ablated: bool = False
     reported: bool = False

@@ -25,6 +25,7 @@ class ScoringSettings:
         reacquire_limit_s: Longest time from re-detection to re-acquisition.
         prompt_s: A vehicle that becomes visible should have a track after this time.
         hidden_bins_s: Edges of the bins of the time since the last detection.
+        follow_cutoff_m: Distance from which a track does not follow a vehicle, and what a vehicle costs that none does.
         gospa_cutoff_m: Cut-off distance c of GOSPA.
         gospa_order: Order p of GOSPA.
         bootstrap_draws: Resamples behind each interval.
@@ -45,6 +46,7 @@ class ScoringSettings:
     reacquire_limit_s: float = 5.0
     prompt_s: float = 0.5
     hidden_bins_s: tuple[float, ...] = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0)
+    follow_cutoff_m: float = 10.0
     gospa_cutoff_m: float = 4.0
     gospa_order: float = 1.0
     bootstrap_draws: int = 1000

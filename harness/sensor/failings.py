@@ -46,17 +46,19 @@ def advance(
 ) -> VehicleMemory:
     """Return what is remembered of the vehicles a step later, its drift left as it was."""
     uniforms = rng.random((len(memory.vehicle_id), 4))
-    chains = {
-        "missed": misses,
-        "burst": Chain(settings.burst_share, settings.burst_s),
-        "split": Chain(settings.split_share, settings.split_s),
-        "merged": Chain(settings.merged_share, settings.merged_s),
-    }
-    states = {
-        name: next_state(chain, getattr(memory, name), step_s, uniforms[:, k]).astype(np.float64)
-        for k, (name, chain) in enumerate(chains.items())
-    }
-    return replace(memory, **states)
+    bursts = Chain(settings.burst_share, settings.burst_s)
+    splits, merges = Chain(settings.split_share, settings.split_s), Chain(settings.merged_share, settings.merged_s)
+
+    def after(chain: Chain, before: FloatArray, column: int) -> FloatArray:
+        return next_state(chain, before, step_s, uniforms[:, column]).astype(np.float64)
+
+    return replace(
+        memory,
+        missed=after(misses, memory.missed, 0),
+        burst=after(bursts, memory.burst, 1),
+        split=after(splits, memory.split, 2),
+        merged=after(merges, memory.merged, 3),
+    )
 
 
 @dataclass(frozen=True)

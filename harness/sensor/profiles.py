@@ -35,7 +35,7 @@ class SensorSettings(BaseModel):
     """Angle of view, centred on the ego's heading."""
     detection_probability: Probability = 0.95
     """Probability of detecting a vehicle in plain view close by, single misses and runs of them together."""
-    view_exponent: NotNegative = 1.0
+    view_exponent: Probability = 1.0
     """Power with which detection falls with the visible fraction below plain view; 0: whoever is not hidden is seen as
     one in plain view is.
     """
@@ -111,7 +111,7 @@ class SensorSettings(BaseModel):
     """Width of road that a tracker assumes clutter to spread over."""
     reported_factor: Positive = 1.0
     """Factor on the deviation in plain view that detections report of themselves."""
-    reported_spread: NotNegative = 0.25
+    reported_spread: Probability = 0.25
     """Deviation of the logarithm of what they report from one detection to the next; half as much again by quantity."""
     reported_view: Probability = 0.25
     """Power of the true growth of the noise with hiddenness with which it shows in what they report."""
@@ -203,13 +203,13 @@ def lidar() -> SensorSettings:
     """
     return SensorSettings(
         detection_probability=0.97,
-        view_exponent=0.5,
+        view_exponent=0.35,
         missed_far_share=0.08,
-        missed_in_runs=0.75,
-        missed_run_s=0.3,
-        missed_run_hidden_s=0.4,
-        clutter_per_scan=1.2,
-        persistent_clutter=4.5,
+        missed_in_runs=0.6,
+        missed_run_s=0.4,
+        missed_run_hidden_s=0.6,
+        clutter_per_scan=1.3,
+        persistent_clutter=5.0,
         persistent_clutter_s=4.0,
         std_lon_m=0.25,
         std_lat_m=0.15,

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from harness.driving.scores import mean_with_interval
 from harness.study.study import StudyResult
+from harness.writing.files import save_figure
 from harness.writing.plots import label_ends
 from mmpf.compute.arrays import FloatArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
@@ -52,7 +53,7 @@ def draw_study(result: StudyResult, folder: Path) -> list[Path]:
     for occlusion in result.occlusions():
         for kind, figure in (("particles", particles_figure), ("errors", errors_figure)):
             path = folder / f"{result.study}-{occlusion}-{kind}.png"
-            figure(result, occlusion).savefig(path, dpi=110)
+            save_figure(figure(result, occlusion), path, dpi=110)
             paths.append(path)
     return paths
 

@@ -20,6 +20,7 @@ from harness.driving.scenarios import (
     scenarios,
 )
 from harness.errors import InputError
+from harness.study.rival_noise import at_their_best
 from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
@@ -105,12 +106,11 @@ def make_study(
     if plan.study not in MODELS:
         raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
     models = {name: _model(plan, name) for name in plan.model_names}
-    cases = _cases(plan, network, say)
+    cases = cases_of_plan(plan, network, say)
     result = run_study(
         plan.study,
         cases,
-        models,
-        OCCLUSIONS[plan.study],
+        {occlusion: _under(occlusion, plan.study, models) for occlusion in OCCLUSIONS[plan.study]},
         particles=plan.particles,
         seed=plan.seed,
         progress=progress,
@@ -118,7 +118,12 @@ def make_study(
     return result, plan.setting(network, cases.count)
 
 
-def _cases(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
+def _under(occlusion: str, study: str, models: dict[str, MotionModel]) -> dict[str, MotionModel]:
+    return at_their_best(models, study) if occlusion == PARTIAL else models
+
+
+def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
+    """Return a study's cases; their traffic is recorded where it is not yet."""
     wanted = scenarios(plan.first_traffic_seed, plan.recordings, REPORTING_DURATION_S)
     paths = record_scenarios(network, wanted, plan.cache, say)
     rng = np.random.default_rng([plan.seed, 0])

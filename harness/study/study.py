@@ -53,8 +53,7 @@ class StudyResult:
 def run_study(
     study: str,
     cases: Cases,
-    models: Mapping[str, MotionModel],
-    occlusions: Sequence[str],
+    models: Mapping[str, Mapping[str, MotionModel]],
     *,
     particles: int,
     seed: int,
@@ -65,8 +64,7 @@ def run_study(
     Args:
         study: Name of the study.
         cases: The cases.
-        models: Models by name.
-        occlusions: ``partial``, ``complete`` or both.
+        models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
         particles: Particles per case.
         seed: Seed of measurements and particles.
         progress: Called after each model and occlusion.
@@ -76,9 +74,9 @@ def run_study(
     shown = _most_eventful(cases)
     scores: dict[tuple[str, str], Scores] = {}
     examples: dict[tuple[str, str], FloatArray] = {}
-    for occlusion in occlusions:
+    for occlusion, of_it in models.items():
         seen = (measurements, noise) if occlusion == PARTIAL else (None, None)
-        for name, model in models.items():
+        for name, model in of_it.items():
             clouds = follow(model, cases, particles, np.random.default_rng([seed, 2]), *seen)
             kept: list[FloatArray] = []
             scores[occlusion, name] = score(_keeping_example(clouds, shown, kept), cases)

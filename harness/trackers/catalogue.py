@@ -50,12 +50,20 @@ _CATALOGUE = {
     "stonesoup-jpda-stitched": _stone_soup(
         "stonesoup-jpda, and a re-appearing vehicle takes its old identity", "StitchedJpdaOptions"
     ),
+    "stonesoup-jpda-aware": _stone_soup(
+        "stonesoup-jpda-stitched with measured sizes, shadows, leaders that are followed, and ten seconds of memory",
+        "AwareJpdaOptions",
+    ),
+    "immortal-kalman": _stone_soup(
+        "Stone Soup: Kalman filters whose confirmed tracks never end within range, nearest neighbour association",
+        "ImmortalOptions",
+    ),
     "stonesoup-particle": _stone_soup(
         "Stone Soup: a particle filter per track, global nearest neighbour association", "ParticleOptions"
     ),
     "oracle-kalman": _Entry(
         "harness.trackers.oracle",
-        "Kalman filters told the true association: a bound, not a tracker",
+        "Kalman filters told the true association: a reference, not a tracker",
         "harness.trackers.oracle:OracleOptions",
     ),
 }
@@ -87,13 +95,22 @@ def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options:
     """
     if isinstance(maker, str):
         factory = _factory(maker)
-        options = {**tuned_options(maker), **options}
+        options = _over(tuned_options(maker), options)
     else:
         factory = maker
     try:
         return factory(setting, options)
     except ValidationError as error:
         raise InputError(_first_option_error(str(maker), error)) from None
+
+
+def _over(base: Mapping[str, object], above: Mapping[str, object]) -> dict[str, object]:
+    """Return the options of both, group by group; where both set one, it is as in ``above``."""
+    merged = dict(base)
+    for name, value in above.items():
+        under = merged.get(name)
+        merged[name] = _over(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
+    return merged
 
 
 def _factory(name: str) -> TrackerFactory:
@@ -149,4 +166,4 @@ def _tuned_tables() -> dict[str, dict[str, object]]:
     if not TUNED_FILE.exists():
         return {}
     tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
-    return {name: table["options"] for name, table in tables.items()}
+    return {name: table.get("options", {}) for name, table in tables.items()}

@@ -1,4 +1,7 @@
-"""A bound for visible vehicles: Kalman filters that are told which vehicle each detection came from."""
+"""A reference: Kalman filters that are told which vehicle each detection came from.
+
+They never mix vehicles up. They are no bound on errors: while a vehicle is hidden they only coast.
+"""
 
 from __future__ import annotations
 

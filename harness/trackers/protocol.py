@@ -46,7 +46,7 @@ class Tracker(Protocol):
 
 @runtime_checkable
 class TruthAssociatedTracker(Protocol):
-    """A bound, not a tracker: it is told which vehicle each detection came from, and nothing else of the truth."""
+    """A reference, not a tracker: it is told which vehicle each detection came from, and nothing else of the truth."""
 
     def step_associated(self, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
         """Take in one scan with the true origin of each detection (empty for clutter), shape (d,)."""
@@ -57,7 +57,7 @@ AnyTracker = Tracker | TruthAssociatedTracker
 
 
 def step_tracker(tracker: AnyTracker, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
-    """Give a tracker one scan, and a bound the true origin of each detection with it, shape (d,)."""
+    """Give a tracker one scan, and a reference the true origin of each detection with it, shape (d,)."""
     if isinstance(tracker, TruthAssociatedTracker):
         return tracker.step_associated(scan, truth_id)
     return tracker.step(scan)

@@ -12,6 +12,7 @@ from harness.driving.cases import following_cases
 from harness.driving.filtering import follow
 from harness.driving.following import Following
 from harness.driving.scores import HORIZONS_S, score
+from harness.writing.files import save_figure, write_text
 from harness.writing.markdown import markdown_table
 from harness.writing.plots import strip
 from mmpf.learning.fit import SizeScore
@@ -51,7 +52,7 @@ def write_card(
         lines += ["## Position error by regime, complete occlusion, held-out seeds, m", ""]
         lines += [*markdown_table(heads, rows), ""]
     lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
-    path.write_text("\n".join(lines), encoding="utf-8")
+    write_text(path, "\n".join(lines))
 
 
 def _draw_sizes(sizes: Sequence[SizeScore], best: SizeScore, path: Path) -> None:
@@ -73,7 +74,7 @@ def _draw_sizes(sizes: Sequence[SizeScore], best: SizeScore, path: Path) -> None
     axis.set_ylabel("BIC, thousands (smaller is better)")
     axis.margins(y=0.15)
     strip(axis)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
 
 
 STOP_AND_GO_BELOW_MPS = 3.0

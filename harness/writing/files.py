@@ -1,23 +1,71 @@
-"""Files of results: numbers for programs, the same as tables for people, and settings as TOML."""
+"""Files of results, written whole or not at all: numbers for programs, tables for people, settings as TOML."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+TEMPORARY = ".partial"
+_TEMPORARY_NAME = re.compile(rf"\..+\.[0-9]+{re.escape(TEMPORARY)}")
+
+
+@contextmanager
+def replacing(final: Path) -> Iterator[Path]:
+    """Yield a name in a file's folder to write to; it becomes the file when the block ends well, else it goes.
+
+    What is there but is no file, such as ``/dev/stdout``, is yielded itself; a link is followed.
+    """
+    final = Path(os.path.realpath(final))
+    if final.exists() and not final.is_file():
+        yield final
+        return
+    temporary = final.with_name(f".{final.name}.{os.getpid()}{TEMPORARY}")
+    try:
+        yield temporary
+        temporary.replace(final)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def is_temporary(name: str) -> bool:
+    """Return whether a file's name is one that ``replacing`` gives out, left by a process that was killed."""
+    return _TEMPORARY_NAME.fullmatch(name) is not None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text so that the file is there whole or as it was."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
 
 def write_results(folder: Path, numbers: Mapping[str, Any], text: str) -> None:
     """Write ``results.json`` and ``results.md`` into a folder, which is made if missing."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "results.json").write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
-    (folder / "results.md").write_text(text, encoding="utf-8")
+    write_text(folder / "results.json", json.dumps(numbers, indent=1) + "\n")
+    write_text(folder / "results.md", text)
 
 
 def write_toml(path: Path, table: Mapping[str, Any], comment: str) -> None:
     """Write a table as TOML below a comment, whose lines are given without their ``#``."""
     head = "".join(f"# {line}\n" for line in comment.splitlines())
-    path.write_text(f"{head}\n{tomli_w.dumps(table)}", encoding="utf-8")
+    write_text(path, f"{head}\n{tomli_w.dumps(table)}")
+
+
+def save_figure(figure: Any, path: Path, **options: Any) -> None:  # noqa: ANN401
+    """Save a matplotlib figure so that the file is there whole or as it was.
+
+    Args:
+        figure: The figure; of no stated type, since matplotlib is imported only where something is drawn.
+        path: The file; its ending names the format.
+        options: What ``savefig`` takes.
+    """
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format=path.suffix.removeprefix("."), **options)

@@ -14,9 +14,13 @@ import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.threads import in_shares
+from mmpf.road import Road
 from mmpf.scan import EgoPose, FreeSpace
 
 BEARINGS = 1440
+LARGEST_RAY_COUNT = 16
+# Where the rays over a vehicle's extent lie, as shares of its half-width.
+RAY_PLACES = (2.0 * np.arange(LARGEST_RAY_COUNT) + 1.0) / LARGEST_RAY_COUNT - 1.0
 
 
 @dataclass(frozen=True)
@@ -90,9 +94,12 @@ def visible_fractions(
 
 
 def shadowed_share(
-    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace
+    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace, road: Road
 ) -> FloatArray:
     """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
+
+    Free space is stated by Cartesian bearing, so that vehicles are taken from the road frame to the plane, each along
+    the road where it is.
 
     Args:
         ego: Pose of the sensor.
@@ -100,10 +107,21 @@ def shadowed_share(
         lat_m: Lateral positions, shape (m,).
         bodies: The vehicles' sizes, shape (m,).
         free_space: The sensor's own free distances.
+        road: Where the road leads.
     """
-    depth = np.stack([free_space.range_m, np.full(len(free_space.range_m), np.inf)])
-    nobodys = DepthTable(depth, np.full(depth.shape, -2, dtype=np.int64))
-    return 1.0 - visible_fractions(ego, lon_m, lat_m, np.arange(len(lon_m)), bodies, nobodys)
+    here_x, here_y = road.to_cartesian(np.array([ego.lon_m]), np.array([ego.lat_m]))
+    x, y = road.to_cartesian(lon_m, lat_m)
+    x, y = x - here_x, y - here_y
+    distance = np.hypot(x, y)
+    bearing = np.arctan2(y, x)
+    # The rectangle's silhouette across the line of sight.
+    slant = bearing - road.heading_at(lon_m)
+    across = 0.5 * (bodies.length_m * np.abs(np.sin(slant)) + bodies.width_m * np.abs(np.cos(slant)))
+    half = np.arctan(across / np.maximum(distance, 1e-6))
+    sectors = len(free_space.range_m)
+    rays = bearing + half * RAY_PLACES[:, None]
+    sector = np.floor((rays + np.pi) * sectors / (2.0 * np.pi)).astype(np.int64) % sectors
+    return np.asarray((free_space.range_m[sector] < distance).mean(axis=0))
 
 
 @numba.njit(cache=True)
@@ -168,9 +186,6 @@ def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: floa
             near, far = far, near
         enter, leave = max(enter, near), min(leave, far)
     return enter if enter <= leave else -1.0
-
-
-LARGEST_RAY_COUNT = 16
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

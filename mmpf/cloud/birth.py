@@ -11,7 +11,7 @@ from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
-from mmpf.scan import Detections
+from mmpf.scan import Detections, EgoPose
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 
@@ -47,6 +47,14 @@ class Births:
     traffic: Traffic
     log_odds: FloatArray | None = None
     noise_factor: float = 1.0
+
+
+def lies_on_ego(detections: Detections, ego: EgoPose) -> BoolArray:
+    """Return which detections lie on the ego itself, where no other vehicle can be, shape (d,)."""
+    return np.asarray(
+        (np.abs(detections.lon_m - ego.lon_m) < 0.5 * ego.length_m)
+        & (np.abs(detections.lat_m - ego.lat_m) < 0.5 * ego.width_m)
+    )
 
 
 def give_birth(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
-from mmpf.cloud.birth import Births, give_birth
+from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
@@ -162,7 +162,7 @@ class JointUpdate:
             self.options.reporting.hidden_after_s,
         )
         chosen = np.flatnonzero(updated.birth_claim > association.birth_unexplained)
-        chosen = chosen[~self._on_ego(situation, chosen)]
+        chosen = chosen[~lies_on_ego(situation.scan.detections, situation.scan.ego)[chosen]]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
         log_odds = None
@@ -231,13 +231,6 @@ class JointUpdate:
             & (components.unseen_s <= patience_s)
             & (moments.std[LON] <= removal.largest_std_lon_m)
             & ~left
-        )
-
-    def _on_ego(self, situation: Situation, chosen: IntArray) -> BoolArray:
-        ego, detections = situation.scan.ego, situation.scan.detections
-        return np.asarray(
-            (np.abs(detections.lon_m[chosen] - ego.lon_m) < 0.5 * ego.length_m)
-            & (np.abs(detections.lat_m[chosen] - ego.lat_m) < 0.5 * ego.width_m)
         )
 
 

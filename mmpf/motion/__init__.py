@@ -4,10 +4,10 @@ Importing the package fills ``mmpf.motion.protocol.motion_models``.
 """
 
 from mmpf.motion import idm, kinematic
-from mmpf.motion.learned import driver, lane_changer, short_driver
+from mmpf.motion.learned import driver, lane_changer, short_driver, short_pair
 from mmpf.motion.protocol import MotionModel, motion_models
 
-__all__ = ["driver", "idm", "kinematic", "lane_changer", "motion_model", "short_driver"]
+__all__ = ["driver", "idm", "kinematic", "lane_changer", "motion_model", "short_driver", "short_pair"]
 
 
 def motion_model(name: str) -> MotionModel:

@@ -11,20 +11,19 @@ from scipy.spatial.distance import cdist
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.options import PaperReclustering
 from mmpf.state import LAT, LON
 
 ROUNDS = 10
 
 
-def recluster(
-    mixture: Mixture, touch_lon_m: float, touch_lat_m: float, sample: int, rng: np.random.Generator
-) -> tuple[Mixture, int]:
+def recluster(mixture: Mixture, options: PaperReclustering, rng: np.random.Generator) -> tuple[Mixture, int]:
     """Deal the particles of touching components out to their nearest medoids.
 
     k stays the number of components and the medoids start from the components' own, so that each cluster inherits
     the identity of the component that it grew from. The distribution is unchanged: only the component index moves.
-    A component left without particles disappears. Those touch whose means are nearer than both distances, and
-    ``sample`` particles of a group vote on its medoids.
+    A component left without particles disappears. Those touch whose means are nearer than both distances, and a sample
+    of a group's particles votes on its medoids.
 
     Returns:
         The belief, and the number of components whose particles were dealt out anew.
@@ -32,22 +31,26 @@ def recluster(
     if len(mixture) < 2:
         return mixture, 0
     mean = component_moments(mixture).mean
-    touches = (np.abs(mean[LON][:, None] - mean[LON]) < touch_lon_m) & (
-        np.abs(mean[LAT][:, None] - mean[LAT]) < touch_lat_m
+    touches = (np.abs(mean[LON][:, None] - mean[LON]) < options.lon_m) & (
+        np.abs(mean[LAT][:, None] - mean[LAT]) < options.lat_m
     )
     groups, group_of = connected_components(touches, directed=False)
-    scale = np.array([[touch_lon_m], [touch_lat_m]])
+    scale = np.array([[options.lon_m], [options.lat_m]])
     position = mixture.cloud.state[[LON, LAT]] / scale
     component = mixture.cloud.component.copy()
-    log_weight = mixture.cloud.log_weight + mixture.cloud.log_component_weight
+    log_vote = mixture.cloud.log_weight + mixture.cloud.log_component_weight
+    if options.alike:
+        log_vote = np.zeros(len(mixture.cloud))
     reclustered = 0
     for group in range(groups):
         members = np.flatnonzero(group_of == group)
         if len(members) < 2:
             continue
         particles = np.flatnonzero(np.isin(mixture.cloud.component, members))
-        share = np.cumsum(np.exp(log_weight[particles] - log_weight[particles].max()))
-        voters = particles[np.searchsorted(share, share[-1] * rng.uniform(size=sample)).clip(0, len(particles) - 1)]
+        share = np.cumsum(np.exp(log_vote[particles] - log_vote[particles].max()))
+        voters = particles[
+            np.searchsorted(share, share[-1] * rng.uniform(size=options.voters)).clip(0, len(particles) - 1)
+        ]
         medoids = k_medoids(position[:, voters].T, (mean[[LON, LAT]] / scale)[:, members].T)
         component[particles] = members[cdist(position[:, particles].T, medoids).argmin(axis=1)]
         reclustered += len(members)

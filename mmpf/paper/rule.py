@@ -12,13 +12,14 @@ import numpy as np
 from scipy.special import logsumexp
 
 from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
-from mmpf.cloud.birth import Births, give_birth
+from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.cloud.resampling import resample
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.options import FilterOptions, PaperMerging
 from mmpf.paper.clustering import recluster
+from mmpf.road import Road
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
@@ -30,9 +31,11 @@ class MaxLikelihoodUpdate:
 
     Attributes:
         options: The filter's settings.
+        road: Turns road frame into the plane in which the sensor states its free space.
     """
 
     options: FilterOptions
+    road: Road
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
@@ -40,7 +43,7 @@ class MaxLikelihoodUpdate:
         mean = moments.mean
         bodies = Bodies(prior.components.length_m, prior.components.width_m)
         if free_space is not None:
-            shadowed = shadowed_share(ego, mean[LON], mean[LAT], bodies, free_space)
+            shadowed = shadowed_share(ego, mean[LON], mean[LAT], bodies, free_space, self.road)
         else:
             table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
             shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
@@ -67,7 +70,12 @@ class MaxLikelihoodUpdate:
         log_raw = prior.cloud.log_raw_weight + log_likelihood
         log_sum = _log_sums(log_raw, prior)
         log_weight = log_raw - log_sum[prior.cloud.component]
-        log_component = _component_weights(prior, log_sum, performs_update, rule.existence.floor_weight)
+        log_before = (
+            np.full(len(prior), -np.log(max(len(prior), 1)))
+            if rule.existence.weights_anew
+            else prior.cloud.log_component_weight[prior.starts[:-1]]
+        )
+        log_component = _component_weights(log_before, log_sum, performs_update, rule.existence.floor_weight)
 
         was_hit = performs_update & gate_table(moments, detections, rule.association.hit_gate_std).any(axis=1)
         cloud = replace(
@@ -95,10 +103,12 @@ class MaxLikelihoodUpdate:
         """Remove light or departed components, add one per detection that few particles chose, merge overlaps."""
         rule = self.options.max_likelihood
         keep = self._worth_keeping(updated.mixture, situation)
-        chosen = np.flatnonzero(updated.birth_claim > 1.0 - rule.existence.added_particles)
-        births = Births(situation.scan.detections, chosen, np.ones(len(chosen)), situation.traffic)
+        detections = situation.scan.detections
+        is_wanted = updated.birth_claim > 1.0 - rule.existence.added_particles
+        chosen = np.flatnonzero(is_wanted & ~lies_on_ego(detections, situation.scan.ego))
+        births = Births(detections, chosen, np.ones(len(chosen)), situation.traffic)
         mixture = give_birth(updated.mixture, keep, births, situation.motion, self.options, rng)
-        mixture, merged = _merge_overlaps(mixture, rule.merging)
+        mixture, merged = _merge_overlaps(mixture, rule.merging, self.options.reporting.hidden_after_s)
         return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
 
     def finetune(
@@ -112,7 +122,7 @@ class MaxLikelihoodUpdate:
         touch = rule.reclustering
         confirmed = components.confirmed | (components.hits >= rule.existence.confirm_hits)
         mixture = replace(mixture, components=replace(components, confirmed=confirmed))
-        return recluster(mixture, touch.lon_m, touch.lat_m, touch.voters, rng)
+        return recluster(mixture, touch, rng)
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Recompute pi'_m = sum of pi_c(i) w(i) over the new members, and w within them."""
@@ -128,7 +138,12 @@ class MaxLikelihoodUpdate:
         )
         share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
         is_light = share * len(mixture) < removal.weight
-        return np.asarray(~left & ~is_light & (mixture.components.unseen_s <= removal.longest_unseen_s))
+        patience_s = np.where(
+            mixture.components.confirmed,
+            removal.longest_unseen_s,
+            min(removal.unconfirmed_unseen_s, removal.longest_unseen_s),
+        )
+        return np.asarray(~left & ~is_light & (mixture.components.unseen_s <= patience_s))
 
 
 def renormalised(mixture: Mixture) -> Mixture:
@@ -169,20 +184,20 @@ def largest_log_likelihood(
 
 
 def _component_weights(
-    prior: Mixture, log_sum: FloatArray, performs_update: BoolArray, floor_weight: float
+    log_before: FloatArray, log_sum: FloatArray, performs_update: BoolArray, floor_weight: float
 ) -> FloatArray:
-    """Return log pi of equation (11).
+    """Return log pi of equation (11), from that before the scan; arrays of shape (m,).
 
     Equation (11) is for components that are all measured. Those that perform no update keep their weight, and the
     others share what is left, since a sum of likelihoods (a density) can't be weighed against no measurement.
     """
-    log_component = prior.cloud.log_component_weight[prior.starts[:-1]].copy()
+    log_component = log_before.copy()
     if performs_update.any():
         log_mass = logsumexp(log_component[performs_update])
         updated = log_component[performs_update] + log_sum[performs_update]
         log_component[performs_update] = updated - logsumexp(updated) + log_mass
     if floor_weight > 0.0:
-        log_component = np.maximum(log_component, np.log(floor_weight / len(prior)))
+        log_component = np.maximum(log_component, np.log(floor_weight / len(log_before)))
         log_component -= logsumexp(log_component)
     return log_component
 
@@ -196,20 +211,28 @@ def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
     return np.asarray(largest + np.log(np.add.reduceat(scaled, mixture.starts[:-1])))
 
 
-def _merge_overlaps(mixture: Mixture, options: PaperMerging) -> tuple[Mixture, int]:
-    """Pool the particles of components whose means overlap under the elder's identity."""
+def _merge_overlaps(mixture: Mixture, options: PaperMerging, hidden_after_s: float) -> tuple[Mixture, int]:
+    """Pool the particles of components whose means overlap under one identity; which one, the options say."""
     if len(mixture) < 2:
         return mixture, 0
     mean = component_moments(mixture).mean
     overlap = (np.abs(mean[LON][:, None] - mean[LON]) < options.lon_m) & (
         np.abs(mean[LAT][:, None] - mean[LAT]) < options.lat_m
     )
-    into = overlap.argmax(axis=1)
-    survives = into == np.arange(len(mixture))
+    index, components = np.arange(len(mixture)), mixture.components
+    # Components are in the order of their birth, so that the first is the elder.
+    hidden = components.unseen_s > hidden_after_s
+    rank = np.argsort(np.lexsort((index, hidden, ~components.confirmed))) if options.keep_seen else index
+    into = np.where(overlap, rank, len(mixture)).argmin(axis=1)
+    survives = into == index
     if survives.all():
         return mixture, 0
-    into = np.where(survives[into], into, np.arange(len(mixture)))
-    survives = into == np.arange(len(mixture))
+    into = np.where(survives[into], into, index)
+    survives = into == index
+    if options.keep_seen:
+        unseen_s = components.unseen_s.copy()
+        np.minimum.at(unseen_s, into, components.unseen_s)
+        mixture = replace(mixture, components=replace(components, unseen_s=unseen_s))
     new_index = np.cumsum(survives) - 1
     component = new_index[into[mixture.cloud.component]]
     order = np.argsort(component, kind="stable")

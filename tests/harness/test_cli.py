@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -11,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness import cli
+from harness import cli, exitcodes
 from harness.cli import run_command_line
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
@@ -93,6 +94,12 @@ def test_a_broken_network_file_is_told_in_one_line(damage, capsys, tmp_path, mon
         (RunError("x"), 3),
         (RunInterruptedError("x"), 130),
         (KeyboardInterrupt(), 130),
+        (OSError(errno.ENAMETOOLONG, "File name too long", "x" * 300), 2),
+        (PermissionError(errno.EACCES, "Permission denied", "report.html"), 2),
+        (OSError(errno.ENOSPC, "No space left on device", "x"), 3),
+        (MemoryError(), 3),
+        (IndexError("list index out of range"), 70),
+        (RuntimeError("two\nlines"), 70),
     ],
 )
 def test_each_kind_of_error_has_its_exit_code(error, code, capsys, monkeypatch):
@@ -103,6 +110,18 @@ def test_each_kind_of_error_has_its_exit_code(error, code, capsys, monkeypatch):
     exit_code, _, err = complaint(["nets"], capsys)
     assert exit_code == code
     assert len(err.splitlines()) == 1
+
+
+def test_an_error_of_the_program_is_no_verdict(capsys, monkeypatch):
+    def fail() -> None:
+        raise IndexError("a fault")
+
+    monkeypatch.setattr("harness.commands.nets.command", fail)
+    code, _, err = complaint(["nets"], capsys)
+    assert code == exitcodes.INTERNAL
+    assert code not in (exitcodes.DONE, exitcodes.WORSE, exitcodes.UNDECIDED)
+    assert "a fault" in err
+    assert set(exitcodes.MEANINGS) == {0, 1, 2, 3, 70, 129, 130, 141, 143}
 
 
 def test_overview_loads_nothing_heavy():
@@ -141,7 +160,8 @@ def test_json_is_all_that_is_on_stdout(tmp_path):
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_a_readable_folder_that_says_so(tmp_path):
+@pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_an_end_from_outside_leaves_a_readable_folder_that_says_so(end, code, tmp_path):
     command = ["run", "--duration", "600", "--tracker", "tests.harness.stand_ins:herald_tracker", "--out", "run"]
     process = subprocess.Popen(
         [sys.executable, "-m", "harness", *command],
@@ -155,9 +175,10 @@ def test_ctrl_c_leaves_a_readable_folder_that_says_so(tmp_path):
     deadline = time.monotonic() + 60.0
     while not (tmp_path / "under-way").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(end)
     _, err = process.communicate(timeout=60.0)
-    assert process.returncode == 130, err
+    assert process.returncode == code, err
+    assert len(err.strip().splitlines()) == 1 or "interrupted" in err
     assert "Traceback" not in err
     assert {entry.name for entry in tmp_path.iterdir()} == {"run.incomplete", "under-way"}
     steps = {

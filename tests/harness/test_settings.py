@@ -22,7 +22,7 @@ from mmpf.options import FilterOptions
 from mmpf.settings import fields_of, unit_of
 
 CLASSES = [RunConfig, SensorSettings, *(tracker_options(name) for name in available_trackers())]
-PURE_NUMBERS = ("_share", "_fraction", "_factor", "_probability")
+PURE_NUMBERS = ("persistent_clutter", "_share", "_fraction", "_factor", "_probability")
 
 
 def by_key(word: str, kind: str) -> dict[str, Setting]:

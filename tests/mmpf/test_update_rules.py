@@ -13,7 +13,7 @@ from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import Occlusion, Situation, UpdateRule
-from tests.mmpf.scenes import lane_centre, scan_of
+from tests.mmpf.scenes import ROAD, lane_centre, scan_of
 
 PARTICLES = 400
 
@@ -50,7 +50,7 @@ def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float
     "rule",
     [
         JointUpdate(options_with({"joint": {"association": {"exclusion_per_s": 0.0}}})),
-        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}})),
+        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}}), ROAD),
     ],
     ids=["joint", "max_likelihood"],
 )
@@ -63,7 +63,7 @@ def test_a_component_with_no_detection_in_its_gate_keeps_its_weights_at_any_dist
 
 
 def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> None:
-    rule = MaxLikelihoodUpdate(options_with({}))
+    rule = MaxLikelihoodUpdate(options_with({}), ROAD)
     prior = mixture_at([(30.0, lane_centre(2))])
     posterior = weights_after(rule, prior, [(40.0, lane_centre(2))])
     mean = np.average(posterior.cloud.state[LON], weights=np.exp(posterior.cloud.log_weight))
@@ -71,7 +71,7 @@ def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> N
 
 
 def test_component_weights_follow_equation_11() -> None:
-    rule = MaxLikelihoodUpdate(options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}))
+    rule = MaxLikelihoodUpdate(options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}), ROAD)
     prior = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(1))], std_m=0.5)
     detections = [(30.2, lane_centre(2)), (61.0, lane_centre(1))]
     posterior = weights_after(rule, prior, detections)

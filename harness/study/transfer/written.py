@@ -16,7 +16,7 @@ from harness.study.transfer.models import ON_BOTH, ON_REAL
 from harness.study.transfer.transfer import TransferResult
 from harness.study.transfer.verdicts import Comparison
 from harness.study.written import DECIMALS, error_cell, setting_line
-from harness.writing.files import write_results
+from harness.writing.files import save_figure, write_results
 from harness.writing.markdown import markdown_table
 from harness.writing.numbers import rounded
 
@@ -32,7 +32,7 @@ FIGURE = "transfer-errors.png"
 def write_transfer(result: TransferResult, folder: Path) -> None:
     """Write ``results.json``, ``results.md`` and the picture into a folder, which is made if missing."""
     write_results(folder, as_json(result), as_markdown(result))
-    errors_figure(result.outcomes).savefig(folder / FIGURE, dpi=110)
+    save_figure(errors_figure(result.outcomes), folder / FIGURE, dpi=110)
 
 
 def as_json(result: TransferResult) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
 from stonesoup.types.track import Track
 
-from harness.trackers.stonesoup.options import StoneSoupOptions
+from harness.trackers.stonesoup.awareness import Awareness
+from harness.trackers.stonesoup.options import KalmanOptions
 from harness.trackers.stonesoup.parts import (
     BeyondRangeDeleter,
     DetectionMaker,
@@ -39,7 +40,7 @@ class StoneSoupTracker:
     def __init__(
         self,
         assembly: Assembly,
-        options: StoneSoupOptions,
+        options: KalmanOptions,
         clutter_density_per_m2: float,
         rng: np.random.Generator | None = None,
         stitcher: IdentityStitcher | None = None,
@@ -59,7 +60,8 @@ class StoneSoupTracker:
         self._clutter_density_per_m2 = clutter_density_per_m2
         self._rng = rng
         self._stitcher = stitcher
-        self._detections = DetectionMaker(self._layout.size, (self._layout.lon, self._layout.lat, self._layout.speed))
+        measured = self._layout.lon, self._layout.lat, self._layout.speed
+        self._detections = DetectionMaker(self._layout.size, measured, options.noise_factor)
         self._first_seen_s: dict[int, float] = {}
         self._time_s: float | None = None
 
@@ -74,6 +76,8 @@ class StoneSoupTracker:
         self._follow_ego(scan)
         moment = to_datetime(scan.time_s)
         detections = self._detections.make(scan.detections, moment)
+        if self._assembly.awareness is not None:
+            self._assembly.awareness.look_ahead(scan, list(self._assembly.tracker.tracks))
         with nullcontext() if self._rng is None else lent_global_generator(self._rng):
             self._assembly.tracker.update_tracker(moment, detections)
         return self._report(scan.time_s)
@@ -93,6 +97,8 @@ class StoneSoupTracker:
         # Before anything is forgotten, a new track's first state is its first detection.
         started = {track.id: to_seconds(track.states[0].timestamp) for track in living}
         self._first_seen_s = {number: self._first_seen_s.get(number, first_s) for number, first_s in started.items()}
+        if self._assembly.awareness is not None:
+            self._assembly.awareness.learn(time_s, living)
         for track in living:
             forget_before_last_update(track)
         last_s = np.array([to_seconds(track.states[0].timestamp) for track in living])
@@ -140,9 +146,11 @@ class Assembly:
         initiator: Starts its tracks.
         range_deleter: Ends the ones that have left the sensor's range.
         hypothesisers: Those that know the density of clutter.
+        awareness: What is known of each track beyond its state; None if nobody asks.
     """
 
     tracker: MultiTargetTracker | MultiTargetMixtureTracker
     initiator: NumberedInitiator
     range_deleter: BeyondRangeDeleter
     hypothesisers: tuple[PDAHypothesiser, ...] = ()
+    awareness: Awareness | None = None

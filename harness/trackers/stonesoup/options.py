@@ -8,11 +8,12 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from harness.trackers.stonesoup.stitching import StitchingOptions
+from mmpf.options import Footprint
 from mmpf.settings import Positive, Probability, Settings, in_unit
 
 
-class StoneSoupOptions(Settings):
-    """Settings that all of Stone Soup's trackers share."""
+class KalmanOptions(Settings):
+    """Settings that all of Stone Soup's trackers share: how vehicles move, and how tracks begin."""
 
     motion: Literal["cv", "ca"] = "cv"
     """Nearly constant velocity or nearly constant acceleration, longitudinally."""
@@ -20,16 +21,16 @@ class StoneSoupOptions(Settings):
     """Power spectral density of the longitudinal acceleration (cv) or jerk (ca)."""
     lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
     """Power spectral density of the lateral acceleration."""
+    noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
+    """Standard deviation of the measurement noise in relation to what detections report; more than one where errors
+    repeat themselves from scan to scan.
+    """
     gate_std: Positive = 3.9
     """A detection counts for a track within this many standard deviations."""
     confirm_detections: Annotated[int, Field(ge=1)] = 3
     """Detections before a track is confirmed."""
     held_unseen_s: Positive = 0.35
     """An unconfirmed track ends when unseen for longer."""
-    longest_unseen_s: Positive = 5.0
-    """A confirmed track ends when unseen for longer."""
-    largest_std_lon_m: Positive = 5.0
-    """A track spread wider than this ends."""
     range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
     """A track this far beyond the sensor's range ends."""
     birth_speed_std_mps: Positive = 10.0
@@ -51,6 +52,28 @@ class StoneSoupOptions(Settings):
         return _LAYOUTS[self.motion]
 
 
+class StoneSoupOptions(KalmanOptions):
+    """Settings of a tracker whose tracks end when they are lost."""
+
+    longest_unseen_s: Positive = 5.0
+    """A confirmed track ends when unseen for longer."""
+    largest_std_lon_m: Positive = 5.0
+    """A track spread wider than this ends."""
+
+
+class ImmortalOptions(KalmanOptions):
+    """Settings of the tracker whose confirmed tracks never end within range."""
+
+    association: Literal["distance", "mahalanobis"] = "distance"
+    """What says which detection is nearest to a track: the distance in shares of the two gates, or in standard
+    deviations, by which a track that has long been unseen is near to everything.
+    """
+    gate_lon_m: Positive = 6.0
+    """A detection counts for a confirmed track within this distance along the road."""
+    gate_lat_m: Positive = 1.6
+    """And within this distance across it."""
+
+
 class JpdaOptions(StoneSoupOptions):
     """Settings of the JPDA tracker."""
 
@@ -58,6 +81,8 @@ class JpdaOptions(StoneSoupOptions):
     """Detection probability used in association; None takes the sensor's. Vehicles that others hide are missed
     far more often than the data sheet says, and JPDA knows of no shadows.
     """
+    clutter_factor: Positive = 1.0
+    """The density of clutter used in association, in relation to the data sheet's."""
 
 
 class StitchedJpdaOptions(JpdaOptions):
@@ -65,6 +90,27 @@ class StitchedJpdaOptions(JpdaOptions):
 
     stitching: StitchingOptions = StitchingOptions()
     """When a new track takes a lost one's identity."""
+
+
+class AwareJpdaOptions(StitchedJpdaOptions):
+    """Settings of the JPDA tracker that knows of sizes, shadows and leaders."""
+
+    detection_probability: Probability | None = None
+    """Detection probability in plain view, used in association; None takes the sensor's."""
+    longest_unseen_s: Positive = 10.0
+    """A confirmed track ends when unseen for longer."""
+    largest_std_lon_m: Positive = 15.0
+    """A track spread wider than this ends."""
+    vehicle: Footprint = Footprint()
+    """Size of a vehicle before it is measured."""
+    hidden_probability: Probability = 0.02
+    """Detection probability of a vehicle that lies in the other tracks' shadows."""
+    occluder_unseen_s: Positive = 1.0
+    """A track that was seen within this time casts a shadow."""
+    follow_after_s: Positive = 0.3
+    """A track unseen for longer follows its leader by the intelligent driver model."""
+    longest_missed: Annotated[Positive, in_unit("detections")] = 20.0
+    """A track ends when so many detections of it were to be expected since the last one."""
 
 
 class ParticleOptions(StoneSoupOptions):

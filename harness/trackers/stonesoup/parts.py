@@ -26,10 +26,11 @@ from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
 from mmpf.compute.arrays import IntArray
-from mmpf.scan import Detections
+from mmpf.scan import BodySizes, Detections
 
 _NOISE_STEP = 1.1
 _MEASURED = "measured values with their standard deviations"
+MEASURED_SIZE = "measured length and width with their standard deviations"
 _COARSE_MARGIN = 1.5
 _EPOCH = datetime(2000, 1, 1)
 
@@ -62,13 +63,15 @@ class DetectionMaker:
     Stone Soup predicts one measurement for all of them: deviations off by at most 5 % for half the time.
     """
 
-    def __init__(self, state_size: int, mapping: tuple[int, int, int]) -> None:
+    def __init__(self, state_size: int, mapping: tuple[int, int, int], noise_factor: float = 1.0) -> None:
         """Remember where the state holds what is measured.
 
         Args:
             state_size: Size of the state vector.
             mapping: Rows of the longitudinal position, the lateral position and the longitudinal speed.
+            noise_factor: Deviations count as this many times what is reported.
         """
+        self._noise_factor = noise_factor
         self._state_size = state_size
         self._mapping = mapping
         self._models: dict[tuple[float, ...], LinearGaussian] = {}
@@ -88,11 +91,15 @@ class DetectionMaker:
         if with_speed:
             values.append(detections.speed_mps[k])
             stds.append(float(detections.std_speed_mps[k]))
+        stds = [self._noise_factor * std for std in stds]
         return Detection(
             np.array(values)[:, None],
             timestamp=moment,
             measurement_model=self._model(tuple(_NOISE_STEP ** round(math.log(std, _NOISE_STEP)) for std in stds)),
-            metadata={_MEASURED: tuple(zip(map(float, values), stds, strict=True))},
+            metadata={
+                _MEASURED: tuple(zip(map(float, values), stds, strict=True)),
+                MEASURED_SIZE: _measured_size(detections.sizes, k),
+            },
         )
 
     def _model(self, stds: tuple[float, ...]) -> LinearGaussian:
@@ -105,6 +112,13 @@ class DetectionMaker:
                 noise_covar=np.diag(np.square(stds)),
             )
         return self._models[stds]
+
+
+def _measured_size(sizes: BodySizes | None, k: int) -> tuple[tuple[float, float], ...] | None:
+    if sizes is None:
+        return None
+    length = float(sizes.length_m[k]), float(sizes.std_length_m[k])
+    return length, (float(sizes.width_m[k]), float(sizes.std_width_m[k]))
 
 
 class CoarselyGated(Hypothesiser):
@@ -135,6 +149,31 @@ class CoarselyGated(Hypothesiser):
             abs(value - mean) <= reach * math.sqrt(variance + std**2)
             for (value, std), (mean, variance) in zip(detection.metadata[_MEASURED], centre, strict=False)
         )
+
+
+class WithinReach(Hypothesiser):
+    """Shows the hypothesiser inside only those detections that are near a track's place, however uncertain it is."""
+
+    hypothesiser: Hypothesiser = Property(doc="What makes the hypotheses.")
+    mapping: tuple[int, int] = Property(doc="State rows of the longitudinal and the lateral position.")
+    reach_m: tuple[float, float] = Property(doc="Largest distance along the road and across it.")
+
+    def hypothesise(
+        self, track: Track, detections: Iterable[Detection], timestamp: datetime, **kwargs: object
+    ) -> MultipleHypothesis:
+        """Return the hypotheses of one track."""
+        prediction = self.hypothesiser.predictor.predict(track, timestamp=timestamp)
+        mean = np.asarray(prediction.mean, dtype=float).ravel()
+        place = [(float(mean[row]), reach) for row, reach in zip(self.mapping, self.reach_m, strict=True)]
+        near = OrderedSet(
+            detection
+            for detection in detections
+            if all(
+                abs(value - centre) <= reach
+                for (value, _), (centre, reach) in zip(detection.metadata[_MEASURED], place, strict=False)
+            )
+        )
+        return self.hypothesiser.hypothesise(track, near, timestamp, **kwargs)
 
 
 class NumberedInitiator(SimpleMeasurementInitiator):

@@ -6,9 +6,10 @@ after several detections and deleted when unseen for long or spread wide.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import timedelta
+from functools import partial
 
 import numpy as np
 from ordered_set import OrderedSet
@@ -16,6 +17,7 @@ from scipy.stats import chi2
 from stonesoup.dataassociator.base import DataAssociator
 from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
 from stonesoup.dataassociator.probability import JPDAwithEHM2
+from stonesoup.deleter.base import Deleter
 from stonesoup.deleter.error import CovarianceBasedDeleter
 from stonesoup.deleter.multi import CompositeDeleter
 from stonesoup.deleter.time import UpdateTimeDeleter
@@ -24,7 +26,7 @@ from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.initiator.base import Initiator
 from stonesoup.initiator.simple import GaussianParticleInitiator
-from stonesoup.measures import Mahalanobis
+from stonesoup.measures import EuclideanWeighted, Mahalanobis
 from stonesoup.models.transition.linear import (
     CombinedLinearGaussianTransitionModel,
     ConstantAcceleration,
@@ -43,12 +45,23 @@ from stonesoup.updater.particle import ParticleUpdater
 
 from harness.trackers.protocol import TrackerSetting, trackers
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
-from harness.trackers.stonesoup.options import JpdaOptions, ParticleOptions, StitchedJpdaOptions, StoneSoupOptions
+from harness.trackers.stonesoup.aware_parts import CarFollowingPredictor, MissedInViewDeleter, ShadowAwareHypothesiser
+from harness.trackers.stonesoup.awareness import Awareness
+from harness.trackers.stonesoup.options import (
+    AwareJpdaOptions,
+    ImmortalOptions,
+    JpdaOptions,
+    KalmanOptions,
+    ParticleOptions,
+    StitchedJpdaOptions,
+    StoneSoupOptions,
+)
 from harness.trackers.stonesoup.parts import (
     BeyondRangeDeleter,
     CoarselyGated,
     NumberedInitiator,
     OrderedMultiMeasurementInitiator,
+    WithinReach,
     lent_global_generator,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher
@@ -78,6 +91,49 @@ def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) 
     return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
 
 
+@trackers.register("stonesoup-jpda-aware")
+def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+    """``stonesoup-jpda-stitched`` with measured sizes, shadow-aware detection probabilities and car following."""
+    chosen = AwareJpdaOptions.model_validate(dict(options))
+    awareness, layout = Awareness(chosen, setting.sensor), chosen.layout
+    predictor = CarFollowingPredictor(
+        _transition_model(chosen), awareness=awareness, speed_row=layout.speed, lon_row=layout.lon
+    )
+    make = partial(ShadowAwareHypothesiser, awareness=awareness)
+    assembly = _jpda_assembly(chosen, setting, predictor, make)
+    deleters = [*assembly.tracker.deleter.deleters, MissedInViewDeleter(awareness, chosen.longest_missed)]
+    assembly.tracker.deleter = CompositeDeleter(deleters, intersect=False)
+    return StoneSoupTracker(
+        replace(assembly, awareness=awareness),
+        chosen,
+        chosen.clutter_factor * setting.sensor.clutter_density_per_m2,
+        stitcher=IdentityStitcher(chosen.stitching),
+    )
+
+
+@trackers.register("immortal-kalman")
+def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+    """Kalman filters whose confirmed tracks are predicted for as long as they are within range (arXiv 2111.13672)."""
+    chosen = ImmortalOptions.model_validate(dict(options))
+    predictor, updater = _kalman(chosen)
+    reach_m = chosen.gate_lon_m, chosen.gate_lat_m
+    hypothesiser = (
+        DistanceHypothesiser(predictor, updater, measure=_in_shares_of(reach_m), missed_distance=1.0)
+        if chosen.association == "distance"
+        else DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=chosen.gate_std)
+    )
+    associator = GNNWith2DAssignment(WithinReach(hypothesiser, (chosen.layout.lon, chosen.layout.lat), reach_m))
+    initiators = _initiators(chosen, predictor, updater)
+    assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
+    return StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2)
+
+
+def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
+    """Return the distance between two measurements in shares of the largest ones; a measured speed does not count."""
+    position = np.array([0, 1])
+    return EuclideanWeighted(1.0 / np.square(reach_m), mapping=position, mapping2=position)
+
+
 @trackers.register("stonesoup-particle")
 def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
     """A bootstrap particle filter for each track, with global nearest neighbour association."""
@@ -93,24 +149,35 @@ def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> St
 
 
 def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> StoneSoupTracker:
-    predictor, updater = _kalman(options)
-    probability, clutter = options.detection_probability, setting.sensor.clutter_density_per_m2
-    hypothesiser = PDAHypothesiser(
+    assembly = _jpda_assembly(options, setting, KalmanPredictor(_transition_model(options)), PDAHypothesiser)
+    clutter = options.clutter_factor * setting.sensor.clutter_density_per_m2
+    return StoneSoupTracker(assembly, options, clutter, stitcher=stitcher)
+
+
+def _jpda_assembly(
+    options: JpdaOptions,
+    setting: TrackerSetting,
+    predictor: KalmanPredictor,
+    make: Callable[..., PDAHypothesiser],
+) -> Assembly:
+    probability = options.detection_probability
+    updater = KalmanUpdater(measurement_model=None)
+    hypothesiser = make(
         predictor=predictor,
         updater=updater,
-        clutter_spatial_density=clutter,
+        clutter_spatial_density=options.clutter_factor * setting.sensor.clutter_density_per_m2,
         prob_detect=setting.sensor.detection_probability if probability is None else probability,
         prob_gate=float(chi2.cdf(options.gate_std**2, 2)),
     )
     initiators = _initiators(options, predictor, updater)
     associator = JPDAwithEHM2(_coarsely_gated(options, hypothesiser))
     assembly = _assembly(MultiTargetMixtureTracker, options, setting, initiators, associator, updater)
-    return StoneSoupTracker(replace(assembly, hypothesisers=(hypothesiser,)), options, clutter, stitcher=stitcher)
+    return replace(assembly, hypothesisers=(hypothesiser,))
 
 
 def _assembly(
     kind: type[MultiTargetTracker | MultiTargetMixtureTracker],
-    options: StoneSoupOptions,
+    options: KalmanOptions,
     setting: TrackerSetting,
     initiators: tuple[NumberedInitiator, Initiator],
     associator: DataAssociator,
@@ -119,11 +186,10 @@ def _assembly(
     """Put a tracker together; of the initiators the first begins tracks, the second holds them until confirmed."""
     layout = options.layout
     range_deleter = BeyondRangeDeleter((layout.lon, layout.lat), setting.sensor.range_m + options.range_margin_m)
-    deleters = [
-        UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s)),
-        CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[layout.lon]),
-        range_deleter,
-    ]
+    deleters: list[Deleter] = [range_deleter]
+    if isinstance(options, StoneSoupOptions):
+        unseen = UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s))
+        deleters = [unseen, CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[layout.lon]), range_deleter]
     tracker = kind(
         initiator=initiators[1],
         deleter=CompositeDeleter(deleters, intersect=False),
@@ -136,21 +202,21 @@ def _assembly(
     return Assembly(tracker, initiators[0], range_deleter)
 
 
-def _kalman(options: StoneSoupOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
+def _kalman(options: KalmanOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
     return KalmanPredictor(_transition_model(options)), KalmanUpdater(measurement_model=None)
 
 
-def _transition_model(options: StoneSoupOptions) -> CombinedLinearGaussianTransitionModel:
+def _transition_model(options: KalmanOptions) -> CombinedLinearGaussianTransitionModel:
     longitudinal = {"cv": ConstantVelocity, "ca": ConstantAcceleration}[options.motion]
     return CombinedLinearGaussianTransitionModel([longitudinal(options.lon_noise), ConstantVelocity(options.lat_noise)])
 
 
-def _nearest_neighbour(options: StoneSoupOptions, predictor: Predictor, updater: Updater) -> GNNWith2DAssignment:
+def _nearest_neighbour(options: KalmanOptions, predictor: Predictor, updater: Updater) -> GNNWith2DAssignment:
     hypothesiser = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=options.gate_std)
     return GNNWith2DAssignment(_coarsely_gated(options, hypothesiser))
 
 
-def _coarsely_gated(options: StoneSoupOptions, hypothesiser: Hypothesiser) -> Hypothesiser:
+def _coarsely_gated(options: KalmanOptions, hypothesiser: Hypothesiser) -> Hypothesiser:
     layout = options.layout
     if not options.coarse_gate:
         return hypothesiser
@@ -158,7 +224,7 @@ def _coarsely_gated(options: StoneSoupOptions, hypothesiser: Hypothesiser) -> Hy
 
 
 def _initiators(
-    options: StoneSoupOptions, predictor: KalmanPredictor, updater: KalmanUpdater
+    options: KalmanOptions, predictor: KalmanPredictor, updater: KalmanUpdater
 ) -> tuple[NumberedInitiator, OrderedMultiMeasurementInitiator]:
     layout = options.layout
     std = np.ones(layout.size)

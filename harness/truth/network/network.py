@@ -12,16 +12,18 @@ from functools import cached_property
 from pathlib import Path
 
 from harness.errors import InputError
+from harness.inputs import checked_path
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
+from harness.truth.network.limits import check_xml
 from harness.truth.network.networkfile import (
     METADATA_FILE,
     CalibrationFile,
     DemandFile,
     NetworkFile,
-    net_file_of,
     read_toml,
 )
+from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from mmpf.road import Road
 
 
@@ -67,6 +69,7 @@ class Network:
         calibration_file: Where the outcome of a calibration is kept, if it is.
         measured_file: What was measured at the site, if anything.
         configuration: The user's own SUMO configuration; none for networks with a ``network.toml``.
+        sumo_inputs: What of that configuration is driven; none likewise.
     """
 
     name: str
@@ -85,6 +88,7 @@ class Network:
     calibration_file: Path | None = None
     measured_file: Path | None = None
     configuration: Path | None = None
+    sumo_inputs: SumoInputs | None = None
 
     @property
     def demands(self) -> tuple[str, ...]:
@@ -150,7 +154,7 @@ def load_network(name_or_path: str) -> Network:
     for folder in _network_folders():
         if folder.name == name_or_path:
             return _from_metadata(folder, name_or_path)
-    path = Path(name_or_path)
+    path = checked_path(Path(name_or_path), "net")
     if path.is_dir():
         return _from_folder(path)
     if path.suffix == ".sumocfg":
@@ -206,11 +210,17 @@ def _from_metadata(folder: Path, name: str) -> Network:
     if content.default_demand is not None and content.default_demand not in demands:
         raise InputError(f"{folder / METADATA_FILE}: default_demand {content.default_demand} is none of its demands")
     net_file = folder / content.net_file
+    if net_file.is_file():
+        check_xml(net_file)
     net = read_net(net_file)
     types_file = folder / content.vehicle_types_file
     if not types_file.is_file():
         raise InputError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
+    check_xml(types_file)
     corridor = corridor_from_net(net, content.corridor, content.corridor_start_m)
+    unknown = sorted(set(content.ego_lanes) - {lane.number for lane in corridor.lanes})
+    if unknown:
+        raise InputError(f"{folder / METADATA_FILE}: ego_lanes: the main road has no lane {unknown[0]}")
     return Network(
         name=name,
         description=content.description,
@@ -232,7 +242,8 @@ def _from_metadata(folder: Path, name: str) -> Network:
 
 def _from_sumocfg(path: Path) -> Network:
     """Take the longest stretch of road as the main road and leave a margin at its ends unscored."""
-    net_file = net_file_of(path)
+    inputs = read_sumocfg(path)
+    net_file = inputs.net_file
     net = read_net(net_file)
     edges, length_m = longest_corridor(net)
     margin_m = min(150.0, 0.15 * length_m)
@@ -245,6 +256,7 @@ def _from_sumocfg(path: Path) -> Network:
         section_m=(0.0, length_m - 2.0 * margin_m),
         ego_lanes=tuple(range(1, corridor.main_lanes + 1))[1:-1] or tuple(range(1, corridor.main_lanes + 1)),
         configuration=path,
+        sumo_inputs=inputs,
     )
 
 

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
-from xml.etree import ElementTree
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import InputError
+from harness.inputs import MOST_SETTINGS_BYTES, check_file
 from harness.truth.network.demand import DENSITY_RANGE, Drivers
 from harness.writing.problems import first_problem
 
 METADATA_FILE = "network.toml"
-_FILE_OPTIONS = {
-    "net-file": ("net-file", "net", "n"),
-    "route-files": ("route-files", "r"),
-    "additional-files": ("additional-files", "additional", "a"),
-}
+# More than a lane can carry, and more than drivers differ.
+MOST_VEH_PER_H = 5000.0
+HEADWAY_FACTORS = (0.2, 5.0)
 
 _File = TypeVar("_File", bound=BaseModel)
 
@@ -26,23 +25,40 @@ _File = TypeVar("_File", bound=BaseModel)
 class DemandFile(BaseModel):
     """A named demand as ``network.toml`` gives it; what is left out follows from the density."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
     density_veh_per_km_lane: float = Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])
-    on_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
-    off_ramp_veh_per_h: float | None = Field(default=None, ge=0.0)
+    on_ramp_veh_per_h: float | None = Field(default=None, ge=0.0, le=MOST_VEH_PER_H)
+    off_ramp_veh_per_h: float | None = Field(default=None, ge=0.0, le=MOST_VEH_PER_H)
     wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
     exit_wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
-    wave_period_s: float | None = Field(default=None, gt=0.0)
-    schedule: tuple[tuple[float, float, float], ...] = ()
-    headway_profile: tuple[tuple[float, float], ...] = ()
+    wave_period_s: float | None = Field(default=None, ge=1.0, le=86_400.0)
+    schedule: tuple[tuple[float, float, float], ...] = Field(default=(), max_length=100_000)
+    headway_profile: tuple[tuple[float, float], ...] = Field(default=(), max_length=10_000)
+
+    @model_validator(mode="after")
+    def _schedule_can_be_driven(self) -> DemandFile:
+        times = [time_s for time_s, _, _ in self.schedule]
+        if any(later <= earlier for earlier, later in pairwise(times)) or any(time_s < 0.0 for time_s in times):
+            raise ValueError("schedule: its times must ascend from 0 on")
+        if not all(
+            DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1] and 0.0 <= share <= 10.0
+            for _, density, share in self.schedule
+        ):
+            raise ValueError(f"schedule: densities are {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}, shares 0 to 10")
+        places = [place_m for place_m, _ in self.headway_profile]
+        if any(later <= earlier for earlier, later in pairwise(places)):
+            raise ValueError("headway_profile: its positions must ascend")
+        if not all(HEADWAY_FACTORS[0] <= factor <= HEADWAY_FACTORS[1] for _, factor in self.headway_profile):
+            raise ValueError(f"headway_profile: factors are {HEADWAY_FACTORS[0]:g} to {HEADWAY_FACTORS[1]:g}")
+        return self
 
 
 class NetworkFile(BaseModel):
     """The content of ``network.toml``."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
     net_file: str
@@ -85,6 +101,7 @@ def read_toml(path: Path, kind: type[_File]) -> _File:
     Raises:
         InputError: It can't be read, or an entry is wrong.
     """
+    check_file(path, MOST_SETTINGS_BYTES, "net")
     try:
         return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -92,44 +109,3 @@ def read_toml(path: Path, kind: type[_File]) -> _File:
     except ValidationError as error:
         problem = first_problem(error)
         raise InputError(f"{path}: {problem.key or 'the file'}: {problem.message}") from error
-
-
-def net_file_of(path: Path) -> Path:
-    """Return the network that a ``.sumocfg`` names, after checking that the files that it names are there and are XML.
-
-    Raises:
-        InputError: A file is missing or malformed, or no network is named.
-    """
-    if not path.is_file():
-        raise InputError(f"`net` {path}: the file does not exist")
-    values = {node.tag: node.get("value", "") for node in parse_xml(path).iter()}
-    named = {option: _named_files(path, values, aliases) for option, aliases in _FILE_OPTIONS.items()}
-    if len(named["net-file"]) != 1:
-        raise InputError(f"`net` {path}: it must name one net-file")
-    for file in (*named["route-files"], *named["additional-files"]):
-        if not file.is_file():
-            raise InputError(f"`net` {path}: it names {file.name}, which does not exist")
-        if file.suffix == ".xml":
-            parse_xml(file)
-    try:
-        float(values.get("begin") or values.get("b") or 0.0)
-    except ValueError:
-        raise InputError(f"`net` {path}: begin must be a number of seconds") from None
-    return named["net-file"][0]
-
-
-def parse_xml(path: Path) -> ElementTree.Element:
-    """Return an XML file's root.
-
-    Raises:
-        InputError: The file is not well-formed.
-    """
-    try:
-        return ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{path}: not well-formed XML: {error}") from error
-
-
-def _named_files(path: Path, values: dict[str, str], aliases: tuple[str, ...]) -> list[Path]:
-    names = next((values[alias] for alias in aliases if values.get(alias)), "")
-    return [path.parent / name.strip() for name in names.replace(",", " ").split()]

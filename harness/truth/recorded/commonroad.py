@@ -10,11 +10,15 @@ import numpy as np
 
 from harness.errors import InputError
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
+from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.compute.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
 VERSIONS = ("2018b", "2020a")
+SHORTEST_STEP_S, LONGEST_STEP_S = 1e-3, 10.0
+MOST_STEPS = 10_000_000
+LONGEST_LANELET_M = 1e5
 
 
 @dataclass(frozen=True)
@@ -61,8 +65,19 @@ def read_commonroad(path: Path) -> ReadTraffic:
     for obstacle in scenario.obstacles:
         if np.any(np.diff(obstacle.states[:, 0]) <= 0.0):
             raise InputError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
+    _check_times(scenario, path)
     last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
     return _traffic(scenario, [*scenario.obstacles, *(_lasting(obstacle, last) for obstacle in scenario.standing)])
+
+
+def _check_times(scenario: _Scenario, path: Path) -> None:
+    """Refuse times so late that an obstacle that stands until then would fill the memory."""
+    for obstacle in (*scenario.obstacles, *scenario.standing):
+        if not np.all((obstacle.states[:, 0] >= 0.0) & (obstacle.states[:, 0] <= MOST_STEPS)):
+            raise InputError(f"{path}: a time of obstacle {obstacle.name} is not one of 0 to {MOST_STEPS} steps")
+    steps = 1 + max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
+    if steps * len(scenario.standing) > MOST_ROWS:
+        raise InputError(f"{path}: {len(scenario.standing)} obstacles stand for {steps:.0f} steps; cut it")
 
 
 def _collect(path: Path, scenario: _Scenario) -> None:
@@ -72,6 +87,10 @@ def _collect(path: Path, scenario: _Scenario) -> None:
         if event == "start" and depth == 1:
             _check_root(element, path)
             scenario.step_s = float(element.attrib["timeStepSize"])
+            if not SHORTEST_STEP_S <= scenario.step_s <= LONGEST_STEP_S:
+                raise InputError(
+                    f"{path}: timeStepSize is {scenario.step_s:g}; give {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s"
+                )
         if event == "end" and depth == 1:
             _take(element, scenario)
             element.clear()
@@ -115,7 +134,13 @@ def _lanelet(element: Element) -> Lanelet:
 
 def _points(bound: Element | None) -> FloatArray:
     assert bound is not None
-    return np.array([(_number(point, "x"), _number(point, "y")) for point in bound.findall("point")])
+    points = np.array([(_number(point, "x"), _number(point, "y")) for point in bound.findall("point")])
+    if len(points) < 2 or not np.abs(points).max() <= FARTHEST_M:
+        raise ValueError(f"a lanelet's bound needs two points or more within {FARTHEST_M:g} m")
+    length_m = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    if not 0.0 < length_m <= LONGEST_LANELET_M:
+        raise ValueError(f"a lanelet's bound is {length_m:g} m long; at most {LONGEST_LANELET_M:g} is believed")
+    return points
 
 
 def _obstacle(element: Element) -> _Obstacle:

@@ -5,6 +5,7 @@ Sizes come from the file where it states them, else from the network's vehicle t
 
 from __future__ import annotations
 
+import math
 from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,7 +47,11 @@ class _Collected:
         self.codes.append(self.names.setdefault(name, len(self.names)))
         self.codes.append(self.kinds.setdefault(kind, len(self.kinds)))
         self.numbers.append(time_s)
-        self.numbers.extend(float(given[column]) for column in NUMBERS)
+        values = [float(given[column]) for column in NUMBERS]
+        sizes = [float(given[column]) for column in SIZES if column in given]
+        if not all(map(math.isfinite, (*values, *sizes))):
+            raise ValueError(f"vehicle {name[:60]} at {time_s:g} s has a value that is not finite")
+        self.numbers.extend(values)
         self.numbers.extend(float(given.get(column, "nan")) for column in SIZES)
 
 
@@ -81,7 +86,7 @@ def _collect(path: Path) -> _Collected:
             root = element
         if event == "start" and element.tag == "timestep":
             before, time_s = time_s, float(element.attrib["time"])
-            if time_s <= before:
+            if not time_s > before:
                 raise InputError(
                     f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order"
                 )

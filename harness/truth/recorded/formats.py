@@ -8,12 +8,26 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+
 from harness.errors import InputError
+from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.rows import ReadTraffic
 
 PARAMETER = "replay"
 HEAD_BYTES = 65_536
+# What a reader may stumble over in a file that nobody meant to be read so.
+NOT_UNDERSTOOD = (
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    AttributeError,
+    AssertionError,
+    StopIteration,
+    OSError,
+)
 LONGEST_HEADER = 4_096
 
 NGSIM_NAMES = frozenset(
@@ -60,8 +74,10 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
     """
     if forced is not None and forced not in FORMATS:
         raise InputError(f"`format` {forced}: no such format; known are {', '.join(FORMATS)}")
-    if not path.exists():
+    if not checked_path(path, PARAMETER).exists():
         raise InputError(f"`{PARAMETER}`: {path} does not exist; give a run's folder or a file of recorded traffic")
+    if not path.is_dir():
+        check_file(path, MOST_TABLE_BYTES, PARAMETER)
     head = "" if path.is_dir() else _head(path)
     if forced is not None:
         return FORMATS[forced]
@@ -106,7 +122,15 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         InputError: The file is broken or does not fit the network.
     """
     entry = recognise(path, format_name)
-    return entry.read(path, network_of(entry, net))
+    for file in files_of(path):
+        check_file(file, MOST_TABLE_BYTES, PARAMETER)
+    road = network_of(entry, net)
+    try:
+        # Numbers that overflow are refused later, by name; NumPy's own warnings would only be more lines.
+        with np.errstate(all="ignore"):
+            return entry.read(path, road)
+    except NOT_UNDERSTOOD as error:
+        raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
 
 
 def files_of(path: Path) -> tuple[Path, ...]:

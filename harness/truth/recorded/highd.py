@@ -62,6 +62,10 @@ def read_highd(path: Path) -> ReadTraffic:
     chosen = LOWER if np.sum(direction == LOWER) >= np.sum(direction == UPPER) else UPPER
     columns = {name: tracks[name].to_numpy() for name in TRACK_COLUMNS}
     rate = float(recording["frameRate"][0].as_py())
+    if not 1.0 <= rate <= 1000.0:
+        raise InputError(f"{recording_file}: frameRate is {rate:g}; give 1 to 1000 frames a second")
+    if not all(np.isfinite(values).all() for values in columns.values()):
+        raise InputError(f"{tracks_file}: a value is missing or not finite; mend or remove the row")
     markings = _markings(recording, chosen, recording_file)
     on_carriageway = np.isin(columns["id"], identity[direction == chosen])
     without_meta = len(np.setdiff1d(columns["id"], identity))
@@ -123,7 +127,7 @@ def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
         markings = np.array([float(word) for word in text.split(";") if word.strip()])
     except ValueError:
         markings = np.zeros(0)
-    if len(markings) < 2:
+    if len(markings) < 2 or not np.all(np.abs(markings) < BEYOND_VIEW_M):
         raise InputError(f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them")
     return markings
 

@@ -18,7 +18,9 @@ import pyarrow.csv
 from harness.errors import InputError
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.compute.arrays import FloatArray
+from harness.truth.sumo.reading import beside_the_road
+from mmpf.compute.arrays import FloatArray, StringArray
+from mmpf.road import Road
 
 FOOT_M = 0.3048
 COLUMNS = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel")
@@ -156,7 +158,19 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
         length_m=length_m,
         width_m=width_m,
     )
+    _check_places(rows, road, names, path, net)
     return ReadTraffic(road, names, rows, len(names) + sum(left_out.values()), left_out)
+
+
+def _check_places(rows: Rows, road: Road, names: StringArray, path: Path, net: str) -> None:
+    """Refuse a recording of which more than one vehicle in a hundred never comes near the network's road."""
+    near = np.bincount(rows.vehicle[beside_the_road(road, rows.lat_m)], minlength=len(names)) > 0
+    if np.sum(~near) > 0.01 * len(names):
+        far = names[np.flatnonzero(~near)[0]]
+        raise InputError(
+            f"{path}: {int(np.sum(~near))} vehicles, {far} among them, are never within 15 m of the road of {net}; "
+            "name the network that was recorded, or mend Local_X"
+        )
 
 
 def _check_clock(columns: Columns, path: Path) -> None:

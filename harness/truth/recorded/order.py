@@ -18,6 +18,11 @@ NAME_USED_AGAIN_S = 60.0
 # A pause of up to this long is filled in, a longer one ends a stay.
 LONGEST_PAUSE_S = 1.0
 SAME_POSITION_M = 0.05
+# More of them than that, as a share of the rows, and the times are not the vehicles' own.
+MOST_CONTRADICTING = 0.1
+LONGEST_INTERVAL_S = 10.0
+MOST_ROWS, MOST_SECONDS = 50_000_000, 400.0 * 86_400.0
+FARTHEST_M, FASTEST_MPS = 1e7, 120.0
 # No vehicle moves faster; one that seems to is taken as another one from there on.
 JUMP_MPS, JUMP_M = 80.0, 1.0
 
@@ -62,18 +67,28 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     """
     rows = traffic.rows
     _check_numbers(rows, traffic.names, path)
+    _check_limits(rows, traffic.names, path)
     tick = np.round((rows.time_s - rows.time_s.min()) / TIME_RESOLUTION_S).astype(np.int64)
     key = rows.vehicle * (int(tick.max()) + 1) + tick
     order = np.argsort(key, kind="stable")
     repeated = np.zeros(len(order), dtype=bool)
     repeated[1:] = key[order][1:] == key[order][:-1]
     contradictions = _count_contradictions(rows, order, repeated)
+    if contradictions > MOST_CONTRADICTING * len(rows):
+        raise InputError(
+            f"{path}: {contradictions} of {len(rows)} rows put a vehicle at two places at once; mend the times"
+        )
     kept = order[~repeated]
     _check_time(rows.take(np.sort(kept)), traffic.names, path)
     rows = rows.take(kept)
     step_s = np.diff(rows.time_s)
     same = np.diff(rows.vehicle) == 0
     interval_s = float(np.median(step_s[same])) if same.any() else 0.1
+    if interval_s > LONGEST_INTERVAL_S:
+        raise InputError(
+            f"{path}: rows of a vehicle are {interval_s:g} s apart; give a recording with a row every "
+            f"{LONGEST_INTERVAL_S:g} s or more often"
+        )
     moved_m = np.hypot(np.diff(rows.lon_m), np.diff(rows.lat_m))
     pauses = step_s > max(LONGEST_PAUSE_S, 1.5 * interval_s)
     jumps = np.append(False, same & ~pauses & (moved_m > JUMP_MPS * step_s + JUMP_M))
@@ -99,6 +114,21 @@ def _check_numbers(rows: Rows, names: StringArray, path: Path) -> None:
         if len(missing):
             name = names[rows.vehicle[missing[0]]]
             raise InputError(f"{path}: vehicle {name} has a row whose {column} is no number; mend or remove the row")
+
+
+def _check_limits(rows: Rows, names: StringArray, path: Path) -> None:
+    """Refuse what no recording of traffic holds, before anything as large as its numbers say is made of it."""
+    if len(rows) > MOST_ROWS:
+        raise InputError(f"{path}: {len(rows)} rows; at most {MOST_ROWS} are read, so cut the recording")
+    span_s = float(np.ptp(rows.time_s))
+    if span_s > MOST_SECONDS:
+        raise InputError(f"{path}: it would last {span_s / 86_400.0:.0f} days; check the time column")
+    for column, most in (("lon_m", FARTHEST_M), ("lat_m", FARTHEST_M), ("speed_mps", FASTEST_MPS)):
+        # What is not stated is nan and passes.
+        beyond = np.flatnonzero(np.abs(getattr(rows, column)) > most)
+        if len(beyond):
+            name, value = names[rows.vehicle[beyond[0]]], getattr(rows, column)[beyond[0]]
+            raise InputError(f"{path}: vehicle {name} has a {column} of {value:g}; at most {most:g} is believed")
 
 
 def _count_contradictions(rows: Rows, order: IntArray, repeated: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:

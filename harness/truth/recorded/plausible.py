@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.errors import InputError
 from harness.truth.recorded.order import Stays
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 
 # Vehicles that move or drive less than this say nothing about units.
 TELLING_DISTANCE_M = 10.0
@@ -16,6 +16,7 @@ TELLING_DISTANCE_M = 10.0
 BELIEVABLE_RATIO = (0.5, 2.0)
 LENGTH_RANGE_M = (1.0, 40.0)
 USUAL_LENGTH_RANGE_M = (2.5, 20.0)
+WIDTH_RANGE_M = (0.2, 10.0)
 # Foot, kilometre per hour and mile per hour against metre and metre per second, either way.
 UNIT_FACTORS = np.array([0.3048, 1.0 / 0.3048, 3.6, 1.0 / 3.6, 0.44704, 1.0 / 0.44704])
 SAME_FACTOR = 0.03
@@ -49,6 +50,12 @@ def _check_sizes(stays: Stays, path: Path) -> None:
     if len(wrong):
         stay = wrong[0]
         raise InputError(f"{path}: vehicle {stays.names[stay]} would be {longest[stay]:.2f} m long: wrong units?")
+    width_m = stays.rows.width_m
+    wrong = np.flatnonzero((width_m < WIDTH_RANGE_M[0]) | (width_m > WIDTH_RANGE_M[1]))
+    if len(wrong):
+        row = wrong[0]
+        name = stays.names[stays.rows.vehicle[row]]
+        raise InputError(f"{path}: vehicle {name} would be {width_m[row]:.2f} m wide: wrong units?")
     usual_m = float(np.median(longest))
     if len(longest) >= 3 and not USUAL_LENGTH_RANGE_M[0] <= usual_m <= USUAL_LENGTH_RANGE_M[1]:
         raise InputError(f"{path}: half of the vehicles would be no longer than {usual_m:.2f} m: wrong units?")
@@ -74,11 +81,23 @@ def _check_speeds(stays: Stays, path: Path) -> None:
     driven_m = 0.5 * (np.abs(rows.speed_mps[1:]) + np.abs(rows.speed_mps[:-1])) * step_s
     moved_m = np.where(same, np.abs(np.diff(rows.lon_m)), 0.0)
     driven, moved = _sum_by_stay(driven_m, stays), _sum_by_stay(moved_m, stays)
+    _check_directions(step_s, same, stays, path)
     telling = np.isfinite(driven) & (np.maximum(driven, moved) > TELLING_DISTANCE_M)
     ratio = np.where(telling, moved / np.maximum(driven, 1e-6), 1.0)
     wrong = np.flatnonzero((ratio < BELIEVABLE_RATIO[0]) | (ratio > BELIEVABLE_RATIO[1]))
     told = [f"moves {moved[stay]:.1f} m while its speed says {driven[stay]:.1f} m" for stay in wrong]
     _check_share([str(name) for name in stays.names[wrong]], ratio[wrong], told, stays, path)
+
+
+def _check_directions(step_s: FloatArray, same: BoolArray, stays: Stays, path: Path) -> None:
+    """Refuse vehicles that move one way while their speed says the other."""
+    rows = stays.rows
+    driven = _sum_by_stay(0.5 * (rows.speed_mps[1:] + rows.speed_mps[:-1]) * step_s, stays)
+    moved = _sum_by_stay(np.where(same, np.diff(rows.lon_m), 0.0), stays)
+    telling = np.isfinite(driven) & (np.minimum(np.abs(driven), np.abs(moved)) > TELLING_DISTANCE_M)
+    wrong = np.flatnonzero(telling & (driven * moved < 0.0))
+    told = [f"moves {moved[stay]:+.1f} m along the road while its speed says {driven[stay]:+.1f} m" for stay in wrong]
+    _check_share([str(name) for name in stays.names[wrong]], np.zeros(len(wrong)), told, stays, path)
 
 
 def _check_share(names: list[str], ratio: FloatArray, told: list[str], stays: Stays, path: Path) -> None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.errors import InputError
 from harness.truth.frame import STEP_S
-from harness.truth.recorded.order import Stays
+from harness.truth.recorded.order import MOST_ROWS, Stays
 from harness.truth.recorded.rows import Rows
 from mmpf.compute.arrays import FloatArray, IntArray
 
@@ -45,6 +46,8 @@ def on_clock(stays: Stays) -> Clocked:
     ticks = np.where(np.abs(ticks - near) <= ON_CLOCK, near, ticks)
     first = np.ceil(ticks[stays.starts]).astype(np.int64)
     count = np.maximum(np.floor(ticks[stays.ends - 1]).astype(np.int64) - first + 1, 0)
+    if count.sum() > MOST_ROWS:
+        raise InputError(f"the recording has {count.sum()} vehicle-times; at most {MOST_ROWS} are driven, so cut it")
     stay = np.repeat(np.arange(len(stays.starts)), count)
     step = first[stay] + np.arange(len(stay)) - np.repeat(np.cumsum(count) - count, count)
     before = _row_at_or_before(ticks, stays, stay, step)

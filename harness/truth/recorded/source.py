@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
+from harness.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.egos import EACH, EgoStay, plan_egos
-from harness.truth.recorded.formats import read_traffic
+from harness.truth.recorded.formats import NOT_UNDERSTOOD, read_traffic
 from harness.truth.recorded.traffic import RecordedTraffic, assemble
 
 
@@ -27,8 +30,14 @@ def open_recorded_traffic(
     Raises:
         InputError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
     """
-    traffic = assemble(read_traffic(path, format_name, net), path, duration_s, start_s)
-    return RecordedTrafficTruth(path, format_name, traffic, plan_egos(traffic, ego), ego)
+    read = read_traffic(path, format_name, net)
+    try:
+        with np.errstate(all="ignore"):
+            traffic = assemble(read, path, duration_s, start_s)
+            egos = plan_egos(traffic, ego)
+    except NOT_UNDERSTOOD as error:
+        raise InputError(f"{path}: its rows make no traffic: {type(error).__name__}: {error}") from None
+    return RecordedTrafficTruth(path, format_name, traffic, egos, ego)
 
 
 class RecordedTrafficTruth:

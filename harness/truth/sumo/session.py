@@ -6,10 +6,12 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 from harness.errors import InputError, RunError
-from harness.truth.sumo.window import SumoWindow, open_window
+from harness.truth.sumo.window import FIRST_ERROR, SumoWindow, open_window
 
 QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")
 
@@ -59,16 +61,25 @@ def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = F
 
     if libsumo.isLoaded():
         raise RunError("a SUMO simulation is open already; a process can hold one at a time")
-    try:
-        with _silent_native_streams():
-            libsumo.start(["sumo", *arguments, *fixed, *QUIET])
-    except libsumo.TraCIException as error:
-        stop_sumo(libsumo)
-        raise InputError(f"`net`: SUMO refuses the input: {_one_line(error)}") from error
-    except libsumo.FatalTraCIError as error:
-        raise InputError(f"`net`: SUMO refuses the input: {_one_line(error)}") from error
+    with TemporaryDirectory(prefix="harness-sumo-") as folder:
+        complaints = Path(folder) / "stderr"
+        try:
+            with _silent_native_streams(complaints):
+                libsumo.start(["sumo", *arguments, *fixed, *QUIET])
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            if isinstance(error, libsumo.TraCIException):
+                stop_sumo(libsumo)
+            reason = _first_complaint(complaints) or _one_line(error)
+            raise InputError(f"`net`: SUMO refuses the input: {reason}") from error
     sumo: Sumo = libsumo
     return sumo
+
+
+def _first_complaint(log: Path) -> str:
+    """Return the first error that SUMO has written; its own exceptions often say no more than that there was one."""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
+    found = FIRST_ERROR.search(text)
+    return " ".join(found.group(1).split())[:400] if found else ""
 
 
 @contextmanager
@@ -104,20 +115,25 @@ def _one_line(error: Exception) -> str:
 
 
 @contextmanager
-def _silent_native_streams() -> Iterator[None]:
-    """Keep what the C++ side writes to the process's own streams away from the screen and from what programs read."""
+def _silent_native_streams(complaints: Path | None = None) -> Iterator[None]:
+    """Keep what the C++ side writes to the process's own streams away from the screen and from what programs read.
+
+    Args:
+        complaints: File that takes what goes to standard error; None for nowhere.
+    """
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
+    told = nowhere if complaints is None else os.open(complaints, os.O_WRONLY | os.O_CREAT, 0o600)
     try:
         os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
+        os.dup2(told, 2)
         yield
     finally:
         sys.stdout.flush()
         sys.stderr.flush()
         os.dup2(saved[0], 1)
         os.dup2(saved[1], 2)
-        for descriptor in (*saved, nowhere):
+        for descriptor in {*saved, nowhere, told}:
             os.close(descriptor)

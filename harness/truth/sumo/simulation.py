@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,7 @@ import numpy.typing as npt
 from harness.errors import InputError, RunError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
+from harness.truth.network.limits import check_xml, write_without_outputs
 from harness.truth.network.network import Network
 from harness.truth.sumo.control import TrafficControl
 from harness.truth.sumo.reading import read_frame, read_load
@@ -55,9 +58,16 @@ def open_traffic(
     """
     rng = np.random.default_rng(seed)
     held = _held_demand(network, demand)
-    sumo = start_sumo(_arguments(network), STEP_S, int(rng.integers(2**31)), gui)
+    scratch = TemporaryDirectory(prefix="harness-net-")
+    try:
+        sumo = start_sumo(_arguments(network, Path(scratch.name)), STEP_S, int(rng.integers(2**31)), gui)
+    except BaseException:
+        scratch.cleanup()
+        raise
     control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
     truth = SumoTruth(sumo, network, round(duration_s / STEP_S), control, ego)
+    # SUMO reads vehicles while it runs, so copies of its files stay for as long.
+    truth.on_close = scratch.cleanup
     try:
         with sumo_errors_in_words(sumo):
             truth.warm_up(warm_up_s)
@@ -78,14 +88,38 @@ def _held_demand(network: Network, demand: str | float | None) -> Demand | None:
     return network.demand(demand) if isinstance(demand, str) else network.demand_for_density(demand)
 
 
-def _arguments(network: Network) -> tuple[str, ...]:
-    if network.configuration is not None:
-        return "--configuration-file", str(network.configuration)
+def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
+    """Return SUMO's arguments; copies of files whose elements would write others go to a folder of their own."""
+    inputs = network.sumo_inputs
+    if inputs is not None:
+        return (
+            *("--net-file", str(inputs.net_file), *_file_list("--route-files", inputs.route_files)),
+            *_file_list("--additional-files", [_harmless(file, scratch) for file in inputs.additional_files]),
+            *(word for name, value in inputs.options for word in (f"--{name}", value)),
+        )
+    assert network.vehicle_types_file is not None
     return (
-        *("--net-file", str(network.net_file), "--additional-files", str(network.vehicle_types_file)),
+        *(
+            "--net-file",
+            str(network.net_file),
+            "--additional-files",
+            str(_harmless(network.vehicle_types_file, scratch)),
+        ),
         *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
         *("--time-to-teleport", "-1", "--collision.action", "warn"),
     )
+
+
+def _file_list(option: str, files: Sequence[Path]) -> tuple[str, ...]:
+    return (option, ",".join(map(str, files))) if files else ()
+
+
+def _harmless(file: Path, scratch: Path) -> Path:
+    if not check_xml(file).outputs:
+        return file
+    copy = scratch / f"{len(list(scratch.iterdir()))}-{file.name.removesuffix('.gz')}"
+    write_without_outputs(file, copy)
+    return copy
 
 
 class SumoTruth:
@@ -95,6 +129,7 @@ class SumoTruth:
         road: The road frame.
         step_s: Time between frames.
         expected_steps: How many frames there will be.
+        on_close: Called once the simulation has ended.
     """
 
     def __init__(self, sumo: Sumo, network: Network, steps: int, control: TrafficControl | None, ego: bool) -> None:
@@ -107,6 +142,7 @@ class SumoTruth:
         self._control = control
         self._wants_ego = ego
         self._open = True
+        self.on_close: Callable[[], None] = lambda: None
 
     def warm_up(self, duration_s: float) -> None:
         """Fill the road and let the traffic run without yielding frames, and on until a vehicle is in the section."""
@@ -147,6 +183,7 @@ class SumoTruth:
         if self._open:
             self._open = False
             stop_sumo(self._sumo)
+            self.on_close()
 
     def _advance(self) -> None:
         with sumo_errors_in_words(self._sumo):

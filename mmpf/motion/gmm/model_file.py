@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -19,6 +21,14 @@ from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
 
 MIXTURE_PARTS = ("weights", "means", "covariances", *Scaling._fields)
+
+
+# No fitted model comes near to these.
+MOST_ARRAYS, MOST_BYTES = 200, 64 * 1024 * 1024
+DAMAGE = (
+    *(ValueError, EOFError, KeyError, AttributeError, TypeError, SyntaxError, OverflowError, NotImplementedError),
+    *(RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error),
+)
 
 
 class ModelFileError(ValueError):
@@ -44,13 +54,20 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
         ModelFileError: The file is missing, damaged, of another kind, or holds numbers that are not finite.
     """
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        if path.exists() and not path.is_file():
+            raise ModelFileError(f"model file {path} is no ordinary file")
+        with path.open("rb") as file:
+            _check_headers(file, path)
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as stored:
+                arrays = {name: stored[name] for name in stored.files}
     except FileNotFoundError as error:
         raise ModelFileError(f"model file {path} does not exist; 'train' writes one") from error
     except OSError as error:
         raise ModelFileError(f"model file {path} can't be read: {_one_line(error)}") from error
-    except (ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+    except ModelFileError:
+        raise
+    except DAMAGE as error:
         raise ModelFileError(f"model file {path} is damaged or no npz file; 'train' writes one") from error
     if f"case.{case}" not in arrays:
         kinds = ", ".join(name.removeprefix("case.") for name in arrays if name.startswith("case.")) or "none"
@@ -61,6 +78,23 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
         if not np.isfinite(values).all():
             raise ModelFileError(f"model file {path}: {name} holds a number that is not finite")
     return {name: values.astype(np.float64) for name, values in arrays.items()}
+
+
+def _check_headers(file: BinaryIO, path: Path) -> None:
+    """Refuse an archive whose arrays would fill the memory, or are none, by their headers alone."""
+    with zipfile.ZipFile(file) as archive:
+        entries = archive.infolist()
+        if len(entries) > MOST_ARRAYS or len({entry.filename for entry in entries}) < len(entries):
+            raise ModelFileError(f"model file {path} has {len(entries)} arrays, too many or some twice")
+        if sum(entry.file_size for entry in entries) > MOST_BYTES:
+            raise ModelFileError(f"model file {path} would unpack to more than {MOST_BYTES >> 20} MB")
+        for entry in entries:
+            with archive.open(entry) as stream:
+                version = np.lib.format.read_magic(stream)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, dtype = read(stream)
+            if math.prod(shape) * dtype.itemsize > entry.file_size:
+                raise ModelFileError(f"model file {path}: {entry.filename[:60]} is larger than what is stored of it")
 
 
 def mixture_arrays(prefix: str, fitted: ScaledGmm) -> dict[str, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import struct
@@ -16,6 +17,7 @@ from harness.cli import EXIT_USER_ERROR, run_command_line
 from harness.errors import InputError
 from harness.export.formats import export_run
 from harness.report.finished import read_recorded_run
+from harness.runfolder.lock import LOCK
 from harness.scoring.settings import ScoringSettings
 from mmpf.road import Lane, Road
 from tests.harness.recorded_scene import GIVEN_UP, STEPS, metrics_of, write_recorded_scene
@@ -199,18 +201,51 @@ def test_a_film_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsy
 
 
 def test_an_export_is_replaced_as_a_whole_and_a_given_folder_only_by_force(folder, tmp_path):
-    export_run(folder, "csv")
-    (folder / "export" / "csv" / "stale.csv").touch()
-    export_run(folder, "csv")
-    assert not (folder / "export" / "csv" / "stale.csv").exists()
+    said: list[str] = []
+    export_run(folder, "csv", tell=said.append)
+    assert not said
+    (folder / "export" / "csv" / "truth.csv").write_text("stale")
+    export_run(folder, "csv", tell=said.append)
+    assert "an export, 6 files" in said[0]
+    assert (folder / "export" / "csv" / "truth.csv").read_text() != "stale"
+    out = tmp_path / "out"
+    export_run(folder, "csv", out)
+    with pytest.raises(InputError, match="`force`"):
+        export_run(folder, "fcd", out)
+    export_run(folder, "fcd", out, force=True)
+    assert not list(out.glob("*.csv"))
+    assert not [*tmp_path.rglob("*.exporting"), *tmp_path.rglob(f"*{LOCK}")]
+
+
+def test_no_export_removes_a_file_that_no_export_has_written(folder, tmp_path):
     out = tmp_path / "mine"
     out.mkdir()
-    (out / "keep").touch()
-    with pytest.raises(InputError, match="`force`"):
-        export_run(folder, "csv", out)
-    assert (out / "keep").exists()
-    export_run(folder, "csv", out, force=True)
-    assert not (out / "keep").exists()
+    (out / "thesis.tex").write_text("x")
+    for force in (False, True):
+        with pytest.raises(InputError, match="`out`"):
+            export_run(folder, "csv", out, force=force)
+    export_run(folder, "csv")
+    (folder / "export" / "csv" / "notes.txt").write_text("x")
+    with pytest.raises(InputError, match=r"holds notes\.txt, which no command has written"):
+        export_run(folder, "csv")
+    with pytest.raises(InputError, match="was not made by this program"):
+        export_run(folder, "csv", folder, force=True)
+    assert (out / "thesis.tex").exists()
+    assert (folder / "export" / "csv" / "notes.txt").exists()
+
+
+def test_an_export_that_finds_no_room_leaves_the_earlier_one(folder, monkeypatch):
+    files = export_run(folder, "csv")
+    before = files[0].read_bytes()
+
+    def full(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("harness.export.csv_tables.csv.write_csv", full)
+    with pytest.raises(InputError, match="No space left"):
+        export_run(folder, "csv")
+    assert files[0].read_bytes() == before
+    assert [path.name for path in (folder / "export").iterdir()] == ["csv"]
 
 
 def test_the_command_lists_the_files_and_refuses_what_it_does_not_know(folder, tmp_path, capsys):

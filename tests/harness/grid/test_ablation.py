@@ -3,7 +3,18 @@
 import pandas as pd
 import pytest
 
-from harness.grid.ablation import ABLATIONS, DEFAULT, ablated_quantities, ablation_request, ablation_rows, as_markdown
+from harness.grid.ablation import (
+    ABLATIONS,
+    CHARITABLE,
+    DEFAULT,
+    IDEAL_ABLATIONS,
+    PAPER,
+    ablated_quantities,
+    ablation_request,
+    ablation_rows,
+    as_markdown,
+    ideal_request,
+)
 from harness.grid.grid import plan_grid
 
 
@@ -19,6 +30,16 @@ def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = Non
 def test_every_arm_is_a_setting_that_the_tracker_takes():
     grid = plan_grid(ablation_request("us101", "0:2", 60.0))
     assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
+
+
+def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
+    grid = plan_grid(ideal_request("us101", "0:2", 60.0))
+    variants = [run.variant for run in grid.cells[0].runs]
+    assert variants == list(IDEAL_ABLATIONS)
+    models = ("", "+model=gmm-short", "+model=gsm")
+    assert {reading + model for reading in (PAPER, CHARITABLE) for model in models} < set(variants)
+    for run in grid.runs:
+        assert (run.config.sensor.detection_probability, run.config.sensor.clutter_per_scan) == (1.0, 0.0)
 
 
 def test_arms_are_compared_with_the_default_seed_by_seed():
@@ -39,6 +60,7 @@ def test_a_seed_whose_run_failed_is_left_out_of_the_pairs():
 
 
 def test_the_table_names_every_arm_in_words():
-    page = as_markdown(ablation_rows(runs_with({DEFAULT: [90.0, 80.0]})), "made up")
-    for what in ABLATIONS.values():
-        assert what in page
+    runs = runs_with({DEFAULT: [90.0, 80.0]})
+    page = as_markdown(ablation_rows(runs), ablation_rows(runs, IDEAL_ABLATIONS), "made up")
+    for variant, what in ABLATIONS.items():
+        assert page.count(f"| {what} |") == (2 if variant in IDEAL_ABLATIONS else 1)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -38,15 +39,21 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
         connect("tcp://127.0.0.1:9")
 
 
-def stress(out: Path, *arguments: str) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "harness", "stress", "--out", str(out), *GRID, *arguments], cwd=REPOSITORY
-    )
+def stress(out: Path, *arguments: str, **options: object) -> subprocess.Popen:
+    command = [sys.executable, "-m", "harness", "stress", "--out", str(out), *GRID, *arguments]
+    return subprocess.Popen(command, cwd=REPOSITORY, **options)
 
 
 @pytest.fixture
 def cluster(tmp_path):
     """Start a scheduler and two workers; yield the scheduler's address and the workers' processes."""
+    with _cluster(tmp_path) as (address, processes):
+        yield address, processes[1:]
+
+
+@contextmanager
+def _cluster(tmp_path):
+    """Yield the scheduler's address, and its process with those of the workers."""
     pytest.importorskip("distributed")
     file = tmp_path / "scheduler.json"
     shared = {"cwd": REPOSITORY, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -57,7 +64,7 @@ def cluster(tmp_path):
         options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path / str(number))]
         processes.append(subprocess.Popen([*command, *options], **shared))
     try:
-        yield _address(file), processes[1:]
+        yield _address(file), processes
     finally:
         for process in processes:
             process.kill()
@@ -92,3 +99,21 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluste
     assert running.wait(timeout=300) == 0
     pd.testing.assert_frame_equal(table_of(remote), table_of(local), check_exact=True)
     assert len(table_of(remote)) == 8
+
+
+@pytest.mark.slow
+def test_a_lost_scheduler_ends_a_grid_in_one_line_and_it_goes_on_without(tmp_path):
+    out = tmp_path / "grid"
+    with _cluster(tmp_path) as (address, processes):
+        running = stress(out, "--scheduler", address, stderr=subprocess.PIPE, text=True)
+        _wait_until(lambda: any(out.glob("runs/*.json")) or running.poll() is not None)
+        processes[0].send_signal(signal.SIGKILL)
+        _, err = running.communicate(timeout=60)
+    assert running.returncode == 3, err
+    assert len(err.splitlines()) == 1, err
+    assert "scheduler was lost" in err
+    kept = {path: path.read_bytes() for path in out.glob("runs/*.json")}
+    assert kept
+    assert stress(out, "--resume", "--workers", "1").wait(timeout=300) == 0
+    assert {path: path.read_bytes() for path in kept} == kept
+    assert len(table_of(out)) == 8

@@ -12,9 +12,10 @@ from harness.cli import run_command_line
 from harness.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.gridfolder import RUNS
 from harness.grid.pooled import pool_files
 from harness.grid.pooled_tables import pooled_markdown
-from harness.grid.stress import FIGURES, RUNS, SUMMARY, TABLE, Telling, run_stress
+from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
 from mmpf.compute.arrays import BoolArray
 from tests.harness.grid.test_stress import ECHO, InProcess
@@ -66,6 +67,13 @@ def test_the_ratio_to_coasting_is_that_of_all_errors_together():
     assert overall.lon_m == pytest.approx((10 + 120) / 40)
     assert overall.ratio == pytest.approx((10 + 120) / (20 + 60))
     assert 0.5 <= overall.ratio_ci95[0] < overall.ratio < overall.ratio_ci95[1] <= 2.0
+
+
+def test_the_error_of_hidden_vehicles_has_the_followed_share_beside_it():
+    by_time = {f"mae.by_seconds_hidden.0.{name}": value for name, value in (("tracked_percent", 25.0), ("hidden_n", 4))}
+    first, overall = pool_files(pd.DataFrame([row("a", **by_time), row("b", **by_time)])).hidden
+    assert (first.followed_percent, overall.followed_percent) == (25.0, 50.0)
+    assert "25 % followed" in pooled_markdown(pool_files(pd.DataFrame([row("a", **by_time)])), [])
 
 
 def test_a_file_without_a_hidden_vehicle_counts_for_nothing():

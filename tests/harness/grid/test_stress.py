@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import random
@@ -9,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -16,13 +19,14 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError, RunInterruptedError
+from harness.errors import InputError, RunError, RunInterruptedError
 from harness.grid.grid import GridRequest
 from harness.grid.rows import flattened
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.open import OpenLooks
 from harness.running.run import run
+from harness.writing.files import replacing
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 REPOSITORY = Path(__file__).parents[3]
@@ -57,8 +61,8 @@ def no_figures(monkeypatch) -> None:
 
 
 class _NoFigure:
-    def savefig(self, path: Path) -> None:
-        """Draw nothing."""
+    def savefig(self, path: Path, **options: object) -> None:
+        path.touch()
 
 
 def grid(out: Path, request: GridRequest = SMALL, execute=None, **options) -> FinishedGrid:
@@ -136,7 +140,7 @@ def test_an_existing_folder_is_never_overwritten_without_asking(no_figures, tmp_
 
 def test_half_written_files_of_a_killed_grid_are_removed(no_figures, tmp_path):
     grid(tmp_path / "grid")
-    (tmp_path / "grid" / "runs" / "left.123.partial").write_text("{")
+    (tmp_path / "grid" / "runs" / ".left.json.123.partial").write_text("{")
     grid(tmp_path / "grid", resume=True)
     assert not list((tmp_path / "grid").rglob("*.partial"))
 
@@ -150,6 +154,85 @@ def test_a_failing_tracker_is_a_row_and_the_others_run_on(no_figures, tmp_path):
     assert table["error"].isna().tolist() == [False, True, False, True]
     assert len(finished.failures) == 2
     assert "ArithmeticError" in (finished.folder / "table.md").read_text()
+
+
+@pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"\xff\xfe", b'{"succeeded": 1}', b'{"succeeded": false}'])
+def test_a_damaged_row_is_made_again(no_figures, tmp_path, damage):
+    whole = table_of(grid(tmp_path / "grid").folder)
+    rows = sorted((tmp_path / "grid" / "runs").glob("*.json"))
+    rows[3].write_bytes(damage)
+    again = InProcess()
+    pd.testing.assert_frame_equal(table_of(grid(tmp_path / "grid", execute=again, resume=True).folder), whole)
+    assert again.rows == 1
+
+
+def test_a_row_in_whose_place_there_is_a_pipe_is_told(no_figures, tmp_path):
+    grid(tmp_path / "grid")
+    row = sorted((tmp_path / "grid" / "runs").glob("*.json"))[3]
+    row.unlink()
+    os.mkfifo(row)
+    with pytest.raises(InputError, match=r"`out`.*is no file of a stress test"):
+        grid(tmp_path / "grid", resume=True)
+
+
+def test_finished_runs_of_another_grid_never_drop_out_of_the_tables(no_figures, tmp_path):
+    whole = table_of(grid(tmp_path / "grid").folder)
+    fewer = GridRequest(**{**SMALL.__dict__, "seeds": "1"})
+    with pytest.raises(InputError, match="holds 4 runs of another grid"):
+        grid(tmp_path / "grid", fewer, resume=True)
+    pd.testing.assert_frame_equal(table_of(tmp_path / "grid"), whole)
+    for row in (tmp_path / "grid" / "runs").glob("*.json"):
+        row.unlink()
+    with pytest.raises(InputError, match="have no files"):
+        grid(tmp_path / "grid", resume=True)
+    pd.testing.assert_frame_equal(table_of(tmp_path / "grid"), whole)
+
+
+def test_a_second_process_on_the_same_grid_is_refused(no_figures, tmp_path):
+    def meanwhile(cells, on_row) -> None:
+        with pytest.raises(InputError, match="another process is writing"):
+            grid(tmp_path / "grid", resume=True)
+        InProcess()(cells, on_row)
+
+    grid(tmp_path / "grid", execute=meanwhile)
+    assert len(table_of(tmp_path / "grid")) == 8
+    assert not list((tmp_path / "grid").rglob("*lock"))
+
+
+@pytest.mark.parametrize("file", ["row", "runs.parquet", "summary.json", "table.md", "manifest.json"])
+def test_a_full_disk_ends_a_grid_in_one_line_and_it_can_be_taken_up(file, no_figures, tmp_path, monkeypatch):
+    whole = table_of(grid(tmp_path / "whole").folder)
+    written = []
+
+    @contextmanager
+    def until_full(path: Path) -> Iterator[Path]:
+        written.append(path)
+        if path.name == file or (file == "row" and sum(other.parent.name == "runs" for other in written) == 4):
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        with replacing(path) as temporary:
+            yield temporary
+
+    with monkeypatch.context() as full:
+        for module in ("harness.writing.files", "harness.runfolder.tables"):
+            full.setattr(f"{module}.replacing", until_full)
+        with pytest.raises(
+            RunError, match=r"can't go on \(.*No space left on device\); \d of 8 runs are kept.*`resume`"
+        ):
+            grid(tmp_path / "grid")
+    rest = InProcess()
+    pd.testing.assert_frame_equal(table_of(grid(tmp_path / "grid", execute=rest, resume=True).folder), whole)
+    assert rest.rows == {"row": 5, "manifest.json": 8}.get(file, 0)
+
+
+def test_nothing_of_a_strangers_folder_is_touched(no_figures, tmp_path):
+    mine = tmp_path / "mine"
+    (mine / "runs").mkdir(parents=True)
+    for name in ("manifest.json", "runs.parquet", "summary.json", "table.md", "runs/x.partial", "runs/y.json"):
+        (mine / name).write_text('{"name": "web"}')
+    before = {path: path.read_bytes() for path in mine.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match="not a stress test's folder"):
+        grid(mine, resume=True)
+    assert {path: path.read_bytes() for path in mine.rglob("*") if path.is_file()} == before
 
 
 def test_failed_runs_are_kept_unless_asked_to_be_made_again(no_figures, tmp_path):

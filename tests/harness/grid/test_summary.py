@@ -99,3 +99,50 @@ def test_the_table_names_every_tracker_density_and_failure():
     assert "| mmpf cvm | 10 | 0.20" in text
     assert "| mmpf cvm | 20 | 0.20" in text
     assert "- density 10, seed 3: it broke" in text
+
+
+def test_the_ratio_to_coasting_is_that_of_all_errors_together_with_an_interval_over_seeds():
+    def against(own: float, coasting: float, n: float) -> dict:
+        key = "against_coasting.hidden"
+        return {f"{key}.lon_m": own, f"{key}.coasting_lon_m": coasting, f"{key}.n": n}
+
+    table = pd.DataFrame([rows(20, 0, 10, **against(1.0, 2.0, 30)), rows(20, 1, 10, **against(6.0, 4.0, 10))])
+    ratio = curve(table, "against_coasting.hidden.ratio")[20]
+    assert ratio.mean == pytest.approx((30 + 60) / (60 + 40))
+    assert 0.5 <= ratio.ci95[0] < ratio.mean < ratio.ci95[1] <= 1.5
+
+
+def test_identities_by_time_hidden_switches_and_the_error_after_two_seconds_have_intervals_over_seeds():
+    bin_of_two = "mae.by_seconds_hidden.2"
+    table = pd.DataFrame([
+        rows(20, seed, 10, **{
+            "occlusion.short.same_id": 8 - seed, "occlusion.short.events": 10, "occlusion.long.same_id": seed,
+            "occlusion.long.events": 2, "occlusion.hijacked": seed, "mot.id_switches": 3 + seed,
+            f"{bin_of_two}.lon_m": 1.0 + seed, f"{bin_of_two}.n": 5, f"{bin_of_two}.tracked_percent": 50.0 + seed,
+            f"{bin_of_two}.hidden_n": 10,
+        }) for seed in range(3)
+    ])  # fmt: skip
+    means = {
+        "occlusion.short.same_id": 70.0, "occlusion.long.same_id": 50.0, "occlusion.hijacked": 1.0,
+        "mot.id_switches": 4.0, f"{bin_of_two}.lon_m": 2.0, f"{bin_of_two}.tracked_percent": 51.0,
+    }  # fmt: skip
+    for metric, mean in means.items():
+        point = curve(table, metric)[20]
+        assert point.mean == pytest.approx(mean), metric
+        assert point.ci95[0] < mean < point.ci95[1], metric
+
+
+def test_every_error_while_followed_has_the_followed_share_in_the_next_column():
+    table = pd.DataFrame([rows(20, 0, 10)])
+    heading = next(line for line in as_markdown("T", curve_points(table, ()), [], []).splitlines() if "MAE" in line)
+    cells = [cell.strip() for cell in heading.split("|")]
+    for place, cell in enumerate(cells):
+        if "while followed" in cell:
+            assert cells[place + 1].endswith("and followed, %"), cell
+
+
+def test_the_headline_of_hidden_vehicles_comes_first():
+    table = pd.DataFrame([rows(20, 0, 10, **{"hidden.hidden_cost_m": 3.5, "hidden.n": 7.0})])
+    text = as_markdown("T", curve_points(table, ()), [], [])
+    first = next(line for line in text.splitlines() if line.startswith("| mmpf"))
+    assert first.startswith("| mmpf cvm | 20 | 3.50 |")

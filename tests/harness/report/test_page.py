@@ -1,6 +1,8 @@
+import errno
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -116,6 +118,37 @@ def test_the_command_names_the_page_and_its_size(tmp_path, capsys):
     answer = json.loads(capsys.readouterr().out)
     assert answer["page"] == str(folder / "report.html")
     assert 0.0 < answer["size_mb"] < 2.0
+
+
+def test_a_page_that_finds_no_room_leaves_the_earlier_one(tmp_path, capsys, monkeypatch):
+    folder = write_recorded_scene(tmp_path / "run")
+    assert run_command_line(["report", str(folder)]) == 0
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+    def full(path: Path, text: str, **options: object) -> None:
+        path.write_bytes(b"")
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    capsys.readouterr()
+    assert run_command_line(["report", str(folder)]) == 3
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "No space left on device" in err
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_somebody_elses_page_and_pictures_are_left_alone(tmp_path, capsys):
+    folder = write_recorded_scene(tmp_path / "run")
+    (folder / "report.html").write_text("<p>mine</p>")
+    (folder / "figures" / "gallery-of-mine.png").write_text("mine")
+    assert run_command_line(["report", str(folder)]) == EXIT_USER_ERROR
+    assert "was not made by this program" in capsys.readouterr().err
+    assert (folder / "report.html").read_text() == "<p>mine</p>"
+    (folder / "report.html").unlink()
+    assert run_command_line(["report", str(folder)]) == 0
+    assert run_command_line(["report", str(folder)]) == 0, "its own page is replaced"
+    assert (folder / "figures" / "gallery-of-mine.png").exists()
 
 
 def test_a_folder_that_is_none_is_the_users_error(tmp_path, capsys):

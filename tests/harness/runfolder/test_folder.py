@@ -12,6 +12,7 @@ import pytest
 
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
+from harness.runfolder.ownership import LEDGER
 from harness.runfolder.tables import write_table
 
 
@@ -39,7 +40,7 @@ def test_the_folder_of_a_killed_run_is_removed_by_the_next(tmp_path):
     )
     killed = subprocess.run([sys.executable, "-c", script], check=False)
     assert killed.returncode == -signal.SIGKILL
-    assert len(list(tmp_path.iterdir())) == 1
+    assert len(list(tmp_path.iterdir())) == 2, "the folder and the file of its lock"
     runfolder.open_folder(tmp_path / "another", "x", force=False).finish()
     assert [entry.name for entry in tmp_path.iterdir()] == ["another"]
 
@@ -88,16 +89,61 @@ def test_an_existing_folder_is_kept_without_force(tmp_path):
 
 def test_force_replaces_a_run_and_nothing_else(tmp_path):
     run, home = tmp_path / "run", tmp_path / "home"
-    run.mkdir()
-    (run / runfolder.MANIFEST).write_text("{}")
-    (run / "old").write_text("x")
-    runfolder.open_folder(run, "x", force=True).finish()
-    assert list(run.iterdir()) == []
+    earlier = runfolder.open_folder(run, "x", force=False)
+    (earlier.path / "old").write_text("x")
+    assert earlier.replaced is None
+    earlier.finish()
+    again = runfolder.open_folder(run, "x", force=True)
+    assert again.replaced == f"{run}: a run, 2 files, 0.0 MB"
+    again.finish()
+    assert [entry.name for entry in run.iterdir()] == [LEDGER]
     home.mkdir()
-    (home / "precious").write_text("x")
-    with pytest.raises(InputError, match="not a run's folder"):
+    for name in (runfolder.MANIFEST, runfolder.CONFIG, "precious"):
+        (home / name).write_text("{}")
+    with pytest.raises(InputError, match="was not made by this program"):
         runfolder.open_folder(home, "x", force=True)
     assert (home / "precious").exists()
+
+
+def test_a_second_run_into_the_same_folder_is_refused_while_the_first_lasts(tmp_path):
+    first = runfolder.open_folder(tmp_path / "run", "x", force=False)
+    with pytest.raises(InputError, match="another process is writing"):
+        runfolder.open_folder(tmp_path / "run", "x", force=False)
+    runfolder.open_folder(tmp_path / "other", "x", force=False).discard()
+    first.finish()
+    second = runfolder.open_folder(tmp_path / "run", "x", force=True)
+    with pytest.raises(InputError, match="another process is writing"):
+        runfolder.open_folder(tmp_path / "run", "x", force=True)
+    second.discard()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
+
+
+def test_what_a_user_puts_into_a_run_while_it_is_being_replaced_survives(tmp_path):
+    runfolder.open_folder(tmp_path / "run", "x", force=False).finish()
+    replacing = runfolder.open_folder(tmp_path / "run", "x", force=True)
+    (tmp_path / "run" / "notes.txt").write_text("mine")
+    assert replacing.finish().name == "run-2"
+    assert (tmp_path / "run" / "notes.txt").read_text() == "mine"
+
+
+def test_an_incomplete_folder_with_a_users_files_is_not_replaced(tmp_path):
+    left = runfolder.open_folder(tmp_path / "run", "x", force=False).leave_incomplete()
+    (left / "notes.txt").write_text("mine")
+    assert runfolder.open_folder(tmp_path / "run", "x", force=False).leave_incomplete().name == "run.incomplete-2"
+    assert (left / "notes.txt").exists()
+
+
+@pytest.mark.parametrize("name", [runfolder.MANIFEST, runfolder.CONFIG, runfolder.ROAD, "t.parquet"])
+def test_a_pipe_in_a_files_place_keeps_nobody_waiting(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match="`replay`"):
+        runfolder.read_manifest(tmp_path, "replay")
+    with pytest.raises(InputError, match="`replay`"):
+        runfolder.read_config_table(tmp_path, "replay")
+    with pytest.raises(InputError, match="`replay`"):
+        runfolder.read_road(tmp_path / runfolder.ROAD, "replay")
+    with pytest.raises(InputError, match="`replay`"):
+        runfolder.read_table(tmp_path, "t.parquet", "replay", ())
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

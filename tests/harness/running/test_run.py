@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -15,6 +18,7 @@ from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
 from harness.runfolder import folder as runfolder
 from harness.running.run import Drawing, FinishedRun, run
+from harness.writing.files import replacing
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
@@ -170,6 +174,50 @@ def test_a_run_that_breaks_while_it_is_drawn_does_not_look_finished(steady_traff
         run_on(steady_traffic, configured(), tmp_path / "run", draw=Drawing(lambda *_: None, broken))
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
     assert json.loads((tmp_path / "run.incomplete" / "manifest.json").read_text())["status"] == "failed"
+
+
+def fail_on(name: str, monkeypatch) -> None:
+    """Let the disk be full as soon as a file of this name is written."""
+
+    @contextmanager
+    def until_full(path: Path) -> Iterator[Path]:
+        if path.name == name:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        with replacing(path) as temporary:
+            yield temporary
+
+    for module in ("harness.writing.files", "harness.runfolder.tables"):
+        monkeypatch.setattr(f"{module}.replacing", until_full)
+
+
+@pytest.mark.parametrize("name", [runfolder.ERRORS, runfolder.METRICS])
+def test_a_full_disk_keeps_the_steps_that_there_was_room_for(name, steady_traffic, tmp_path, monkeypatch):
+    fail_on(name, monkeypatch)
+    with pytest.raises(RunError, match=f"after 12 steps: .*{name}: No space left on device; the finished steps"):
+        run_on(steady_traffic, configured(), tmp_path / "run")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
+    assert pd.read_parquet(tmp_path / "run.incomplete" / "tracks.parquet")["step"].max() == 11
+
+
+@pytest.mark.parametrize("name", [runfolder.CONFIG, runfolder.TRACKS, runfolder.MANIFEST])
+def test_a_full_disk_that_has_no_room_for_the_steps_leaves_nothing(name, steady_traffic, tmp_path, monkeypatch):
+    fail_on(name, monkeypatch)
+    words = "before its first step" if name == runfolder.CONFIG else "the finished steps could not be kept"
+    with pytest.raises(RunError, match=f"{words}.*No space left on device"):
+        run_on(steady_traffic, configured(), tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_fails_leaves_the_one_that_it_was_to_replace(steady_traffic, tmp_path, capsys):
+    first = run_on(steady_traffic, configured(), tmp_path / "run").folder
+    before = {path.name: path.read_bytes() for path in first.iterdir()}
+    with pytest.raises(RunError):
+        run_on(SteadyTraffic(steps=12, fail_at=5), configured(), tmp_path / "run", force=True, quiet=False)
+    assert "replaces" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in first.iterdir()} == before
+    run_on(SteadyTraffic(steps=12), configured(seed=9), tmp_path / "run", force=True)
+    assert json.loads((first / "manifest.json").read_text())["seed"] == 9
+    assert {entry.name for entry in tmp_path.iterdir()} == {"run", "run.incomplete"}
 
 
 def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):

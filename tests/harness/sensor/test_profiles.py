@@ -6,8 +6,8 @@ from harness.errors import InputError
 from harness.sensor.profiles import SensorSettings, sensor_profiles, sensor_settings
 
 
-def test_the_three_profiles_exist_and_explain_their_figures():
-    assert list(sensor_profiles) == ["camera", "lidar", "radar"]
+def test_the_profiles_exist_and_explain_their_figures():
+    assert list(sensor_profiles) == ["camera", "ideal", "lidar", "lidar-independent", "radar"]
     assert all(len(sensor_profiles[name].__doc__ or "") > 200 for name in sensor_profiles)
 
 
@@ -15,7 +15,9 @@ def test_the_three_profiles_exist_and_explain_their_figures():
 def test_every_field_of_every_profile_can_be_replaced(field):
     for profile in sensor_profiles:
         old = getattr(sensor_settings(profile, {}), field)
-        new = 0.2 if old is None else old * 0.9 if field != "hidden_noise_factor" else old + 1
+        new = 0.2 if old is None else old * 0.9
+        if field in {"hidden_noise_factor", "full_view_fraction", "nominal_full_view_fraction"}:
+            new = old + 1 if field == "hidden_noise_factor" else 0.9
         assert getattr(sensor_settings(profile, {field: new}), field) == pytest.approx(new)
 
 
@@ -26,7 +28,7 @@ def test_a_number_given_as_text_counts_as_a_number():
 @pytest.mark.parametrize(
     ("profile", "overrides", "named"),
     [
-        ("sonar", {}, "camera, lidar, radar"),
+        ("sonar", {}, "camera, ideal, lidar, lidar-independent, radar"),
         ("lidar", {"reach": 3}, "sensor.reach"),
         ("lidar", {"range_m": -1}, "sensor.range_m"),
         ("lidar", {"range_m": np.nan}, "sensor.range_m"),
@@ -34,6 +36,10 @@ def test_a_number_given_as_text_counts_as_a_number():
         ("lidar", {"detection_probability": 1.2}, "sensor.detection_probability"),
         ("lidar", {"detection_probability": np.nan}, "sensor.detection_probability"),
         ("lidar", {"hidden_fraction": 0.9}, "hidden_fraction must be below full_view_fraction"),
+        ("lidar", {"nominal_hidden_fraction": 0.9}, "nominal_hidden_fraction must be below"),
+        ("lidar", {"burst_share": 0.95}, "sensor.burst_share"),
+        ("lidar", {"missed_run_s": 0.0}, "sensor.missed_run_s"),
+        ("lidar", {"latency_s": -0.1}, "sensor.latency_s"),
     ],
 )
 def test_a_wrong_sensor_setting_is_refused_on_one_line_that_names_it(profile, overrides, named):

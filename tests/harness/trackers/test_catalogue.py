@@ -26,8 +26,12 @@ def published_rule_checks() -> list[object]:
 
 
 def slow_beside_gnn(name: str) -> tuple[pytest.MarkDecorator, ...]:
-    """Three of Stone Soup's trackers share all but the association with ``stonesoup-gnn``, and take a minute."""
-    return (pytest.mark.slow,) if name.startswith("stonesoup") and name != "stonesoup-gnn" else ()
+    """Stone Soup's other trackers share most parts with ``stonesoup-gnn``, and take minutes."""
+    return (pytest.mark.slow,) if is_made_of_stone_soup(name) and name != "stonesoup-gnn" else ()
+
+
+def is_made_of_stone_soup(name: str) -> bool:
+    return name.startswith("stonesoup") or name == "immortal-kalman"
 
 
 def setting() -> TrackerSetting:
@@ -37,7 +41,7 @@ def setting() -> TrackerSetting:
 @pytest.mark.parametrize("check", tracker_checks(), ids=str)
 @pytest.mark.parametrize("name", [pytest.param(name, marks=slow_beside_gnn(name)) for name in available_trackers()])
 def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
-    if name.startswith("stonesoup"):
+    if is_made_of_stone_soup(name):
         pytest.importorskip("stonesoup")
     check(lambda setting, options: build_tracker(name, setting, options))
 
@@ -55,7 +59,8 @@ def test_only_the_oracle_is_told_the_association():
 
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(
-        InputError, match=r"`tracker` kalmann: unknown; choose one of mmpf, oracle-kalman, stonesoup-gnn"
+        InputError,
+        match=r"`tracker` kalmann: unknown; choose one of immortal-kalman, mmpf, oracle-kalman, stonesoup-gnn",
     ):
         build_tracker("kalmann", setting(), {})
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fra
 from mmpf.compute.arrays import FloatArray
 from mmpf.options import MEAN_CAR
 from mmpf.scan import FreeSpace
-from tests.mmpf.scenes import ego_at, lane_centre
+from tests.mmpf.scenes import ROAD, ego_at, lane_centre
 
 
 def cars(count: int) -> Bodies:
@@ -94,6 +96,7 @@ def test_the_sensors_own_free_space_asserts_occlusion() -> None:
         np.array([lane_centre(2)] * 2 + [lane_centre(2) + 40.0]),
         cars(3),
         FreeSpace(sectors),
+        ROAD,
     )
     assert share == pytest.approx([0.0, 1.0, 0.0])
 
@@ -103,7 +106,21 @@ def test_a_vehicle_is_covered_from_where_its_middle_passes_the_free_distance(mid
     ahead = np.array([middle_m]), np.array([lane_centre(2)])
     for length_m in (4.7, 18.0):
         bodies = Bodies(np.array([length_m]), np.array([1.9]))
-        assert shadowed_share(ego_at(), *ahead, bodies, FreeSpace(np.full(720, 30.0))) == pytest.approx([hidden])
+        assert shadowed_share(ego_at(), *ahead, bodies, FreeSpace(np.full(720, 30.0)), ROAD) == pytest.approx([hidden])
+
+
+@pytest.mark.parametrize("sectors_turned", [0, 90, 333, -200])
+def test_what_the_sensor_covers_does_not_depend_on_where_the_road_leads(sectors_turned: int) -> None:
+    rng = np.random.default_rng(0)
+    lon, lat = rng.uniform(-80.0, 80.0, 40), rng.uniform(-15.0, 30.0, 40)
+    bodies = Bodies(rng.uniform(3.5, 15.0, 40), rng.uniform(1.6, 2.6, 40))
+    free_m = np.repeat(rng.uniform(5.0, 80.0, 72), 10)
+    straight = shadowed_share(ego_at(), lon, lat, bodies, FreeSpace(free_m), ROAD)
+    turn_rad = 2.0 * np.pi * sectors_turned / 720
+    turned_road = replace(ROAD, reference_xy=((3.0, -7.0), (3.0 + np.cos(turn_rad), -7.0 + np.sin(turn_rad))))
+    turned = shadowed_share(ego_at(), lon, lat, bodies, FreeSpace(np.roll(free_m, sectors_turned)), turned_road)
+    assert turned == pytest.approx(straight)
+    assert 0.2 < straight.mean() < 0.8
 
 
 @pytest.mark.parametrize("spread_m", [0.05, 1.0, 8.0])

@@ -1,11 +1,15 @@
 """The adaptive IDM takes up each driver's headway; the lane-change model crosses to either side alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mmpf.motion.idm import TREIBER_2000, Adaptation, AdaptiveDriver, idm_acceleration
 from mmpf.motion.kinematic import ProcessNoise
 from mmpf.motion.learned.lane_changer import LaneChangeDriver
+from mmpf.motion.learned.short_driver import short_term_driver
+from mmpf.motion.learned.short_pair import ShortTermPair
 from mmpf.motion.protocol import take_surroundings
 from mmpf.state import ACCEL, LAT, LAT_SPEED, SPEED
 from tests.mmpf.motion.surroundings import around, states, vehicle
@@ -53,6 +57,30 @@ def test_a_car_under_way_to_the_next_lane_arrives_there():
         state, latents = model.propagate(state, latents, here, STEP_S, rng)
     assert np.median(state[LAT]) > 4.5
     assert (state[LAT] > 4.0).mean() > 0.85
+
+
+def test_the_pair_of_short_term_models_keeps_the_lane_as_the_first_does():
+    keeper, state = replace(ShortTermPair().rates, changes_per_s=0.0, seen_changes_per_s=0.0), states(200, 20.0)
+    model, rngs = ShortTermPair(rates=keeper), [np.random.default_rng(3), np.random.default_rng(3)]
+    rngs[1].random(200, dtype=np.float32)  # what the intentions draw
+    here = around(state, vehicle(200, 25.0, 18.0))
+    after, latents = model.propagate(state, model.draw_latents(state, rngs[0]), here, STEP_S, rngs[0])
+    alone, _ = short_term_driver().propagate(state, np.empty((0, 200)), here, STEP_S, rngs[1])
+    np.testing.assert_array_equal(after, alone)
+    assert not latents.any()
+
+
+def test_a_particle_of_the_pair_that_means_to_leave_its_lane_arrives_in_the_next_one():
+    model, state, rng = ShortTermPair(), states(500, 20.0, lat_m=3.4), np.random.default_rng(0)
+    model = replace(model, rates=replace(model.rates, changes_per_s=0.0, seen_changes_per_s=0.0))
+    state[LAT_SPEED] = 0.9
+    latents = np.array([np.ones(500), np.full(500, 6.0)])
+    for _ in range(60):
+        lane = np.clip(np.floor(state[LAT] / 4.0), 0, 1)
+        here = around(state)
+        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
+        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+    assert ((state[LAT] > 4.0) & (state[LAT] < 8.0)).mean() > 0.85
 
 
 def test_some_particles_know_what_they_knew_among_all():

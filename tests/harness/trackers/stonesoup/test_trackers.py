@@ -24,7 +24,13 @@ from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.stonesoup.parts import lent_global_generator
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
-NAMES = ["stonesoup-gnn", "stonesoup-jpda", "stonesoup-jpda-stitched", "stonesoup-particle"]
+NAMES = [
+    "stonesoup-gnn",
+    "stonesoup-jpda",
+    "stonesoup-jpda-stitched",
+    "stonesoup-jpda-aware",
+    "stonesoup-particle",
+]
 CARS = [
     ScriptedCar("ahead", EGO_START_M + 30.0, lane=3, speed_mps=23.0),
     ScriptedCar("left", EGO_START_M + 3.0, lane=2, speed_mps=26.0),
@@ -107,6 +113,8 @@ def test_noise_that_a_detection_reports_decides_how_much_it_counts():
     ]
     one, other = (follow("stonesoup-jpda", scans)[-1] for scans in (precise, vague))
     assert other.std_lon_m[0] > 1.5 * one.std_lon_m[0]
+    by_option = follow("stonesoup-jpda", precise, noise_factor=3.0)[-1]
+    assert by_option.std_lon_m[0] == pytest.approx(other.std_lon_m[0], rel=0.05)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,0 +1,60 @@
+"""A process that is told to end by the system ends as by Ctrl-C: what was finished is kept."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from harness import exitcodes
+
+CODES = {
+    signal.SIGINT: exitcodes.INTERRUPTED,
+    signal.SIGTERM: exitcodes.TERMINATED,
+    signal.SIGHUP: exitcodes.HANGUP,
+}
+_received: list[signal.Signals] = []
+
+
+@contextmanager
+def ends_like_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP too raise ``KeyboardInterrupt`` in the block; what is ignored (nohup) stays so."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _received.clear()
+    previous = {end: signal.getsignal(end) for end in CODES}
+    own = [end for end, does in previous.items() if does in (signal.SIG_DFL, signal.default_int_handler)]
+    for end in own:
+        signal.signal(end, _interrupt)
+    try:
+        yield
+    finally:
+        for end in own:
+            if signal.getsignal(end) is _interrupt:
+                signal.signal(end, previous[end])
+        if own:
+            _received.clear()
+
+
+def told_to_end() -> bool:
+    """Return whether a signal came: libraries that it stops may make another error of it, or lose it."""
+    return bool(_received)
+
+
+def code_of_end() -> int:
+    """Return the exit code of the signal that ended the command."""
+    return CODES[_received[-1]] if _received else exitcodes.INTERRUPTED
+
+
+def ignore_ends() -> None:
+    """Ignore the signals from now on: the process is about to end anyway."""
+    for end in CODES:
+        signal.signal(end, signal.SIG_IGN)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    _received.append(signal.Signals(number))
+    raise KeyboardInterrupt

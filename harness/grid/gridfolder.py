@@ -1,0 +1,106 @@
+"""A stress test's folder: taken by one process at a time, taken up again only by the grid that it was made for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from harness.errors import InputError
+from harness.runfolder import folder as runfolder
+from harness.runfolder import ownership
+from harness.runfolder.lock import LOCK, lock_within
+from harness.writing.files import is_temporary
+
+ROWS, RUNS, GRID = "runs", "runs.parquet", "grid.json"
+
+
+@contextmanager
+def open_grid_folder(out: Path, resume: bool) -> Iterator[Path]:
+    """Make or take up a grid's folder, keep other processes off it, and yield the folder of its rows.
+
+    Raises:
+        InputError: It may not be taken up, can't be written, or another process is writing it.
+    """
+    if out.exists() and not resume:
+        raise InputError(f"`out`: {out} exists; add `resume` to go on with it, or choose another folder")
+    rows = out / ROWS
+    try:
+        _check_is_grid(out)
+        out.mkdir(parents=True, exist_ok=True)
+        lock = lock_within(out, "out")
+    except OSError as error:
+        # Only an empty one goes.
+        with suppress(OSError):
+            out.rmdir()
+        raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
+    try:
+        try:
+            if ownership.kind_of(out) is None:
+                ownership.claim(out, ownership.STRESS)
+            rows.mkdir(exist_ok=True)
+            _clean(out, rows)
+        except OSError as error:
+            raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
+        yield rows
+    finally:
+        lock.release()
+
+
+def _check_is_grid(out: Path) -> None:
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise InputError(f"`out`: {out} is a file; choose another folder")
+    if any(entry.name != LOCK and not is_temporary(entry.name) for entry in out.iterdir()) and not (
+        ownership.kind_of(out) == ownership.STRESS or _is_earlier_grid(out)
+    ):
+        raise InputError(f"`out`: {out} is not a stress test's folder; choose another folder")
+
+
+def _is_earlier_grid(out: Path) -> bool:
+    """Return whether a grid's folder was made before such folders had ledgers: its manifest names this program."""
+    try:
+        manifest = json.loads(runfolder.read_regular(out / runfolder.MANIFEST))
+    except (OSError, ValueError):
+        return False
+    return isinstance(manifest, dict) and ownership.PROGRAM in manifest.get("versions", ()) and (out / ROWS).is_dir()
+
+
+def _clean(out: Path, rows: Path) -> None:
+    """Remove half-written files of a process that was killed."""
+    for path in (*out.iterdir(), *rows.iterdir()):
+        if is_temporary(path.name) and path.is_file():
+            path.unlink()
+    for path in rows.iterdir():
+        if not path.is_file():
+            raise InputError(f"`out`: {path} is no file of a stress test; move it away")
+
+
+def check_same_grid(out: Path, rows: Path, keys: set[str]) -> None:
+    """Check that a grid covers everything that its folder holds, so that no finished run drops out of the tables.
+
+    Raises:
+        InputError: The folder holds runs of another grid, or runs whose own files are gone.
+    """
+    there = {path.stem for path in rows.glob("*.json")}
+    others = len(there - keys)
+    if others:
+        raise InputError(
+            f"`out`: {out} holds {others} runs of another grid, which this one would leave out; choose another folder "
+            f"or the options that {out / GRID} tells"
+        )
+    if not there >= keys and _rows_in(out / RUNS) > len(there):
+        raise InputError(f"`out`: runs in {out / RUNS} have no files in {rows} any more; choose another folder")
+
+
+def _rows_in(table: Path) -> int:
+    """Return how many rows a table has; none if it is missing or broken, and so nothing to lose."""
+    try:
+        return int(pq.read_metadata(table).num_rows) if table.is_file() else 0
+    except (OSError, pa.ArrowException):
+        return 0

@@ -1,0 +1,91 @@
+"""The file of tuned settings: each tracker's best one, how it was found, and everything that was tried."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.grid.tuning_search import FALSE_HIDDEN_COST, HIDDEN_COST_PER_M, Trial, best_of
+from harness.grid.tuning_spaces import DEFAULTS_IN_CODE
+from harness.writing.files import write_text
+
+OBJECTIVE = (
+    f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan, "
+    "the hidden ones where they are measured"
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A search and what it was made on.
+
+    Attributes:
+        tracker: Name of the tracker.
+        command: What makes it again.
+        recordings: What every setting was tried on, a table for each.
+        trials: The search, the defaults first.
+    """
+
+    tracker: str
+    command: str
+    recordings: Sequence[Mapping[str, object]]
+    trials: Sequence[Trial]
+
+
+def write_outcome(outcome: Outcome, path: Path) -> None:
+    """Put a search and its best setting into the file of tuned settings; other trackers' entries stay.
+
+    Args:
+        outcome: The search.
+        path: The TOML file.
+    """
+    lines = [*_other_tables(path, outcome.tracker), *_table(outcome)]
+    write_text(path, "\n".join(lines).rstrip() + "\n")
+
+
+def _table(outcome: Outcome) -> list[str]:
+    best, first = best_of(outcome.trials), outcome.trials[0]
+    scores = {name: getattr(best.scores, name) for name in best.scores.names()}
+    # What a tracker takes from here is called options; what its code holds by itself is only told of.
+    options = "found" if outcome.tracker in DEFAULTS_IN_CODE else "options"
+    return [
+        f"[{outcome.tracker}]",
+        f"command = {json.dumps(outcome.command)}",
+        f"budget = {len(outcome.trials)}",
+        f"objective_is = {json.dumps(OBJECTIVE)}",
+        f"objective_before = {first.objective:.3f}",
+        f"objective = {best.objective:.3f}",
+        *(f"{name} = {value:.3f}" for name, value in scores.items() if math.isfinite(value)),
+        "recordings = [",
+        *(f"  {_inline(entry)}," for entry in outcome.recordings),
+        "]",
+        "trials = [",
+        *(f"  {_inline({'objective': round(trial.objective, 3), **trial.options})}," for trial in outcome.trials),
+        "]",
+        "",
+        f"[{outcome.tracker}.{options}]",
+        *(_assignments(best.options)),
+        "",
+    ]
+
+
+def _assignments(table: Mapping[str, object]) -> list[str]:
+    """Return a line for each value; TOML has no word for None, which every such option has as its default."""
+    return [f"{name} = {json.dumps(value)}" for name, value in table.items() if value is not None]
+
+
+def _inline(entry: Mapping[str, object]) -> str:
+    return "{ " + ", ".join(_assignments(entry)) + " }"
+
+
+def _other_tables(path: Path, replaced: str) -> list[str]:
+    kept, keep = [], True
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        if line.startswith("["):
+            keep = line.strip("[]").partition(".")[0] != replaced
+        if keep:
+            kept.append(line)
+    return [*kept, ""] if kept and kept[-1] else kept

@@ -1,0 +1,39 @@
+"""Whether a run has anything to be scored on: numbers over nothing are worse than none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from harness.errors import InputError
+
+# A vehicle in sight in fewer than one step of so many says nothing of a tracker.
+FEWEST_A_STEP = 0.05
+
+
+def check_scored(metrics: Mapping[str, Any], steps: int) -> None:
+    """Refuse scores over no vehicle, or nearly none.
+
+    Args:
+        metrics: The tables of scores by name.
+        steps: Number of steps that were scored.
+
+    Raises:
+        InputError: Vehicles were in sight in fewer than one vehicle-step in twenty steps.
+    """
+    in_sight = metrics["mot"]["truth_n"]
+    if in_sight >= max(1.0, FEWEST_A_STEP * steps):
+        return
+    in_range = metrics["coverage"]["vehicles_in_range"]
+    if not in_range:
+        reason, mend = (
+            "no vehicle comes within the sensor's range",
+            "choose more traffic, another ego or a longer range",
+        )
+    elif not metrics["coverage"]["detected"]:
+        reason, mend = "none of the vehicles in range is detected", "check the sensor's settings and the network"
+    else:
+        reason, mend = "vehicles are hardly ever in sight", "choose more traffic, a longer duration or a longer range"
+    raise InputError(
+        f"`net`: there is nothing to score: {in_sight} vehicle-steps in sight in {steps} steps, since {reason}; {mend}"
+    )

@@ -1,0 +1,184 @@
+"""From a scene to detections, true and false, as rows of numbers with the vehicle behind each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from harness.sensor.clutter import ghosts_after, positions_on_road
+from harness.sensor.failings import Boxes, advance, detection_probability, merged, miss_chain, shifted, split
+from harness.sensor.memory import NORMALS, SensorMemory, VehicleMemory, drifted
+from harness.sensor.noise import measured_sizes, measured_speed, position_error, position_std, reported_factors
+from harness.sensor.profiles import SensorSettings
+from harness.sensor.scene import Scene, in_reach, sight_to
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, wrap_angle
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+
+CLUTTER_SPEED_MPS = (0.0, 40.0)
+SPEED_NORMAL, REPORT_NORMALS = 4, 6
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Rows of position, speed, their deviations and four numbers of size, and the vehicle behind each (-1 clutter)."""
+
+    values: FloatArray
+    origin: IntArray
+
+
+def vehicle_returns(
+    settings: SensorSettings, memory: SensorMemory, scene: Scene, step_s: float, rng: np.random.Generator
+) -> Returns:
+    """Return the detections of real vehicles, and remember how they stand."""
+    frame, sight, fraction = scene.frame, scene.sight, scene.fraction
+    count = len(frame)
+    chance = rng.random(count)
+    white = rng.standard_normal((count, NORMALS))
+    streams = memory.streams
+    of_second = streams.boxes.standard_normal((count, NORMALS))
+    reports = streams.reports.standard_normal((2 * count, REPORT_NORMALS))
+    reachable = scene.in_range & (np.arange(count) != frame.ego)
+    probability = detection_probability(settings, sight.distance, fraction, reachable)
+    misses = miss_chain(settings, probability, fraction)
+    known = memory.vehicles.of(frame.vehicle_id)
+    drift = drifted(known.drift, step_s, settings.bias_time_s, streams.drift.standard_normal((count, NORMALS)))
+    now = replace(advance(settings, known, misses, step_s, streams.misses), drift=drift)
+    memory.vehicles = now
+    gone = (now.missed > 0.0) | (now.burst > 0.0)
+    origin = np.flatnonzero((chance < probability / (1.0 - misses.share)) & ~gone)
+    boxes = _boxes(settings, scene, now, origin)
+    normals = np.where(boxes.second[:, None], of_second[boxes.origin], white[boxes.origin])
+    drifts = _drifting(settings) * drift[boxes.origin] + _renewed(settings) * normals
+    reports = reports[boxes.origin + count * boxes.second]
+    named = np.where(boxes.second, -1, boxes.origin)
+    return _measured(settings, scene, boxes, named, (drifts, reports))
+
+
+def _boxes(settings: SensorSettings, scene: Scene, now: VehicleMemory, origin: IntArray) -> Boxes:
+    """Return what the detector takes for vehicles of those that it detects."""
+    frame, fraction = scene.frame, scene.fraction
+    lon, lat, length, width = (column[origin] for column in (frame.lon_m, frame.lat_m, frame.length_m, frame.width_m))
+    whole = Boxes(origin, lon, lat, length, width, np.zeros(len(origin), dtype=np.bool_))
+    boxes = merged(settings, whole, now.merged[origin] > 0.0, fraction[origin])
+    # A box that stands for two vehicles is not divided.
+    single = boxes.length_m == frame.length_m[boxes.origin]
+    boxes = split(settings, boxes, (now.split[boxes.origin] > 0.0) & single, frame.heading_rad[boxes.origin])
+    bearing = scene.sight.bearing
+    hider = scene.occluder[boxes.origin]
+    side = np.sign(wrap_angle(bearing[boxes.origin] - bearing[hider]))
+    side[hider < 0] = 0.0
+    return shifted(settings, boxes, fraction[boxes.origin], scene.sight.against_road[boxes.origin], side)
+
+
+def _drifting(settings: SensorSettings) -> FloatArray:
+    """Return the deviation of the share that drifts of each of a vehicle's standard normal errors."""
+    share = np.full(NORMALS, np.sqrt(settings.bias_share))
+    share[SPEED_NORMAL] = 0.0
+    return share
+
+
+def _renewed(settings: SensorSettings) -> FloatArray:
+    return np.asarray(np.sqrt(1.0 - _drifting(settings) ** 2))
+
+
+def _measured(
+    settings: SensorSettings, scene: Scene, boxes: Boxes, named: IntArray, normals: tuple[FloatArray, FloatArray]
+) -> Returns:
+    """Return boxes as the sensor measures them, with the numbers of the errors and of what they report."""
+    errors, reports = normals
+    frame, of = scene.frame, boxes.origin
+    fraction = scene.fraction[of]
+    distance, angle = scene.sight.distance[of], scene.sight.against_road[of]
+    off_lon, off_lat = position_error(position_std(settings, distance, angle, fraction), angle, errors[:, :4])
+    speed, _ = measured_speed(settings, angle, frame.speed_mps[of], frame.lat_speed_mps[of], errors[:, SPEED_NORMAL])
+    size = measured_sizes(settings, boxes.length_m, boxes.width_m, fraction, errors[:, 5:])
+    lon, lat = boxes.lon_m + off_lon, boxes.lat_m + off_lat
+    return _reported(settings, scene, (lon, lat, speed, size), (fraction, reports), named)
+
+
+def _reported(
+    settings: SensorSettings,
+    scene: Scene,
+    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    report: tuple[FloatArray, FloatArray],
+    origin: IntArray,
+) -> Returns:
+    """Return measured values with the deviations that they report, which follow from the measured place alone.
+
+    Args:
+        settings: The sensor's figures.
+        scene: Gives the sensor's pose.
+        measured: Longitudinal and lateral position, speed and sizes.
+        report: Visible fraction, which shows but a little, and standard normal numbers of the spread.
+        origin: Vehicle behind each.
+    """
+    lon, lat, speed, size = measured
+    sight = sight_to(lon, lat, scene.road, scene.ego)
+    plain, zeros = np.ones(len(lon)), np.zeros(len(lon))
+    factor = reported_factors(settings, *report)
+    nominal = position_std(settings, sight.distance, sight.against_road, plain)
+    std_speed = factor[:, 2] * measured_speed(settings, sight.against_road, zeros, zeros, zeros)[1]
+    # Near the line of sight beyond which speed is not measured the true and the measured place may disagree.
+    speed, std_speed = (np.where(np.isnan(speed + std_speed), np.nan, one) for one in (speed, std_speed))
+    if settings.std_length_m is not None and settings.std_width_m is not None:
+        size = np.concatenate([size[:, :2], factor[:, 3:] * [settings.std_length_m, settings.std_width_m]], axis=-1)
+    place = np.stack([lon, lat, speed, factor[:, 0] * nominal.lon_m, factor[:, 1] * nominal.lat_m, std_speed], axis=-1)
+    return Returns(np.concatenate([place, size], axis=-1), origin)
+
+
+def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, rng: np.random.Generator) -> Returns:
+    """Return false detections that flash up once, spread evenly over the lanes in reach, of the size of a car."""
+    count = int(rng.poisson(settings.clutter_per_scan))
+    lon, lat = positions_on_road(settings, scene.road, scene.ego, count, rng, partial(_place_in_reach, settings, scene))
+    sight = sight_to(lon, lat, scene.road, scene.ego)
+    plain_view, zeros = np.ones(len(lon)), np.zeros(len(lon))
+    ghost_speed = rng.uniform(*CLUTTER_SPEED_MPS, size=len(lon))
+    speed, _ = measured_speed(settings, sight.against_road, ghost_speed, zeros, zeros)
+    car = zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M
+    size = measured_sizes(settings, *car, plain_view, rng.standard_normal((len(lon), 2)))
+    return _reported_of_nothing(settings, memory, scene, (lon, lat, speed, size))
+
+
+def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, step_s: float) -> Returns:
+    """Return the detections of false objects that stay, and remember these."""
+    rng = memory.streams.ghosts
+    memory.ghosts = ghosts = ghosts_after(settings, memory.ghosts, scene.frame, scene.road, step_s, rng)
+    chance, normals = rng.random(len(ghosts)), rng.standard_normal((len(ghosts), NORMALS))
+    shown = chance < settings.persistent_clutter_probability
+    shown &= _place_in_reach(settings, scene, ghosts.lon_m, ghosts.lat_m)
+    shown &= scene.road.lane_number_at(ghosts.lon_m, ghosts.lat_m) > 0
+    ghosts, normals = taken(ghosts, np.flatnonzero(shown)), normals[shown]
+    sight = sight_to(ghosts.lon_m, ghosts.lat_m, scene.road, scene.ego)
+    plain_view, zeros = np.ones(len(ghosts)), np.zeros(len(ghosts))
+    std = position_std(settings, sight.distance, sight.against_road, plain_view)
+    off_lon, off_lat = position_error(std, sight.against_road, normals[:, :4])
+    speed, _ = measured_speed(settings, sight.against_road, ghosts.speed_mps, zeros, normals[:, SPEED_NORMAL])
+    size = measured_sizes(settings, ghosts.length_m, ghosts.width_m, plain_view, normals[:, 5:])
+    return _reported_of_nothing(settings, memory, scene, (ghosts.lon_m + off_lon, ghosts.lat_m + off_lat, speed, size))
+
+
+def _reported_of_nothing(
+    settings: SensorSettings,
+    memory: SensorMemory,
+    scene: Scene,
+    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+) -> Returns:
+    """Return false detections with deviations by the law of the true ones, as of vehicles seen to any fraction."""
+    count, rng = len(measured[0]), memory.streams.reports
+    fraction = rng.choice(_seen_fractions(settings, scene), size=count)
+    reports = rng.standard_normal((count, REPORT_NORMALS))
+    return _reported(settings, scene, measured, (fraction, reports), np.full(count, -1, dtype=np.int64))
+
+
+def _seen_fractions(settings: SensorSettings, scene: Scene) -> FloatArray:
+    """Return visible fractions that true detections have just now; one in plain view where there is none."""
+    seen = scene.in_range & (scene.fraction >= settings.hidden_fraction)
+    seen[scene.frame.ego] = False
+    return scene.fraction[seen] if seen.any() else np.ones(1)
+
+
+def _place_in_reach(settings: SensorSettings, scene: Scene, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
+    sight = sight_to(lon_m, lat_m, scene.road, scene.ego)
+    return in_reach(settings, sight.distance, sight.off_axis)

@@ -1,0 +1,63 @@
+"""How the sensor stands to the vehicles of a frame: lines of sight, and what of each it sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.sensor.profiles import SensorSettings
+from harness.sensor.shadows import sensor_position, wrap_angle
+from harness.truth.frame import Frame
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.road import Road
+from mmpf.scan import EgoPose
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Lines of sight: distance, direction, the same against the road at the far end, and off the ego's heading."""
+
+    distance: FloatArray
+    bearing: FloatArray
+    against_road: FloatArray
+    off_axis: FloatArray
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A frame, and how the sensor stands to each of its vehicles: arrays of shape (n,)."""
+
+    frame: Frame
+    road: Road
+    sight: Sight
+    fraction: FloatArray
+    occluder: IntArray
+    in_range: BoolArray
+
+    @property
+    def ego(self) -> EgoPose:
+        """Pose of the sensor's vehicle."""
+        return self.frame.ego_pose
+
+
+def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> Sight:
+    """Return the lines of sight from the ego's sensor to positions, each of shape (n,)."""
+    sensor_x, sensor_y = sensor_position(ego, road)
+    x, y = road.to_cartesian(lon_m, lat_m)
+    bearing = np.arctan2(y - sensor_y, x - sensor_x)
+    ego_road = float(road.heading_at(np.array(ego.lon_m)))
+    return Sight(
+        distance=np.hypot(x - sensor_x, y - sensor_y),
+        bearing=bearing,
+        against_road=bearing - road.heading_at(lon_m),
+        off_axis=np.abs(wrap_angle(bearing - ego_road - ego.heading_rad)),
+    )
+
+
+def in_reach(settings: SensorSettings, distance: FloatArray, off_axis: FloatArray) -> BoolArray:
+    """Return what lies within range and field of view, shape (n,)."""
+    half_view = np.deg2rad(0.5 * settings.field_of_view_deg)
+    return np.asarray(
+        (distance <= settings.range_m) & ((off_axis <= half_view) | (settings.field_of_view_deg >= 360.0))
+    )

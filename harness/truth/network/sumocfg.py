@@ -1,0 +1,143 @@
+"""SUMO configurations of the user's own: their inputs and how vehicles behave, and nothing else of them.
+
+A configuration can make SUMO write anywhere, wait for a connection, or load programs. So SUMO never reads it: its
+files and those options that decide the traffic alone are handed over one by one, the rest is left out.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import ParseError, parse
+
+from harness.errors import InputError
+from harness.inputs import MOST_SETTINGS_BYTES, check_file
+from harness.truth.network.limits import check_xml
+
+FILE_OPTIONS = {
+    "net-file": ("net-file", "net", "n"),
+    "route-files": ("route-files", "r"),
+    "additional-files": ("additional-files", "additional", "a"),
+}
+TIMES = {"begin": ("begin", "b"), "end": ("end", "e")}
+# They are the harness's to set.
+OWN = frozenset({"step-length", "seed", "random", "step-method.ballistic"})
+BEHAVIOUR = frozenset(
+    {
+        *("ignore-route-errors", "ignore-accidents", "ignore-junction-blocker", "max-depart-delay", "max-num-vehicles"),
+        *("time-to-teleport", "time-to-teleport.highways", "time-to-teleport.disconnected", "time-to-impatience"),
+        *("lateral-resolution", "collision.action", "collision.check-junctions", "collision.mingap-factor"),
+        *("collision.stoptime", "insertion-checks", "emergency-insert", "eager-insert", "sloppy-insert", "scale"),
+        *("default.action-step-length", "default.carfollowmodel", "default.emergencydecel", "default.speeddev"),
+        *("lanechange.duration", "lanechange.overtake-right", "pedestrian.model", "routing-algorithm"),
+        *("random-depart-offset", "extrapolate-departpos", "keep-after-arrival", "tls.all-off"),
+        *("device.rerouting.probability", "device.rerouting.period", "device.rerouting.adaptation-steps"),
+        *("device.rerouting.adaptation-interval", "device.rerouting.pre-period", "device.rerouting.with-taz"),
+    }
+)
+PLAIN_VALUE = re.compile(r"[A-Za-z0-9_.:+-]{1,40}")
+LARGEST_SCALE = 20.0
+
+
+@dataclass(frozen=True)
+class SumoInputs:
+    """What is taken from a configuration.
+
+    Attributes:
+        net_file: The network.
+        route_files: Files of vehicles.
+        additional_files: Files of types, signals and the like.
+        options: Names and values of the options that are handed on.
+        left_out: Names of those that are not, and of the elements that would write files.
+    """
+
+    net_file: Path
+    route_files: tuple[Path, ...]
+    additional_files: tuple[Path, ...]
+    options: tuple[tuple[str, str], ...]
+    left_out: tuple[str, ...]
+
+
+def read_sumocfg(path: Path) -> SumoInputs:
+    """Read a configuration and check the files that it names.
+
+    Raises:
+        InputError: A file is missing, malformed or beyond the limits, or no network is named.
+    """
+    if not path.is_file():
+        raise InputError(f"`net` {path}: the file does not exist, or is no ordinary file")
+    check_file(path, MOST_SETTINGS_BYTES, "net")
+    try:
+        root = parse(path).getroot()
+    except (ParseError, UnicodeDecodeError, OSError, ValueError) as error:
+        raise InputError(f"{path}: not well-formed XML: {error}") from None
+    values = {node.tag: node.get("value", node.get("v", "")) for node in root.iter() if node.attrib}
+    named = {option: _named_files(path, values, aliases) for option, aliases in FILE_OPTIONS.items()}
+    if len(named["net-file"]) != 1:
+        raise InputError(f"`net` {path}: it must name one net-file")
+    outputs: list[str] = []
+    for option, files in named.items():
+        for file in files:
+            if not file.is_file():
+                # The network's own reader tells that it is missing.
+                if option == "net-file" and not file.exists():
+                    continue
+                raise InputError(f"`net` {path}: it names {file.name}, which does not exist or is no ordinary file")
+            found = check_xml(file).outputs
+            if option == "additional-files":
+                outputs += found
+    options = [*_times(path, values), *_behaviour(path, values)]
+    known = {alias for aliases in (*FILE_OPTIONS.values(), *TIMES.values()) for alias in aliases}
+    left_out = sorted({name for name in values if name not in known | OWN | BEHAVIOUR} - {root.tag})
+    return SumoInputs(
+        net_file=named["net-file"][0],
+        route_files=tuple(named["route-files"]),
+        additional_files=tuple(named["additional-files"]),
+        options=tuple(options),
+        left_out=(*left_out, *sorted(set(outputs))),
+    )
+
+
+def _times(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
+    taken = []
+    for option, aliases in TIMES.items():
+        text = next((values[alias] for alias in aliases if values.get(alias)), "")
+        if not text:
+            continue
+        try:
+            seconds = float(text)
+        except ValueError:
+            seconds = math.nan
+        if not abs(seconds) <= 1e9:
+            raise InputError(f"`net` {path}: {option} must be a number of seconds")
+        # The run itself decides when it ends.
+        if option == "begin":
+            taken.append((option, text))
+    return taken
+
+
+def _behaviour(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
+    taken = []
+    for name in sorted(BEHAVIOUR & values.keys()):
+        value = values[name].strip()
+        if not PLAIN_VALUE.fullmatch(value):
+            raise InputError(f"`net` {path}: {name} is {value[:40]!r}; give a plain number or word")
+        taken.append((name, value))
+    scale = dict(taken).get("scale")
+    if scale is not None and not _within(scale, LARGEST_SCALE):
+        raise InputError(f"`net` {path}: scale must be a number from 0 to {LARGEST_SCALE:g}")
+    return taken
+
+
+def _within(text: str, most: float) -> bool:
+    try:
+        return 0.0 <= float(text) <= most
+    except ValueError:
+        return False
+
+
+def _named_files(path: Path, values: dict[str, str], aliases: tuple[str, ...]) -> list[Path]:
+    names = next((values[alias] for alias in aliases if values.get(alias)), "")
+    return [path.parent / name.strip() for name in names.replace(",", " ").split()]

@@ -1,0 +1,129 @@
+"""Run folders of others: measured before they are read, and no name in them is a path."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from harness.cli import run_command_line
+from harness.errors import InputError
+from harness.export.csv_tables import export as export_csv
+from harness.export.fcd import export as export_fcd
+from harness.export.mot import folder_name
+from harness.report.finished import read_recorded_run
+from harness.runfolder import checks
+from harness.runfolder.folder import read_table
+from tests.harness.recorded_scene import write_recorded_scene
+
+READERS = (["report", "{run}"], ["export", "{run}", "--to", "mot"], ["run", "--replay", "{run}", "--out", "{out}"])
+
+
+@pytest.fixture
+def scene(tmp_path) -> Path:
+    return write_recorded_scene(tmp_path / "scene")
+
+
+def told(words: list[str], folder: Path, capsys) -> str:
+    """Return what a command says that must refuse a folder."""
+    capsys.readouterr()
+    command = [word.format(run=folder, out=folder.parent / "out") for word in words]
+    assert run_command_line(command) == 2
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1, err
+    return err
+
+
+def test_a_table_is_measured_by_its_footer(tmp_path, monkeypatch):
+    pd.DataFrame({"step": range(1000)}).to_parquet(tmp_path / "truth.parquet")
+    monkeypatch.setattr(checks, "MOST_ROWS", 999)
+    monkeypatch.setattr(checks.pq, "read_table", lambda *arguments, **options: pytest.fail("it was read"))
+    with pytest.raises(InputError, match="1000 rows"):
+        read_table(tmp_path, "truth.parquet", "folder", ())
+
+
+def test_a_long_text_that_a_dictionary_repeats_is_never_unpacked(tmp_path):
+    words = pa.DictionaryArray.from_arrays(pa.array([0] * 1_000_000), pa.array(["x" * 1_000_000]))
+    pq.write_table(pa.table({"vehicle_id": words}), tmp_path / "truth.parquet", store_schema=False)
+    assert (tmp_path / "truth.parquet").stat().st_size < 4_000_000
+    with pytest.raises(InputError, match="text of 1000000 bytes"):
+        read_table(tmp_path, "truth.parquet", "folder", ())
+
+
+CHANGES = {
+    "an unknown state": lambda truth: truth.assign(state="flying"),
+    "texts for numbers": lambda truth: truth.assign(lon_m="far"),
+    "numbers for texts": lambda truth: truth.assign(vehicle_id=5),
+    "no ego": lambda truth: truth.assign(is_ego=False),
+    "an infinite place": lambda truth: truth.assign(lon_m=float("inf")),
+    "vehicles without width": lambda truth: truth.assign(width_m=0.0),
+    "vehicles of a kilometre": lambda truth: truth.assign(length_m=1000.0),
+    "a vehicle twice": lambda truth: pd.concat([truth, truth]),
+    "time running back": lambda truth: truth.assign(time_s=-truth["time_s"]),
+    "nothing": lambda truth: truth.iloc[:0],
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
+def test_a_replay_of_a_changed_truth_is_refused_before_it_begins(change, scene, capsys):
+    change(pd.read_parquet(scene / "truth.parquet")).to_parquet(scene / "truth.parquet")
+    told(READERS[2], scene, capsys)
+    assert not list(scene.parent.glob("*out*"))
+
+
+@pytest.mark.parametrize("words", READERS, ids=lambda words: words[0])
+@pytest.mark.parametrize("name", ["truth.parquet", "road.json", "config.toml", "manifest.json"])
+@pytest.mark.parametrize("damage", ["pipe", "missing", "empty", "deep"])
+def test_a_damaged_file_of_a_folder_is_told_in_one_line(words, name, damage, scene, capsys):
+    (scene / name).unlink()
+    if damage == "pipe":
+        os.mkfifo(scene / name)
+    elif damage != "missing":
+        (scene / name).write_text("" if damage == "empty" else "[" * 100_000)
+    if name == "config.toml" and damage == "empty":
+        return  # an empty configuration is one of defaults
+    told(words, scene, capsys)
+
+
+def test_a_road_that_nobody_can_drive_on_is_refused(scene, capsys):
+    road = json.loads((scene / "road.json").read_text())
+    for change in (
+        {"lanes": []}, {"reference_xy": [[0, 0]]}, {"reference_xy": [[0, 0], [0, 0]]}, {"section_m": [5, 5]},
+        {"reference_start_m": float("nan")}, {"lanes": [{**road["lanes"][0], "left_m": -1e3}]}, {"lanes": 7},
+    ):  # fmt: skip
+        (scene / "road.json").write_text(json.dumps(road | change))
+        assert "road.json" in told(READERS[2], scene, capsys)
+
+
+@pytest.mark.parametrize(
+    "name", ["../../../up", "/tmp/absolute", "..", ".hidden", "a/b", "", "x" * 400, "package.module:f"]
+)
+def test_no_name_of_a_tracker_is_a_path(name, tmp_path):
+    made = folder_name(name)
+    assert made
+    assert Path(made).name == made
+    assert not made.startswith(".")
+    (tmp_path / made).mkdir()
+
+
+def test_an_exported_run_stays_within_its_folder(scene, tmp_path, capsys):
+    config = (scene / "config.toml").read_text()
+    (scene / "config.toml").write_text(config.replace('name = "mmpf"', 'name = "../../../../escaped"'))
+    assert run_command_line(["export", str(scene), "--to", "mot", "--out", str(tmp_path / "mot")]) == 0
+    assert not list(tmp_path.glob("**/escaped/data"))[1:]
+    assert all(path.is_relative_to(tmp_path / "mot") for path in tmp_path.glob("**/*escaped*"))
+
+
+def test_names_with_control_characters_make_valid_xml_and_no_formulas(tmp_path):
+    names = {"near": "a\x01b", "far": "=SUM(A1:A9)", "distant": "-12.5"}
+    run = read_recorded_run(write_recorded_scene(tmp_path / "scene", names))
+    (written,) = export_fcd(run, tmp_path)
+    assert {"a%01b", "=SUM(A1:A9)"} <= {node.get("id") for node in ElementTree.parse(written).iter("vehicle")}
+    truth = pd.read_csv(export_csv(run, tmp_path)[0], dtype=str)
+    assert {"'=SUM(A1:A9)", "-12.5"} <= set(truth["vehicle_id"])

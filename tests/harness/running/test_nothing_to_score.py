@@ -1,0 +1,47 @@
+"""A run without anything to be scored on is none: numbers over nothing are worse than no numbers."""
+
+from __future__ import annotations
+
+import pytest
+
+from harness.config.layers import resolve_run_config
+from harness.errors import InputError
+from harness.grid.cells import Cell, PlannedRun
+from harness.grid.worker import Finished, work_on_cell
+from harness.running.run import run
+from harness.scoring.scarce import check_scored
+from tests.harness.stand_ins import SteadyTraffic, looking_at
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+NOBODY = ("sensor.range_m=1.0",)
+BLIND = ("sensor.detection_probability=0.0", "sensor.clutter_per_scan=0.0")
+
+
+@pytest.mark.parametrize(("settings", "reason"), [(NOBODY, "range"), (BLIND, "detected")])
+def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(settings, reason, tmp_path):
+    config = resolve_run_config(options={"tracker": ECHO}, settings=settings)
+    with pytest.raises(InputError, match=f"nothing to score.*{reason}") as told:
+        run(config, out=tmp_path / "run", open_looks=looking_at(SteadyTraffic(steps=8)))
+    assert "\n" not in str(told.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_such_a_cell_of_a_grid_is_a_failed_run():
+    config = resolve_run_config(options={"tracker": ECHO}, settings=NOBODY)
+    rows = []
+    cell = Cell((PlannedRun(config, ECHO),))
+    work_on_cell(
+        cell,
+        lambda message: rows.append(message.row) if isinstance(message, Finished) else None,
+        looking_at(SteadyTraffic(steps=8)),
+    )
+    (row,) = rows
+    assert row["succeeded"] is False
+    assert "nothing to score" in row["error"]
+
+
+def test_hardly_anybody_is_as_good_as_nobody():
+    coverage = {"vehicles_in_range": 2, "detected": 1}
+    with pytest.raises(InputError, match="4 vehicle-steps in sight in 100 steps"):
+        check_scored({"mot": {"truth_n": 4}, "coverage": coverage}, 100)
+    check_scored({"mot": {"truth_n": 5}, "coverage": coverage}, 100)

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+from harness import cli, exitcodes
+from harness.cli import run_command_line
+from harness.ends import code_of_end, ends_like_ctrl_c
+
+
+@pytest.mark.parametrize(("end", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_what_ends_a_process_from_outside_is_an_interrupt_with_a_code_of_its_own(end, code, monkeypatch, capsys):
+    monkeypatch.setattr("harness.commands.nets.command", lambda: os.kill(os.getpid(), end))
+    assert run_command_line(["nets"]) == code
+    assert capsys.readouterr().err == "interrupted\n"
+    assert signal.getsignal(end) is signal.SIG_DFL
+
+
+def test_an_error_that_a_library_makes_of_a_signal_is_an_interrupt(monkeypatch, capsys):
+    def swallowing() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise ImportError("half a module") from None
+
+    monkeypatch.setattr("harness.commands.nets.command", swallowing)
+    assert run_command_line(["nets"]) == exitcodes.TERMINATED
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():
+    previous = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with ends_like_ctrl_c():
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert code_of_end() == exitcodes.INTERRUPTED
+    finally:
+        signal.signal(signal.SIGHUP, previous)
+
+
+def test_a_pipe_in_a_files_place_is_refused_before_anything_is_read(tmp_path, capsys):
+    os.mkfifo(tmp_path / "pipe")
+    for option in ("--net", "--replay", "--config"):
+        assert run_command_line(["run", option, str(tmp_path / "pipe")]) == exitcodes.WRONG_INPUT
+        assert run_command_line(["run", f"{option}={tmp_path / 'pipe'}"]) == exitcodes.WRONG_INPUT
+    assert capsys.readouterr().err.count("is a pipe") == 6
+
+
+def test_a_fault_of_the_program_is_one_line_and_on_demand_a_traceback(monkeypatch, capsys):
+    monkeypatch.setattr("harness.commands.nets.command", lambda: {}["gone"])
+    assert run_command_line(["nets"]) == exitcodes.INTERNAL
+    assert capsys.readouterr().err.count("\n") == 1
+    monkeypatch.setenv(cli.TRACEBACK, "1")
+    assert run_command_line(["nets"]) == exitcodes.INTERNAL
+    assert "Traceback" in capsys.readouterr().err

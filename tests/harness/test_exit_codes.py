@@ -1,0 +1,46 @@
+"""The exit codes that scripts rely on: one table, and it is what the commands do."""
+
+from __future__ import annotations
+
+import ast
+import re
+import signal
+from pathlib import Path
+
+from harness import exitcodes
+from harness.ends import CODES
+
+ROOT = Path(__file__).parents[2]
+
+
+def table() -> dict[int, str]:
+    """Return the table of the documentation."""
+    rows = re.findall(r"^\| (\d+) \| (.+) \|$", (ROOT / "docs" / "exit-codes.md").read_text(), re.MULTILINE)
+    return {int(code): meaning for code, meaning in rows}
+
+
+def test_the_documented_exit_codes_are_the_codes_of_the_program():
+    assert table() == exitcodes.MEANINGS
+    named = {value for name, value in vars(exitcodes).items() if name.isupper() and isinstance(value, int)}
+    assert named == set(exitcodes.MEANINGS)
+
+
+def test_an_internal_error_and_a_signal_share_no_code_with_a_verdict():
+    verdicts = {exitcodes.DONE, exitcodes.WORSE, exitcodes.UNDECIDED, exitcodes.WRONG_INPUT}
+    assert exitcodes.INTERNAL not in verdicts
+    # Python ends with 1 by itself where an error gets through, and with 2 on wrong options of its own.
+    assert exitcodes.INTERNAL not in (0, 1, 2)
+    assert not verdicts & set(CODES.values())
+
+
+def test_a_signals_code_is_what_a_shell_says_of_it():
+    expected = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+    assert expected == CODES
+    assert exitcodes.READER_GONE == 128 + signal.SIGPIPE
+
+
+def test_no_command_ends_with_a_number_of_its_own():
+    for path in [*(ROOT / "harness" / "commands").glob("*.py"), ROOT / "harness" / "cli.py"]:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Raise) and "SystemExit" in ast.dump(node):
+                raise AssertionError(f"{path.name} ends with a number of its own")

@@ -1,0 +1,166 @@
+"""Networks from elsewhere: what would hang, crash or write files is refused or left out, before SUMO reads it."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from harness.cli import run_command_line
+from harness.errors import InputError
+from harness.truth.network.network import load_network
+from harness.truth.sumo.simulation import open_traffic
+
+US101 = Path(__file__).parents[4] / "networks" / "us101"
+NET = (US101 / "us101.net.xml").read_text()
+METADATA = (US101 / "network.toml").read_text()
+ROUTE = "approach upstream auxiliary downstream outflow"
+VEHICLES = f'<routes><route id="r" edges="{ROUTE}"/><flow id="f" route="r" begin="0" end="60" number="3"/></routes>'
+
+
+def own(folder: Path, options: str = "", additional: str | None = None, net: str = NET, routes: str = VEHICLES) -> str:
+    """Write a configuration of one's own with its files, and return its path."""
+    (folder / "own.net.xml").write_text(net)
+    (folder / "own.rou.xml").write_text(routes)
+    if additional is not None:
+        (folder / "own.add.xml").write_text(additional)
+        options += '<additional-files value="own.add.xml"/>'
+    path = folder / "own.sumocfg"
+    path.write_text(
+        f'<configuration><input><net-file value="own.net.xml"/><route-files value="own.rou.xml"/>{options}</input>'
+        "</configuration>"
+    )
+    return str(path)
+
+
+def replaced(name: str, value: str) -> str:
+    """Return the network with one attribute of its first lane changed."""
+    before, after = NET.split("<lane ", 1)
+    lane, rest = after.split(">", 1)
+    words = [word for word in lane.replace('"/', '" /').split('" ') if not word.startswith(f"{name}=")]
+    return f'{before}<lane {name}="{value}" ' + '" '.join(words) + ">" + rest
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("speed", "0"), ("speed", "-1"), ("speed", "nan"), ("speed", "1e9"), ("length", "nan"), ("length", "0"),
+        ("length", "inf"), ("length", "-5"), ("width", "1e6"), ("width", "0"), ("width", "nan"),
+        ("shape", "0,0 nan,3"), ("shape", "0,0 1e300,1"), ("shape", "a,b"),
+    ],
+)  # fmt: skip
+def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, capsys):
+    path = own(tmp_path, net=replaced(name, value))
+    begin = time.perf_counter()
+    assert run_command_line(["run", "--net", path, "--duration", "1", "--out", str(tmp_path / "run")]) == 2
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 1
+    assert "own.net.xml" in told
+    assert time.perf_counter() - begin < 10.0
+
+
+@pytest.mark.parametrize(
+    "routes",
+    [
+        VEHICLES.replace('number="3"', 'vehsPerHour="1e12"'),
+        VEHICLES.replace('number="3"', 'number="1e12"'),
+        VEHICLES.replace("<route ", '<vType id="t" length="1e9"/><route '),
+        VEHICLES.replace("<route ", '<vType id="t" width="nan"/><route '),
+        VEHICLES.replace("<route ", '<vType id="t" tau="inf"/><route '),
+        VEHICLES.replace("<route ", '<vType id="t"><param key="device.ssm.file" value="/tmp/x"/></vType><route '),
+        VEHICLES.replace("<route ", '<include href="/etc/passwd"/><route '),
+        VEHICLES[:60],
+    ],
+)
+def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
+    with pytest.raises(InputError, match=r"own\.rou\.xml") as told:
+        load_network(own(tmp_path, routes=routes))
+    assert "\n" not in str(told.value)
+
+
+def test_nothing_but_inputs_and_behaviour_is_taken_from_a_configuration(tmp_path):
+    outputs = "".join(
+        f'<{name} value="{tmp_path}/{name}.out"/>'
+        for name in ("tripinfo-output", "fcd-output", "summary-output", "log", "save-state.files", "output-prefix")
+    )
+    others = (
+        '<remote-port value="8813"/><num-clients value="2"/><begin value="5"/><end value="9"/><seed value="77"/>'
+        '<step-length value="3"/><time-to-teleport value="120"/><load-state value="/etc/passwd"/>'
+        '<python-script value="x.py"/>'
+    )
+    network = load_network(own(tmp_path, outputs + others))
+    assert network.sumo_inputs is not None
+    assert dict(network.sumo_inputs.options) == {"begin": "5", "time-to-teleport": "120"}
+    assert {"tripinfo-output", "remote-port", "load-state", "python-script"} <= set(network.sumo_inputs.left_out)
+    before = set(tmp_path.iterdir())
+    truth = open_traffic(network, duration_s=1.0, seed=0, warm_up_s=1.0)
+    assert len(list(truth.frames())) == 10
+    truth.close()
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_detectors_of_additional_files_write_nothing_and_that_is_said_in_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    additional = (
+        '<additional><inductionLoop id="d" lane="upstream_1" pos="10" period="1" file="loop.xml"/>'
+        '<edgeData id="e" file="edges.xml" period="1"/><vType id="kept" length="5"/></additional>'
+    )
+    path = own(tmp_path, additional=additional, routes=VEHICLES.replace('number="3"', 'number="40"'))
+    command = ["run", "--net", path, "--duration", "1", "--out", "run", "--tracker"]
+    assert run_command_line([*command, "tests.harness.stand_ins:echo_tracker"]) == 0
+    assert [line for line in capsys.readouterr().err.splitlines() if "left out" in line and "edgeData" in line]
+    assert not list(tmp_path.glob("*loop*"))
+    assert not list(tmp_path.glob("edges*"))
+
+
+@pytest.mark.parametrize("value", ["a;b", "../../x", "/tmp/file", "$(id)", "x" * 100, "1,2"])
+def test_a_value_of_behaviour_is_a_plain_word(value, tmp_path):
+    with pytest.raises(InputError, match="time-to-teleport"):
+        load_network(own(tmp_path, f'<time-to-teleport value="{value}"/>'))
+
+
+def test_a_pipe_in_the_place_of_a_file_is_refused_and_not_waited_for(tmp_path):
+    for name in ("own.net.xml", "own.rou.xml", "own.sumocfg"):
+        path = own(tmp_path)
+        (tmp_path / name).unlink()
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(InputError, match=name.replace(".", r"\.")):
+            load_network(path)
+        (tmp_path / name).unlink()
+
+
+def test_a_small_file_that_unpacks_to_a_large_one_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.truth.network.limits.MOST_BYTES", 3 << 20)
+    path = own(tmp_path)
+    with gzip.open(tmp_path / "own.net.xml", "wt") as file:
+        file.write("<net>" + " " * (8 << 20) + "</net>")
+    with pytest.raises(InputError, match="unpacked"):
+        load_network(path)
+
+
+def hostile_demand(entry: str) -> str:
+    return f"[demands.hostile]\ndescription='x'\ndensity_veh_per_km_lane=20.0\n{entry}\n[demands."
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("[demands.", hostile_demand("on_ramp_veh_per_h=1e12")),
+        ("[demands.", hostile_demand("wave_period_s=nan")),
+        ("[demands.", hostile_demand("headway_profile=[[0.0,-1.0]]")),
+        ("[demands.", hostile_demand("schedule=[[5.0,1e9,1.0]]")),
+        ("ego_lanes = [", "ego_lanes = [99, "),
+        ("corridor_start_m = ", "corridor_start_m = -inf #"),
+    ],
+)  # fmt: skip
+def test_a_demand_that_no_road_carries_is_refused(old, new, tmp_path):
+    assert old in METADATA
+    for file in US101.iterdir():
+        if file.is_file():
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "network.toml").write_text(METADATA.replace(old, new, 1))
+    with pytest.raises(InputError, match=r"network\.toml"):
+        load_network(str(tmp_path))

@@ -1,0 +1,13 @@
+"""A few seeded kills; more on demand: ``python -m tests.kill --kills 40 --seed 1``."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.kill.killing import kill_often
+
+
+@pytest.mark.slow
+def test_nothing_finished_is_lost_by_a_kill_and_what_is_taken_up_ends_as_if_it_never_was(tmp_path):
+    kills = kill_often(6, 7, tmp_path)
+    assert not [kill.as_line() for kill in kills if kill.faults]

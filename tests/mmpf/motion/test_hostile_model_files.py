@@ -1,0 +1,53 @@
+"""Model files that would fill the memory are refused by their headers, before an array is read."""
+
+import io
+import os
+import time
+import zipfile
+
+import numpy as np
+import pytest
+
+from mmpf.motion.gmm.model_file import MOST_ARRAYS, ModelFileError, load_arrays
+
+
+def header(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
+    return stream.getvalue()
+
+
+def array(values: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, values)
+    return stream.getvalue()
+
+
+HOSTILE = {
+    "an array nobody uses, well compressed": {"unused.npy": array(np.zeros(10_000_000))},
+    "a header without its numbers": {"unused.npy": header((10**12,))},
+    "a header whose size overflows": {"unused.npy": header((2**62, 2**62))},
+    "objects": {"unused.npy": header((5,), "|O") + bytes(40)},
+    "no array": {"unused.npy": b"hello"},
+    "many arrays": {f"{number}.npy": array(np.zeros(1)) for number in range(MOST_ARRAYS + 1)},
+}
+
+
+@pytest.mark.parametrize("entries", HOSTILE.values(), ids=HOSTILE.keys())
+def test_an_archive_beyond_the_limits_is_refused_at_once(entries, tmp_path):
+    path = tmp_path / "model.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("case.test.npy", array(np.ones(1)))
+        for name, content in entries.items():
+            archive.writestr(name, content)
+    begin = time.perf_counter()
+    with pytest.raises(ModelFileError, match=r"model\.npz") as told:
+        load_arrays(path, "test")
+    assert "\n" not in str(told.value)
+    assert time.perf_counter() - begin < 2.0
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ModelFileError, match="ordinary"):
+        load_arrays(tmp_path / "pipe", "test")
