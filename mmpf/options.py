@@ -49,7 +49,7 @@ class ModelErrorOptions(Settings):
     """Noise on the longitudinal acceleration."""
     lat_speed: Annotated[NotNegative, in_unit("m/s/√s")] = 0.2
     """Noise on the lateral speed."""
-    hidden_lon_factor: NotNegative = 2.2
+    hidden_lon_factor: NotNegative = 1.3
     """Factor on the longitudinal ones for components that are not seen: there the model alone says where they are."""
 
 
@@ -88,7 +88,7 @@ class ReportingOptions(Settings):
     """Unseen for longer, a component counts as hidden: it is reported as hidden, its particles move as those of a
     hidden vehicle, and its speed tells newborn components nothing of the traffic.
     """
-    reported_std_lon_m: Positive = 6.0
+    reported_std_lon_m: Positive = 15.0
     """A hidden component spread wider than this is kept in memory, for re-acquisition, but not reported: nobody could
     use it.
     """
@@ -120,6 +120,8 @@ class JointAssociation(Settings):
     """Whether a detection belongs to one component (belief propagation) or may serve several (PDA)."""
     hit_probability: Probability = 0.5
     """A component counts as seen if it has a detection with more than this probability."""
+    clutter_memory_s: Positive | None = 10.0
+    """False detections are counted over about so long, beginning with the data sheet's number; None for that number."""
     birth_density: Annotated[Positive, in_unit("births per false detection")] = 0.3
     """Expected newborn vehicles in relation to clutter at one detection (b in Meyer et al. 2018)."""
     birth_unexplained: Probability = 0.3

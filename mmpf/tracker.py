@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mmpf.around.surroundings import surroundings_of
@@ -19,7 +21,7 @@ from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel, check_scan
 from mmpf.state import LON, SPEED
 from mmpf.tracks import Tracks
-from mmpf.update import Situation, UpdateRule
+from mmpf.update import Situation, Updated, UpdateRule
 
 
 class MixtureTracker:
@@ -90,6 +92,7 @@ class MixtureTracker:
             occlusion = self._rule.assert_occlusion(prior, moments, situation)
             clock.lap("occlusion assertion")
             updated = self._rule.measurement_update(prior, moments, occlusion, situation, self._rng)
+            self._count_clutter(updated, situation.dt_s)
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
             clock.lap("remove, add, merge")
@@ -120,6 +123,14 @@ class MixtureTracker:
         births = Births(scan.detections, chosen, existence, traffic, np.full(len(chosen), 1.4))
         nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
+
+    def _count_clutter(self, updated: Updated, dt_s: float) -> None:
+        memory_s = self._options.joint.association.clutter_memory_s
+        if updated.false_detections is None or memory_s is None:
+            return
+        known, share = self._sensor.clutter_per_scan, -np.expm1(-dt_s / memory_s)
+        counted = known + share * (updated.false_detections - known)
+        self._sensor = replace(self._sensor, clutter_per_scan=float(counted))
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = self._moments.mean

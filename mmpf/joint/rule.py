@@ -40,6 +40,7 @@ from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.missed_runs import run_after_scan, run_expected
 from mmpf.joint.noise import common_factor, with_innovations
 from mmpf.options import FilterOptions, JointExistence
+from mmpf.scan import Detections, SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 
@@ -91,7 +92,8 @@ class JointUpdate:
             likelihoods,
             len(detections),
         )
-        evidence *= existence[:, None] / situation.sensor.clutter_density_per_m2
+        clutter_density = _clutter_densities(detections, situation.sensor)
+        evidence *= existence[:, None] / clutter_density
         missed = 1.0 - existence + existence * not_seen
         marginals = associate(evidence, missed, options.birth_density, options.exclusive)
 
@@ -99,7 +101,7 @@ class JointUpdate:
             occlusion.detection_probability,
             prior.starts,
             likelihoods,
-            marginals.detection_message / situation.sensor.clutter_density_per_m2,
+            marginals.detection_message / clutter_density,
         )
         factor *= room_beside_seen_vehicles(
             prior,
@@ -147,6 +149,7 @@ class JointUpdate:
             birth_claim=marginals.unexplained,
             association_entropy=_mean_entropy(marginals.probability),
             effective_share=effective_share,
+            false_detections=float(len(detections) - marginals.probability[is_vehicle(components)].sum()),
         )
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
@@ -243,6 +246,12 @@ def _stands_on_another(components: Components, moments: Moments, options: JointE
     overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.same_place_share * 0.5 * (width[:, None] + width)
     np.fill_diagonal(overlaps, val=False)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))
+
+
+def _clutter_densities(detections: Detections, sensor: SensorModel) -> FloatArray:
+    """Return the density of clutter at each detection, per square metre and, where it is measured, m/s, shape (d,)."""
+    per_speed = np.where(np.isfinite(detections.speed_mps), 1.0 / sensor.clutter_speed_span_mps, 1.0)
+    return np.asarray(sensor.clutter_density_per_m2 * per_speed)
 
 
 def _mean_entropy(probability: FloatArray) -> float:
