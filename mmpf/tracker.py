@@ -11,6 +11,7 @@ from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
+from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
@@ -113,14 +114,18 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(self._mixture, self._moments, self._options.reporting, self._sensor.noise_correlated_share)
+        return reported_tracks(
+            self._mixture, self._moments, self._options.reporting, self._sensor.noise_correlated_share
+        )
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         chosen = np.flatnonzero(~lies_on_ego(scan.detections, scan.ego))
         existence = np.full(len(chosen), self._options.birth.first_existence)
-        births = Births(scan.detections, chosen, existence, traffic, np.full(len(chosen), 1.4))
+        births = Births(
+            scan.detections, chosen, existence, traffic, first_log_odds(len(chosen), self._options.joint.ghosts)
+        )
         nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
 

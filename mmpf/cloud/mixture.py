@@ -91,7 +91,8 @@ class Components:
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
         missed: Probability that the sensor is in a run of misses of this vehicle.
-        source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its detections.
+        source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its
+            detections.
         vehicle_log_odds: The same, its present speed included.
         noise_factor: Measured noise over reported noise, from the innovations.
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
@@ -131,13 +132,20 @@ class Components:
         return replace(self, hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
 
     @classmethod
-    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR, log_odds: FloatArray | None = None) -> Components:
+    def newborn(
+        cls,
+        track_id: IntArray,
+        existence: FloatArray,
+        vehicle: Footprint = MEAN_CAR,
+        log_odds: FloatArray | None = None,
+    ) -> Components:
         """Return components of their first scan, one detection each.
 
         Args:
             track_id: Their identities, shape (m,).
             existence: Their existence probabilities, shape (m,).
             vehicle: Their sizes as far as is known before any is measured.
+            log_odds: Log odds that they are vehicles, shape (m,); as good as certain if None.
         """
         zeros = np.zeros(len(track_id), dtype=np.int64)
         log_odds = np.full(len(track_id), 6.0) if log_odds is None else log_odds

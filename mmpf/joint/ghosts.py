@@ -7,6 +7,8 @@ does not last, and mostly stands still. Log odds of the two kinds are kept besid
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
@@ -14,84 +16,111 @@ from mmpf.cloud.birth import Traffic, local_speed
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.options import Footprint, JointGhosts
-from mmpf.scan import Detections, EgoPose, SensorModel
+from mmpf.joint_options import JointGhosts
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON, SPEED
+from mmpf.update import Situation
 
 LARGEST_LOG_ODDS = 6.0
 
 
+@dataclass(frozen=True)
+class Sightings:
+    """What a scan says of each of m components, whatever kind of source they are.
+
+    Attributes:
+        hit: Probability that the component was detected, shape (m,).
+        not_seen: Probability that a vehicle gives no detection there, shape (m,).
+        run_probability: Probability of being in a run of misses, before the scan, shape (m,).
+    """
+
+    hit: FloatArray
+    not_seen: FloatArray
+    run_probability: FloatArray
+
+
+def first_log_odds(count: int, options: JointGhosts) -> FloatArray:
+    """Return the log odds of the components of the first scan: nobody had been looking, shape (count,)."""
+    return np.full(count, _log_odds(options.vehicle_out_of_view))
+
+
 def log_odds_at_birth(
-    detections: Detections,
-    chosen: IntArray,
-    mixture: Mixture,
-    moments: Moments,
-    ego: EgoPose,
-    sensor: SensorModel,
-    vehicle: Footprint,
-    options: JointGhosts,
+    chosen: IntArray, mixture: Mixture, moments: Moments, situation: Situation, options: FilterOptions
 ) -> FloatArray:
     """Return the log odds that what appears here is a vehicle: low in plain view, where one would be known, shape (k,).
 
     Args:
-        detections: The scan's detections.
-        chosen: Those that something new is started from, shape (k,).
+        chosen: The detections that something new is started from, shape (k,).
         mixture: The belief, whose vehicles cast shadows.
         moments: Its components' moments.
-        ego: Pose of the sensor.
-        sensor: The sensor's data sheet.
-        vehicle: Size of a vehicle before it is measured.
-        options: Probabilities of a vehicle in plain view and out of it.
+        situation: The scan and the sensor's data sheet.
+        options: The filter's settings.
     """
-    lon, lat = detections.lon_m[chosen], detections.lat_m[chosen]
-    components = mixture.components
-    bodies = Bodies(
-        np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
-    )
-    nobody = len(mixture)
-    casts = np.append(is_vehicle(components) & components.confirmed, False)
-    place = np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0)
-    table = depth_table(ego, *place, casts, bodies)
+    ghosts, sensor, ego, vehicle = options.joint.ghosts, situation.sensor, situation.scan.ego, options.vehicle
+    lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
+    components, nobody = mixture.components, len(mixture)
+    bodies = Bodies(np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m))
+    casts = np.append(is_vehicle(components) & components.confirmed, values=False)
+    table = depth_table(ego, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
     visible = visible_fractions(ego, lon, lat, np.full(len(chosen), nobody), bodies, table)
     in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = np.hypot(lon - ego.lon_m, lat - ego.lat_m)
-    in_view *= np.clip((sensor.range_m - distance) / options.edge_m - 0.5, 0.0, 1.0)
-    probability = options.vehicle_out_of_view + in_view * (options.vehicle_in_view - options.vehicle_out_of_view)
-    return np.log(probability / (1.0 - probability))
+    in_view *= np.clip((sensor.range_m - distance) / ghosts.edge_m - 0.5, 0.0, 1.0)
+    return _log_odds(ghosts.vehicle_out_of_view + in_view * (ghosts.vehicle_in_view - ghosts.vehicle_out_of_view))
 
 
-def log_odds_after_scan(
-    log_odds: FloatArray,
-    hit: FloatArray,
-    in_view: FloatArray,
-    run_probability: FloatArray,
-    not_seen: FloatArray,
-    unseen_s: FloatArray,
-    sensor: SensorModel,
-    options: JointGhosts,
-    dt_s: float,
-) -> FloatArray:
-    """Return the log odds after a scan: vehicles are detected more regularly, and they last, shape (m,).
+def with_log_odds(
+    components: Components,
+    before: Components,
+    moments: Moments,
+    sightings: Sightings,
+    situation: Situation,
+    options: FilterOptions,
+) -> Components:
+    """Return the components with the log odds after a scan.
 
     Args:
-        log_odds: The log odds before, shape (m,).
-        hit: Probability that the component was detected, shape (m,).
-        in_view: Share of plain view's detection probability that is left where the component is, shape (m,).
-        run_probability: Probability of being in a run of misses, before the scan, shape (m,).
-        not_seen: Probability that a vehicle gives no detection there, shape (m,).
+        components: The components, otherwise as they are after the scan.
+        before: The components before it.
+        moments: Their moments before it.
+        sightings: What the scan says of them.
+        situation: The scan, the sensor's data sheet and the traffic around.
+        options: The filter's settings.
+    """
+    ghosts = options.joint.ghosts
+    odds = before.source_log_odds + regularity_log_odds(
+        sightings, before.unseen_s, situation.sensor, ghosts, situation.dt_s
+    )
+    seen = before.unseen_s <= options.reporting.hidden_after_s
+    odds += overlap_log_odds(before, moments, seen, ghosts, situation.dt_s)
+    odds = np.clip(odds, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
+    by_speed = speed_log_odds(moments, situation.traffic, ghosts, options.birth.local_range_m)
+    return replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
+
+
+def regularity_log_odds(
+    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointGhosts, dt_s: float
+) -> FloatArray:
+    """Return what a scan adds to the log odds: vehicles are detected more regularly, and they last, shape (m,).
+
+    Args:
+        sightings: What the scan says.
         unseen_s: Time since the last detection before this scan, shape (m,).
         sensor: The sensor's data sheet.
         options: How false objects behave.
         dt_s: Time since the scan before.
     """
-    plain_view = (1.0 - run_probability) * sensor.detection_probability
-    vehicle_seen = 1.0 - not_seen + options.shadow_doubt * (plain_view - (1.0 - not_seen))
+    plain_view = np.maximum(1.0 - sightings.run_probability, 1e-3) * sensor.detection_probability
+    by_shadows = 1.0 - sightings.not_seen
+    vehicle_seen = by_shadows + options.shadow_doubt * (plain_view - by_shadows)
     seen = np.log(np.maximum(vehicle_seen, 1e-3) / options.seen_probability) + dt_s / options.life_s
     # A false object that is not seen for a few scans is usually gone: who returns after them is a vehicle.
     missed_scans = np.clip(unseen_s / dt_s - 1.0, 0.0, options.largest_gap_scans)
+    in_view = np.clip(by_shadows / plain_view, 0.0, 1.0)
     seen = seen - options.gap_credit * in_view**2 * missed_scans * np.log(1.0 - options.seen_probability)
     missed = np.log(np.clip((1.0 - vehicle_seen) / (1.0 - options.seen_probability), 1e-3, 1.0))
-    return np.clip(log_odds + hit * seen + (1.0 - hit) * missed, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
+    return np.asarray(sightings.hit * seen + (1.0 - sightings.hit) * missed)
 
 
 def speed_log_odds(moments: Moments, traffic: Traffic, options: JointGhosts, range_m: float) -> FloatArray:
@@ -123,3 +152,7 @@ def is_vehicle(components: Components) -> BoolArray:
 
 def _normal(difference: FloatArray, variance: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-0.5 * difference**2 / variance) / np.sqrt(variance))
+
+
+def _log_odds(probability: FloatArray | float) -> FloatArray:
+    return np.asarray(np.log(probability) - np.log1p(-np.asarray(probability)))

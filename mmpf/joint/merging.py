@@ -10,7 +10,7 @@ from mmpf.cloud.mixture import NEVER, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
 from mmpf.compute.arrays import BoolArray
-from mmpf.options import JointMerging
+from mmpf.joint_options import JointMerging
 from mmpf.state import LAT, LON, SPEED
 
 

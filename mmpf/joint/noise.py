@@ -14,9 +14,9 @@ import numpy as np
 from mmpf.cloud.mixture import Components
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.options import JointNoise
-from mmpf.scan import Detections
+from mmpf.joint_options import JointNoise
 from mmpf.state import LAT, LON
+from mmpf.update import Situation
 
 FACTOR_BOUNDS = (0.4, 3.0)
 LARGEST_SURPRISE = 9.0
@@ -25,33 +25,30 @@ LARGEST_SURPRISE = 9.0
 def with_innovations(
     components: Components,
     moments: Moments,
-    detections: Detections,
     hit: IntArray,
     by: IntArray,
-    correlated_share: float,
+    situation: Situation,
     options: JointNoise,
-    dt_s: float,
 ) -> Components:
     """Return the components with what their detections say of the noise.
 
     Args:
         components: The components.
         moments: Their moments before the scan.
-        detections: The scan's detections.
         hit: Components that were detected, shape (k,).
         by: The detection of each, shape (k,).
-        correlated_share: Share of the noise's variance that drifts: the filter follows part of it, so that innovations
-            are smaller than errors.
+        situation: The scan and the sensor's data sheet.
         options: How fast the noise is learned.
-        dt_s: Time since the scan before.
     """
+    detections = situation.scan.detections
     factor = components.noise_factor.copy()
     std_lon, std_lat = factor[hit] * detections.std_lon_m[by], factor[hit] * detections.std_lat_m[by]
     lon = (detections.lon_m[by] - moments.mean[LON][hit]) ** 2 / (moments.variance[LON][hit] + std_lon**2)
     lat = (detections.lat_m[by] - moments.mean[LAT][hit]) ** 2 / (moments.variance[LAT][hit] + std_lat**2)
     surprise = 0.5 * (np.minimum(lon, LARGEST_SURPRISE) + np.minimum(lat, LARGEST_SURPRISE))
-    expected = 1.0 - options.followed_drift * correlated_share
-    learned = -np.expm1(-dt_s / options.memory_s)
+    # The filter follows part of what drifts, so that innovations are smaller than errors.
+    expected = 1.0 - options.followed_drift * situation.sensor.noise_correlated_share
+    learned = -np.expm1(-situation.dt_s / options.memory_s)
     factor[hit] = np.clip(factor[hit] * (1.0 + 0.5 * learned * (surprise / expected - 1.0)), *FACTOR_BOUNDS)
     return replace(
         components,

@@ -17,8 +17,8 @@ from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.joint.association import associate
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.joint.association import Marginals, associate
 from mmpf.joint.detectability import detection_probabilities, distances_m
 from mmpf.joint.evidence import (
     association_evidence,
@@ -27,19 +27,14 @@ from mmpf.joint.evidence import (
     normalised,
     particle_factors,
 )
-from mmpf.joint.ghosts import (
-    is_vehicle,
-    log_odds_after_scan,
-    log_odds_at_birth,
-    overlap_log_odds,
-    speed_log_odds,
-)
+from mmpf.joint.ghosts import Sightings, is_vehicle, log_odds_at_birth, with_log_odds
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.missed_runs import run_after_scan, run_expected
 from mmpf.joint.noise import common_factor, with_innovations
-from mmpf.options import FilterOptions, JointExistence
+from mmpf.joint_options import JointExistence
+from mmpf.options import FilterOptions
 from mmpf.scan import Detections, SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
@@ -117,27 +112,10 @@ class JointUpdate:
 
         was_hit = marginals.probability.sum(axis=1) > options.hit_probability
         components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
-        ghosts = self.options.joint.ghosts
-        if ghosts.weighed:
-            hit_probability = marginals.probability.sum(axis=1)
-            plain_view = np.maximum(1.0 - occlusion.run_probability, 1e-3) * situation.sensor.detection_probability
-            odds = log_odds_after_scan(
-                prior.components.source_log_odds, hit_probability, np.clip((1.0 - not_seen) / plain_view, 0.0, 1.0),
-                occlusion.run_probability, not_seen, prior.components.unseen_s, situation.sensor, ghosts, situation.dt_s,
-            )
-            seen = prior.components.unseen_s <= self.options.reporting.hidden_after_s
-            odds += overlap_log_odds(prior.components, moments, seen, ghosts, situation.dt_s)
-            by_speed = speed_log_odds(moments, situation.traffic, ghosts, self.options.birth.local_range_m)
-            components = replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
-        hit = np.flatnonzero(was_hit)
-        by = marginals.probability[hit].argmax(axis=1) if len(hit) else hit
-        if self.options.joint.noise.learned:
-            share = situation.sensor.noise_correlated_share
-            components = with_innovations(
-                components, moments, detections, hit, by, share, self.options.joint.noise, situation.dt_s
-            )
-        if detections.sizes is not None and len(hit):
-            components = with_measured_sizes(components, hit, detections.sizes.take(by))
+        if self.options.joint.ghosts.weighed:
+            sightings = Sightings(marginals.probability.sum(axis=1), not_seen, occlusion.run_probability)
+            components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
+        components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = log_normalised(raw, prior.starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
@@ -154,27 +132,26 @@ class JointUpdate:
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
-        merging, association = self.options.joint.merging, self.options.joint.association
+        association = self.options.joint.association
         moments = component_moments(updated.mixture)
         alive = self._worth_keeping(updated.mixture.components, moments, situation)
         mixture, keep = merge_lasting_overlaps(
-            updated.mixture,
-            moments,
-            alive,
-            merging,
-            self.options.reporting.hidden_after_s,
+            updated.mixture, moments, alive, self.options.joint.merging, self.options.reporting.hidden_after_s
         )
         chosen = np.flatnonzero(updated.birth_claim > association.birth_unexplained)
         chosen = chosen[~lies_on_ego(situation.scan.detections, situation.scan.ego)[chosen]]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
-        log_odds = None
-        if self.options.joint.ghosts.weighed:
-            log_odds = log_odds_at_birth(
-                situation.scan.detections, chosen, updated.mixture, moments, situation.scan.ego, situation.sensor,
-                self.options.vehicle, self.options.joint.ghosts,
-            )
-        births = Births(situation.scan.detections, chosen, existence, situation.traffic, log_odds, common_factor(updated.mixture.components))
+        births = Births(
+            situation.scan.detections,
+            chosen,
+            existence,
+            situation.traffic,
+            log_odds_at_birth(chosen, updated.mixture, moments, situation, self.options)
+            if self.options.joint.ghosts.weighed
+            else None,
+            common_factor(updated.mixture.components),
+        )
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
 
@@ -211,6 +188,18 @@ class JointUpdate:
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
         cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
         return replace(mixture, cloud=cloud)
+
+    def _learned_from_hits(
+        self, components: Components, moments: Moments, marginals: Marginals, was_hit: BoolArray, situation: Situation
+    ) -> Components:
+        """Take in what the detections say of noise and sizes."""
+        hit, sizes = np.flatnonzero(was_hit), situation.scan.detections.sizes
+        if len(hit) == 0:
+            return components
+        by = marginals.probability[hit].argmax(axis=1)
+        if self.options.joint.noise.learned:
+            components = with_innovations(components, moments, hit, by, situation, self.options.joint.noise)
+        return components if sizes is None else with_measured_sizes(components, hit, sizes.take(by))
 
     def _resample(self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator) -> tuple[Mixture, float]:
         particles, options = self.options.particles, self.options.joint.resampling

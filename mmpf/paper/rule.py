@@ -17,8 +17,9 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.cloud.resampling import resample
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.options import FilterOptions, PaperMerging
+from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
+from mmpf.paper_options import PaperMerging
 from mmpf.road import Road
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
