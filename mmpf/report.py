@@ -14,13 +14,27 @@ from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
-def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions) -> Tracks:
-    """Return mean and spread of each component as a track, but for hidden ones that are spread too widely."""
+def reported_tracks(
+    mixture: Mixture, moments: Moments, options: ReportingOptions, correlated_share: float = 0.0
+) -> Tracks:
+    """Return mean and spread of each component as a track, but for hidden ones that are spread too widely.
+
+    What drifts of the sensor's noise can't be told from the vehicle's place: it is added to the spread.
+
+    Args:
+        mixture: The belief.
+        moments: Its components' moments.
+        options: When a component is hidden, and which of those are reported.
+        correlated_share: Share of the noise's variance that drifts.
+    """
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
     reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
-    std = np.maximum(moments.std, 1e-6)
+    variance = moments.variance.copy()
+    variance[LON] += correlated_share * components.noise_lon_m**2
+    variance[LAT] += correlated_share * components.noise_lat_m**2
+    std = np.maximum(np.sqrt(variance), 1e-6)
     return Tracks(
         track_id=components.track_id[reported],
         lon_m=moments.mean[LON, reported],

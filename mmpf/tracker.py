@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mmpf.around.surroundings import surroundings_of
@@ -9,6 +11,7 @@ from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
+from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
@@ -19,7 +22,7 @@ from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel, check_scan
 from mmpf.state import LON, SPEED
 from mmpf.tracks import Tracks
-from mmpf.update import Situation, UpdateRule
+from mmpf.update import Situation, Updated, UpdateRule
 
 
 class MixtureTracker:
@@ -90,6 +93,7 @@ class MixtureTracker:
             occlusion = self._rule.assert_occlusion(prior, moments, situation)
             clock.lap("occlusion assertion")
             updated = self._rule.measurement_update(prior, moments, occlusion, situation, self._rng)
+            self._count_clutter(updated, situation.dt_s)
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
             clock.lap("remove, add, merge")
@@ -110,16 +114,28 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(self._mixture, self._moments, self._options.reporting)
+        return reported_tracks(
+            self._mixture, self._moments, self._options.reporting, self._sensor.noise_correlated_share
+        )
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         chosen = np.flatnonzero(~lies_on_ego(scan.detections, scan.ego))
         existence = np.full(len(chosen), self._options.birth.first_existence)
-        births = Births(scan.detections, chosen, existence, traffic)
+        births = Births(
+            scan.detections, chosen, existence, traffic, first_log_odds(len(chosen), self._options.joint.ghosts)
+        )
         nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
+
+    def _count_clutter(self, updated: Updated, dt_s: float) -> None:
+        memory_s = self._options.joint.association.clutter_memory_s
+        if updated.false_detections is None or memory_s is None:
+            return
+        known, share = self._sensor.clutter_per_scan, -np.expm1(-dt_s / memory_s)
+        counted = known + share * (updated.false_detections - known)
+        self._sensor = replace(self._sensor, clutter_per_scan=float(counted))
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = self._moments.mean

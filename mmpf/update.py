@@ -40,12 +40,12 @@ class Occlusion:
 
     Attributes:
         detection_probability: Of each particle, shape (n,).
-        missed_probability: The same where "not detected" is weighed, shape (n,): never more, since the misses of one
-            vehicle are correlated in time and the shadows are not exactly known.
+        run_probability: Of each component, that the sensor is in a run of misses of it, shape (m,); it is part of the
+            detection probability.
     """
 
     detection_probability: FloatArray
-    missed_probability: FloatArray
+    run_probability: FloatArray
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ class Updated:
         association_entropy: Mean entropy of the components' association, nats; 0 where each detection is clearly
             one component's.
         effective_share: Mean effective sample size after weighting, as a share of the particles.
+        false_detections: Expected number of detections of the scan that no vehicle gave; None if the rule does not say.
     """
 
     mixture: Mixture
@@ -66,6 +67,7 @@ class Updated:
     birth_claim: FloatArray
     association_entropy: float
     effective_share: float
+    false_detections: float | None = None
 
 
 @dataclass(frozen=True)

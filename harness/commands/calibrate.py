@@ -19,6 +19,13 @@ class Options(TypedDict):
         Path | None,
         Option("Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
     ]
+    recordings: Annotated[
+        list[Path] | None,
+        Option(
+            "File or folder of recorded vehicles, to measure lane changes and accelerations anew; repeatable. "
+            "(default: the network's measured_file)"
+        ),
+    ]
     demand: Annotated[
         str | None, Option("Only this demand; the drivers then stay as they are. (default: all measured)")
     ]
@@ -89,6 +96,7 @@ def command(options: Options) -> None:
         fresh=options["fresh"],
         workers=options["workers"],
         first_step=options["step"],
+        recordings=tuple(options["recordings"] or ()),
     )
     with progress_bar("calibrate", request.runs(network), quiet) as advance:
         result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))

@@ -12,8 +12,8 @@ from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.compute.arrays import FloatArray
+from mmpf.joint_options import JointResampling
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import JointResampling
 from mmpf.state import LAT, LON, SPEED
 
 MEASURED = (LON, LAT, SPEED)

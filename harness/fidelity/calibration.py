@@ -10,9 +10,17 @@ from typing import Any
 
 from harness.errors import InputError
 from harness.fidelity import candidate as outcome
-from harness.fidelity.candidate import Candidate, averaged, first_candidate, improved, misfit
+from harness.fidelity.candidate import (
+    Candidate,
+    averaged,
+    first_candidate,
+    improved,
+    misfit,
+    with_bolder_drivers,
+)
 from harness.fidelity.fields import read_fields
-from harness.fidelity.measured import MeasuredSite, measure, read_measured, write_measured
+from harness.fidelity.measured import MeasuredSite, measure, measure_vehicles, read_measured, write_measured
+from harness.fidelity.samples import VehicleStatistics, merged
 from harness.fidelity.simulate import RunJob, simulate_all
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
@@ -30,6 +38,7 @@ class CalibrationRequest:
 
     Attributes:
         fields: Folder of the recorded fields; None to take the figures that travel with the network.
+        recordings: Files and folders of recorded vehicles; none to take the figures that travel with the network.
         demand: The only demand to be calibrated; None for all that were measured.
         trials: Candidates that are simulated.
         seeds: Seeds of the first candidate's runs; each further one takes the next as many.
@@ -49,6 +58,7 @@ class CalibrationRequest:
     fresh: bool
     workers: int
     first_step: float
+    recordings: tuple[Path, ...] = ()
 
     @property
     def leaves_drivers(self) -> bool:
@@ -74,11 +84,13 @@ class Trial:
     Attributes:
         candidate: The candidate.
         simulated: Its figures by demand.
+        vehicles: What its vehicles did in all demands.
         misfit: How far it is off; see ``harness.fidelity.candidate.misfit``.
     """
 
     candidate: Candidate
     simulated: Mapping[str, PeriodStatistics]
+    vehicles: VehicleStatistics
     misfit: float
 
 
@@ -90,7 +102,7 @@ class CalibrationResult:
         site: The measured figures.
         trials: All trials in order.
         outcome: The mean of the later half of the candidates.
-        measured_anew: Whether the figures come from fields that the user gave.
+        measured_anew: Whether figures come from fields or recordings that the user gave.
     """
 
     site: MeasuredSite
@@ -127,6 +139,7 @@ def calibrate(
     site = read_measured(network)
     if request.fields is not None:
         site = measure(site, read_fields(request.fields), network.corridor.main_lanes)
+    site = measure_vehicles(site, request.recordings, network.name)
     names = request.names(site)
     first = first_candidate(network, site, names, request.leaves_drivers)
     if not request.fresh and set(names) <= set(network.calibrated):
@@ -138,7 +151,7 @@ def calibrate(
         say(_line(len(trials), trial))
 
     found = search(network, site, first, request, keep, on_run)
-    return CalibrationResult(site, tuple(trials), found, request.fields is not None)
+    return CalibrationResult(site, tuple(trials), found, request.fields is not None or bool(request.recordings))
 
 
 def search(
@@ -168,10 +181,13 @@ def search(
     for number in range(request.trials):
         candidate = candidates[-1]
         seeds = [seed + number * len(request.seeds) for seed in request.seeds]
-        simulated = _simulate(candidate.on(network), site, tuple(first.demands), seeds, request, on_run)
-        on_trial(Trial(candidate, simulated, misfit(simulated, site)))
+        simulated, vehicles = _simulate(candidate.on(network), site, tuple(first.demands), seeds, request, on_run)
+        on_trial(Trial(candidate, simulated, vehicles, misfit(simulated, site, vehicles)))
         step = max(LAST_STEP, request.first_step / (1.0 + 0.3 * number))
-        candidates.append(improved(candidate, simulated, site, step, request.leaves_drivers))
+        candidate = improved(candidate, simulated, site, step, request.leaves_drivers)
+        if site.vehicles is not None and not request.leaves_drivers:
+            candidate = with_bolder_drivers(candidate, vehicles, site.vehicles.figures, step)
+        candidates.append(candidate)
     return averaged(candidates[len(candidates) // 2 :])
 
 
@@ -182,21 +198,26 @@ def _simulate(
     seeds: Sequence[int],
     request: CalibrationRequest,
     on_run: Callable[[], None],
-) -> dict[str, PeriodStatistics]:
-    """Make the runs of one trial, each demand's schedule compressed to their duration."""
+) -> tuple[dict[str, PeriodStatistics], VehicleStatistics]:
+    """Make the runs of one trial, each demand's schedule compressed to their duration.
+
+    Returns:
+        The figures of each demand, and those of all vehicles.
+    """
     duration_s, jobs = request.duration_s, []
     for name in names:
         compressed = _compressed(network.demand_files[name], duration_s / site.periods[name].duration_s)
         shortened = network.with_demand(name, compressed)
         jobs += [RunJob(shortened, name, duration_s, seed) for seed in seeds]
-    runs = iter(simulate_all(jobs, request.workers, on_run))
+    made = simulate_all(jobs, request.workers, on_run)
+    runs = iter(made)
     figures = {}
     for name in names:
         period = site.periods[name]
         skip_s = max(SKIP_S, duration_s / period.duration_s * period.skip_s)
         kept = [next(runs).fields.between(skip_s, duration_s) for _ in seeds]
         figures[name] = period_statistics(kept, network.corridor.main_lanes)
-    return figures
+    return figures, merged(run.samples for run in made).statistics()
 
 
 def _compressed(demand: DemandFile, compression: float) -> DemandFile:
@@ -210,12 +231,17 @@ def _line(number: int, trial: Trial) -> str:
         f"{100.0 * figures.share_below_4mps:.1f} % slow, waves {figures.wave_mps:.1f} m/s"
         for name, figures in trial.simulated.items()
     )
-    return f"trial {number}, misfit {trial.misfit:.2f} (1 = targets just met); " + "; ".join(parts)
+    driving = (
+        f"{trial.vehicles.lane_changes_per_km:.2f} lane changes a vehicle-km, "
+        f"accelerations spread by {trial.vehicles.acceleration_spread_mps2:.2f} m/s²"
+    )
+    return f"trial {number}, misfit {trial.misfit:.2f} (1 = targets just met); " + "; ".join((*parts, driving))
 
 
 def _trial_table(trial: Trial) -> dict[str, Any]:
     return {
         "misfit": trial.misfit,
         "simulated": {name: asdict(figures) for name, figures in trial.simulated.items()},
+        "vehicles": asdict(trial.vehicles),
         **outcome.as_table(trial.candidate),
     }

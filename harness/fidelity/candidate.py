@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
+from harness.fidelity.samples import VehicleStatistics
 from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics, targets
 from harness.truth.network.demand import DENSITY_RANGE, Drivers, Equilibrium
 from harness.truth.network.network import Network
@@ -33,6 +34,13 @@ RAMP_RANGE_VEH_PER_H = (0.0, 900.0)
 FACTOR_RANGE = (0.6, 1.6)
 GAP_RANGE_M = (2.0, 5.5)
 GAP_GAIN = 0.5
+# Lane changes go with about the square of the assertiveness, the spread of accelerations with the root of the scale.
+ASSERTIVENESS_GAIN, ASSERTIVENESS_RANGE = 0.5, (0.5, 5.0)
+ACCELERATION_GAIN, ACCELERATION_RANGE = 1.0, (0.8, 2.2)
+# As far as one step may go; a rate over a short run is a noisy one.
+FURTHEST_STEP = 0.4
+CHANGES_PERCENT, SPREAD_PERCENT = 20.0, 15.0
+FIRST_ASSERTIVENESS = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,13 +102,21 @@ def _schedule(period: MeasuredPeriod) -> tuple[tuple[float, float, float], ...]:
     )
 
 
-def misfit(simulated: Mapping[str, PeriodStatistics], site: MeasuredSite) -> float:
+def misfit(
+    simulated: Mapping[str, PeriodStatistics], site: MeasuredSite, vehicles: VehicleStatistics | None = None
+) -> float:
     """Return the root mean square of all targets' errors, each over its tolerance; 1 where all are just met."""
     errors = [
         target.error / target.tolerance
         for name, entry in simulated.items()
         for target in targets(entry, site.periods[name].statistics)
     ]
+    if vehicles is not None and site.vehicles is not None:
+        found, measured = vehicles, site.vehicles.figures
+        errors += [
+            100.0 * (found.lane_changes_per_km / measured.lane_changes_per_km - 1.0) / CHANGES_PERCENT,
+            100.0 * (found.acceleration_spread_mps2 / measured.acceleration_spread_mps2 - 1.0) / SPREAD_PERCENT,
+        ]
     return float(np.sqrt(np.mean(np.square(np.nan_to_num(errors, nan=5.0)))))
 
 
@@ -144,6 +160,33 @@ def improved(
         }
     )
     return Candidate(drivers, {name: _scaled(demand, 1.0 / mean) for name, demand in demands.items()})
+
+
+def with_bolder_drivers(
+    candidate: Candidate, simulated: VehicleStatistics, measured: VehicleStatistics, step: float
+) -> Candidate:
+    """Return a candidate whose drivers change lanes and accelerate nearer to the measured ones.
+
+    Assertiveness answers to the rate of lane changes, the largest accelerations to the spread of accelerations. What is
+    not a number moves nothing.
+    """
+    changes = _missing(measured.lane_changes_per_km, simulated.lane_changes_per_km)
+    spread = _missing(measured.acceleration_spread_mps2, simulated.acceleration_spread_mps2)
+    drivers = candidate.drivers
+    assertiveness = (drivers.assertiveness or FIRST_ASSERTIVENESS) * np.exp(step * ASSERTIVENESS_GAIN * changes)
+    scale = drivers.acceleration_scale * np.exp(step * ACCELERATION_GAIN * spread)
+    bolder = {
+        "assertiveness": round(float(np.clip(assertiveness, *ASSERTIVENESS_RANGE)), 4),
+        "acceleration_scale": round(float(np.clip(scale, *ACCELERATION_RANGE)), 4),
+    }
+    return replace(candidate, drivers=drivers.model_copy(update=bolder))
+
+
+def _missing(measured: float, simulated: float) -> float:
+    """Return the logarithm of what a figure has to be multiplied by, bounded; 0 where it is not a positive number."""
+    if not (simulated > 0.0 and measured > 0.0):
+        return 0.0
+    return float(np.clip(np.log(measured / simulated), -FURTHEST_STEP, FURTHEST_STEP))
 
 
 def averaged(candidates: Sequence[Candidate]) -> Candidate:
@@ -253,7 +296,7 @@ It takes the place of what network.toml says about drivers and about demands of 
 def as_table(candidate: Candidate) -> dict[str, Any]:
     """Return a candidate as the tables of ``calibration.toml``."""
     return {
-        "drivers": candidate.drivers.model_dump(),
+        "drivers": candidate.drivers.model_dump(exclude_none=True),
         "demands": {
             name: demand.model_dump(mode="json", exclude_none=True) for name, demand in candidate.demands.items()
         },

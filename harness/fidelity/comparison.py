@@ -12,6 +12,7 @@ from scipy.stats import wasserstein_distance
 
 from harness.errors import InputError
 from harness.fidelity.fields import Fields, read_fields
+from harness.fidelity.lanes import LaneShare, lane_shares
 from harness.fidelity.measured import MeasuredSite, measure, read_measured
 from harness.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged, recorded_samples, recording_files
 from harness.fidelity.simulate import Run, RunJob, simulate_all
@@ -97,6 +98,7 @@ class Fidelity:
         source: Where the measurements are published.
         periods: The periods.
         distances: Distances of the distributions; none without recorded vehicles.
+        lanes: What each main lane carries on both sides; none without recorded vehicles.
         samples: Simulated and recorded samples; None without recorded vehicles.
         left_out: What could not be compared, and why.
         setting: Seeds and minutes, for the report.
@@ -106,6 +108,7 @@ class Fidelity:
     source: str
     periods: tuple[Period, ...]
     distances: tuple[Distance, ...]
+    lanes: tuple[LaneShare, ...]
     samples: tuple[Samples, Samples] | None
     left_out: tuple[str, ...]
     setting: Mapping[str, Any]
@@ -129,6 +132,7 @@ class Fidelity:
                 entry.quantity: {key: value for key, value in asdict(entry).items() if key != "quantity"}
                 for entry in self.distances
             },
+            "lanes": [asdict(entry) for entry in self.lanes],
             "left_out": list(self.left_out),
         }
 
@@ -167,6 +171,7 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
         source=site.source,
         periods=periods,
         distances=distances(simulated, recorded) if recorded is not None else (),
+        lanes=lane_shares(simulated, recorded) if recorded is not None else (),
         samples=(simulated, recorded) if recorded is not None else None,
         left_out=tuple(left_out),
         setting={

@@ -5,12 +5,14 @@ The fields that they come from do not; ``measure`` makes the figures from them a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from harness.errors import InputError
 from harness.fidelity.fields import Fields
+from harness.fidelity.samples import VehicleStatistics, recorded_samples, recording_files
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import read_toml
@@ -18,7 +20,7 @@ from harness.writing.files import write_toml
 from harness.writing.numbers import rounded
 
 PART_S = 300.0
-MEASURED_COMMENT = "Made from the recorded fields by `python -m harness calibrate --fields ... --write`."
+MEASURED_COMMENT = "Made from recordings by `python -m harness calibrate --fields ... --recordings ... --write`."
 
 
 class _Strict(BaseModel):
@@ -43,15 +45,29 @@ class MeasuredPeriod(_Strict):
     parts: tuple[PeriodStatistics, ...]
 
 
+class MeasuredVehicles(_Strict):
+    """What single vehicles of a site do.
+
+    Attributes:
+        source: Which recordings it is taken from.
+        figures: The figures.
+    """
+
+    source: str
+    figures: VehicleStatistics
+
+
 class MeasuredSite(_Strict):
     """The content of ``measured.toml``.
 
     Attributes:
         source: Where the measurements are published.
         periods: The periods by the demand that stands for each.
+        vehicles: What single vehicles do; None if nothing was measured of them.
     """
 
     source: str
+    vehicles: MeasuredVehicles | None = None
     periods: dict[str, MeasuredPeriod]
 
     def period(self, demand: str) -> MeasuredPeriod:
@@ -91,9 +107,23 @@ def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
     )
 
 
+def measure_vehicles(site: MeasuredSite, recordings: Sequence[Path], net: str) -> MeasuredSite:
+    """Return the site with the figures of its vehicles made anew from recordings; as it is if there are none.
+
+    Raises:
+        InputError: A recording is missing or broken.
+    """
+    files = recording_files(recordings)
+    if not files:
+        return site
+    figures = recorded_samples(files, net).statistics()
+    source = "NGSIM US-101 in " + ", ".join(file.name for file in files)
+    return site.model_copy(update={"vehicles": MeasuredVehicles(source=source, figures=figures)})
+
+
 def write_measured(path: Path, site: MeasuredSite) -> None:
     """Write a site as ``measured.toml``, figures rounded to four digits after the point."""
-    write_toml(path, rounded(site.model_dump(), 4), MEASURED_COMMENT)
+    write_toml(path, rounded(site.model_dump(exclude_none=True), 4), MEASURED_COMMENT)
 
 
 def _measure_period(period: MeasuredPeriod, fields: Fields, lanes: int) -> MeasuredPeriod:

@@ -7,12 +7,13 @@ time at the follower's speed, between the fronts of two vehicles in a row on one
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from harness.errors import InputError
+from harness.fidelity.statistics import MAIN_LANES
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble
@@ -42,6 +43,19 @@ RATE, RATE_UNIT = "lane_change_rate", "changes per vehicle and km"
 
 
 @dataclass(frozen=True)
+class VehicleStatistics:
+    """What the driving of single vehicles is calibrated by.
+
+    Attributes:
+        lane_changes_per_km: Lane changes per vehicle and kilometre.
+        acceleration_spread_mps2: Mean absolute difference of accelerations from their mean.
+    """
+
+    lane_changes_per_km: float
+    acceleration_spread_mps2: float
+
+
+@dataclass(frozen=True)
 class Samples:
     """Samples of each quantity of ``UNITS``, and how many lane changes there were on how many kilometres.
 
@@ -49,16 +63,25 @@ class Samples:
         values: Samples by quantity, each of shape (n,).
         lane_changes: Lane changes between lanes.
         vehicle_km: Distance that all vehicles travelled.
+        by_lane: Of each run or recording, the time that all vehicles spent on each main lane, lane 1 first, in s, and
+            the distance that they travelled there, in m: shape (pieces, lanes, 2).
     """
 
     values: dict[str, FloatArray]
     lane_changes: int
     vehicle_km: float
+    by_lane: FloatArray = field(default_factory=lambda: np.zeros((0, MAIN_LANES, 2)))
 
     @property
     def changes_per_km(self) -> float:
         """Lane changes per vehicle and kilometre; nan if nobody travelled."""
         return self.lane_changes / self.vehicle_km if self.vehicle_km > 0.0 else float("nan")
+
+    def statistics(self) -> VehicleStatistics:
+        """Return the figures that drivers are calibrated by; nan where there are no samples."""
+        acceleration = self.values["acceleration"]
+        spread = float(np.mean(np.abs(acceleration - acceleration.mean()))) if len(acceleration) else float("nan")
+        return VehicleStatistics(self.changes_per_km, spread)
 
 
 def merged(parts: Iterable[Samples]) -> Samples:
@@ -68,6 +91,7 @@ def merged(parts: Iterable[Samples]) -> Samples:
         values={name: np.concatenate([part.values[name] for part in listed]) for name in UNITS},
         lane_changes=sum(part.lane_changes for part in listed),
         vehicle_km=sum(part.vehicle_km for part in listed),
+        by_lane=np.concatenate([part.by_lane for part in listed]),
     )
 
 
@@ -84,6 +108,7 @@ class Sampler:
         self._paths: list[tuple[FloatArray, ...]] = []
         self._numbers: dict[str, int] = {}
         self._travelled_m = 0.0
+        self._by_lane = np.zeros((MAIN_LANES, 2))
 
     def tap(self, frames: Iterable[Frame]) -> Iterator[Frame]:
         """Yield frames on, and take samples from them."""
@@ -97,7 +122,7 @@ class Sampler:
         values = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in self._values.items()}
         sizes = np.array(list(self._sizes.values()), dtype=np.float64).reshape(-1, 2)
         values |= {"lane_change_duration": durations, "vehicle_length": sizes[:, 0], "vehicle_width": sizes[:, 1]}
-        return Samples(values, len(durations), self._travelled_m / 1000.0)
+        return Samples(values, len(durations), self._travelled_m / 1000.0, self._by_lane[np.newaxis])
 
     def _take(self, frame: Frame, sampled: bool) -> None:
         inside = (frame.lane != NO_LANE) & (frame.lon_m >= self._start_m) & (frame.lon_m < self._end_m)
@@ -106,6 +131,10 @@ class Sampler:
         for name in names:
             self._numbers.setdefault(name, len(self._numbers))
         self._travelled_m += self._step_s * float(frame.speed_mps[rows].sum())
+        main = rows[(frame.lane[rows] >= 1) & (frame.lane[rows] <= MAIN_LANES)]
+        lanes, speeds = frame.lane[main] - 1, frame.speed_mps[main]
+        self._by_lane[:, 0] += self._step_s * np.bincount(lanes, minlength=MAIN_LANES)
+        self._by_lane[:, 1] += self._step_s * np.bincount(lanes, weights=speeds, minlength=MAIN_LANES)
         vehicle = np.array([self._numbers[name] for name in names], dtype=np.float64)
         when = np.full(len(rows), frame.step, dtype=np.float64)
         self._paths.append((vehicle, when, frame.lane[rows].astype(np.float64), frame.lat_speed_mps[rows]))

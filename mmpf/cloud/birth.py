@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,12 +37,16 @@ class Births:
         chosen: Indices of those that start one, shape (k,).
         existence: Existence probability of each new component, shape (k,).
         traffic: Speeds around.
+        log_odds: Log odds that each is a vehicle rather than a false object, shape (k,); None if that is not asked.
+        noise_factor: Measured noise over reported noise of the components so far.
     """
 
     detections: Detections
     chosen: IntArray
     existence: FloatArray
     traffic: Traffic
+    log_odds: FloatArray | None = None
+    noise_factor: float = 1.0
 
 
 def lies_on_ego(detections: Detections, ego: EgoPose) -> BoolArray:
@@ -88,7 +92,8 @@ def give_birth(
         log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=motion.draw_latents(state, rng),
     )
-    components = Components.newborn(track_id, births.existence, options.vehicle)
+    components = Components.newborn(track_id, births.existence, options.vehicle, births.log_odds)
+    components = replace(components, noise_factor=np.full(len(chosen), births.noise_factor))
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
     return mixture.keep_and_join(keep, cloud, components)
@@ -102,9 +107,9 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
         spread = np.broadcast_to(std, mean.shape)
         return mean[:, None] + spread[:, None] * rng.standard_normal(shape)
 
-    local_speed = _local_speed(detections.lon_m[chosen], births.traffic, options.local_range_m)
-    near = normal(local_speed, options.local_speed_std_mps)
-    anything = normal(local_speed, options.other_speed_std_mps)
+    flow = local_speed(detections.lon_m[chosen], births.traffic, options.local_range_m)
+    near = normal(flow, options.local_speed_std_mps)
+    anything = normal(flow, options.other_speed_std_mps)
     speed = np.where(rng.uniform(size=shape) < options.local_speed_share, near, anything)
     measured = np.isfinite(detections.speed_mps[chosen])
     around_measurement = normal(
@@ -122,6 +127,7 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
     return state.reshape(STATE_SIZE, -1)
 
 
-def _local_speed(lon_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:
+def local_speed(lon_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:
+    """Return the mean speed of the traffic around places, the nearer the heavier, shape (k,)."""
     weight = np.exp(-0.5 * ((lon_m[:, None] - traffic.lon_m[None, :]) / range_m) ** 2) + 1e-9
     return np.asarray(weight @ traffic.speed_mps / weight.sum(axis=1))

@@ -90,6 +90,13 @@ class Components:
         hits: Scans in which a detection was attributed to it.
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
+        missed: Probability that the sensor is in a run of misses of this vehicle.
+        source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its
+            detections.
+        vehicle_log_odds: The same, its present speed included.
+        noise_factor: Measured noise over reported noise, from the innovations.
+        noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
+        noise_lat_m: The same, lateral.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_scans: For how many scans in a row.
         length_m: Estimated length of the vehicle.
@@ -104,6 +111,12 @@ class Components:
     hits: IntArray
     age_scans: IntArray
     unseen_s: FloatArray
+    missed: FloatArray
+    source_log_odds: FloatArray
+    vehicle_log_odds: FloatArray
+    noise_factor: FloatArray
+    noise_lon_m: FloatArray
+    noise_lat_m: FloatArray
     overlap_with: IntArray
     overlap_scans: IntArray
     length_m: FloatArray
@@ -119,15 +132,23 @@ class Components:
         return replace(self, hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
 
     @classmethod
-    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Components:
+    def newborn(
+        cls,
+        track_id: IntArray,
+        existence: FloatArray,
+        vehicle: Footprint = MEAN_CAR,
+        log_odds: FloatArray | None = None,
+    ) -> Components:
         """Return components of their first scan, one detection each.
 
         Args:
             track_id: Their identities, shape (m,).
             existence: Their existence probabilities, shape (m,).
             vehicle: Their sizes as far as is known before any is measured.
+            log_odds: Log odds that they are vehicles, shape (m,); as good as certain if None.
         """
         zeros = np.zeros(len(track_id), dtype=np.int64)
+        log_odds = np.full(len(track_id), 6.0) if log_odds is None else log_odds
         return cls(
             track_id=track_id,
             existence=existence,
@@ -135,6 +156,12 @@ class Components:
             hits=zeros + 1,
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
+            missed=np.zeros(len(track_id)),
+            noise_factor=np.ones(len(track_id)),
+            noise_lon_m=np.zeros(len(track_id)),
+            noise_lat_m=np.zeros(len(track_id)),
+            source_log_odds=log_odds,
+            vehicle_log_odds=log_odds,
             overlap_with=zeros + NEVER,
             overlap_scans=zeros,
             length_m=np.full(len(track_id), vehicle.length_m),

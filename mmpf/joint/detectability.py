@@ -34,27 +34,6 @@ def detection_probabilities(
     return probability
 
 
-@numba.njit(cache=True, nogil=True)
-def missed_probabilities(
-    visible_fraction: FloatArray, detection_probability: FloatArray, cap: float, begin: float, full: float
-) -> FloatArray:
-    """Return the detection probability that "not seen" is weighed with: never more than the actual one, shape (n,).
-
-    Args:
-        visible_fraction: Visible fraction, shape (n,).
-        detection_probability: Detection probability, shape (n,).
-        cap: The most that it can be, in full view.
-        begin: Visible fraction from which it rises from zero on.
-        full: Visible fraction from which it is ``cap``.
-    """
-    missed = np.empty(len(visible_fraction))
-    per_fraction = 1.0 / (full - begin)
-    for n in range(len(visible_fraction)):
-        in_view = min(max((visible_fraction[n] - begin) * per_fraction, 0.0), 1.0)
-        missed[n] = min(detection_probability[n], cap * in_view)
-    return missed
-
-
 def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
     """Return distances from the sensor, shape (n,)."""
     along, across = lon_m - ego.lon_m, lat_m - ego.lat_m

@@ -28,11 +28,10 @@ def association_evidence(
     weight: FloatArray,
     starts: IntArray,
     detection_probability: FloatArray,
-    missed_probability: FloatArray,
     likelihoods: GatedLikelihoods,
     detections: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_missed] per component, shape (m,)."""
+    """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_D] per component, shape (m,)."""
     components = len(starts) - 1
     evidence = np.zeros((components, detections))
     not_seen = np.ones(components)
@@ -40,7 +39,6 @@ def association_evidence(
         weight,
         starts,
         detection_probability,
-        missed_probability,
         likelihoods.component,
         likelihoods.detection,
         likelihoods.values,
@@ -53,13 +51,12 @@ def association_evidence(
 
 def particle_factors(
     detection_probability: FloatArray,
-    missed_probability: FloatArray,
     starts: IntArray,
     likelihoods: GatedLikelihoods,
     message: FloatArray,
 ) -> FloatArray:
-    """Return each particle's weight factor (1 - P_missed) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
-    factor = 1.0 - missed_probability
+    """Return each particle's weight factor (1 - P_D) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
+    factor = 1.0 - detection_probability
     pair_message = message[likelihoods.component, likelihoods.detection]
     _add_detection_terms(
         detection_probability,
@@ -109,7 +106,6 @@ def _sum_evidence(
     weight: FloatArray,
     starts: IntArray,
     detection_probability: FloatArray,
-    missed_probability: FloatArray,
     pair_component: IntArray,
     pair_detection: IntArray,
     values: FloatArray,
@@ -120,7 +116,7 @@ def _sum_evidence(
     for m in range(len(starts) - 1):
         seen = 0.0
         for n in range(starts[m], starts[m + 1]):
-            seen += weight[n] * missed_probability[n]
+            seen += weight[n] * detection_probability[n]
         not_seen[m] = 1.0 - seen
     for p in range(len(pair_component)):
         begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
@@ -183,6 +179,7 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         detection,
         np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),
         np.stack([detections.std_lon_m, detections.std_lat_m, detections.std_speed_mps]),
+        mixture.components.noise_factor,
         starts,
         values,
     )
@@ -198,6 +195,7 @@ def _evaluate(
     detection: IntArray,
     measured: FloatArray,
     std: FloatArray,
+    noise_factor: FloatArray,
     starts: IntArray,
     values: FloatArray,
 ) -> None:
@@ -206,13 +204,14 @@ def _evaluate(
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]
         has_speed = np.isfinite(measured[2, j])
-        log_normaliser = -np.log(2.0 * np.pi * std[0, j] * std[1, j])
+        std_lon, std_lat = noise_factor[component[p]] * std[0, j], noise_factor[component[p]] * std[1, j]
+        log_normaliser = -np.log(2.0 * np.pi * std_lon * std_lat)
         if has_speed:
             log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std[2, j])
         own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
         for n in range(len(own)):
-            lon = (own_lon[n] - measured[0, j]) / std[0, j]
-            lat = (own_lat[n] - measured[1, j]) / std[1, j]
+            lon = (own_lon[n] - measured[0, j]) / std_lon
+            lat = (own_lat[n] - measured[1, j]) / std_lat
             own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
         if has_speed:
             own_speed = state[SPEED, begin:end]

@@ -12,7 +12,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.options import JointIdentity
+from mmpf.joint_options import JointIdentity
 from mmpf.state import LAT, LON, SPEED
 
 

@@ -10,16 +10,15 @@ from mmpf.cloud.mixture import NEVER, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
 from mmpf.compute.arrays import BoolArray
-from mmpf.state import LAT, LON
+from mmpf.joint_options import JointMerging
+from mmpf.state import LAT, LON, SPEED
 
 
 def merge_lasting_overlaps(
     mixture: Mixture,
     moments: Moments,
     alive: BoolArray,
-    lon_m: float,
-    lat_m: float,
-    scans: int,
+    options: JointMerging,
     hidden_after_s: float,
 ) -> tuple[Mixture, BoolArray]:
     """Merge components that have shared one place for several scans; the elder's identity stays.
@@ -32,9 +31,7 @@ def merge_lasting_overlaps(
         mixture: The belief.
         moments: Its components' moments.
         alive: Components that may merge, shape (m,); the others are about to be removed.
-        lon_m: Means nearer than this, and
-        lat_m: nearer than this overlap.
-        scans: Scans in a row before they merge.
+        options: How near in place and speed components overlap, and for how many scans in a row before they merge.
         hidden_after_s: Unseen for longer, a component counts as hidden.
 
     Returns:
@@ -43,7 +40,7 @@ def merge_lasting_overlaps(
     components = mixture.components
     if len(mixture) == 0:
         return mixture, alive
-    mean = moments.mean
+    mean, lon_m, lat_m = moments.mean, options.lon_m, options.lat_m
     is_hidden = components.unseen_s > hidden_after_s
     distance = np.hypot(
         (mean[LON][:, None] - mean[LON][None, :]) / lon_m, (mean[LAT][:, None] - mean[LAT][None, :]) / lat_m
@@ -51,8 +48,10 @@ def merge_lasting_overlaps(
     apart = (np.abs(mean[LON][:, None] - mean[LON][None, :]) >= lon_m) | (
         np.abs(mean[LAT][:, None] - mean[LAT][None, :]) >= lat_m
     )
+    apart |= np.abs(mean[SPEED][:, None] - mean[SPEED][None, :]) >= options.speed_mps
     both = components.confirmed[:, None] & components.confirmed[None, :]
-    apart |= ~(alive[:, None] & alive[None, :])
+    there = alive & (components.existence > options.existence_above)
+    apart |= ~(there[:, None] & there[None, :])
     distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
     np.fill_diagonal(distance, np.inf)
     nearest = distance.argmin(axis=1)
@@ -61,7 +60,7 @@ def merge_lasting_overlaps(
     overlap_scans = np.where(overlaps, np.where(partner == components.overlap_with, components.overlap_scans + 1, 1), 0)
     keep = alive.copy()
     track_id, confirmed = components.track_id.copy(), components.confirmed.copy()
-    for a in np.flatnonzero(overlap_scans >= scans):
+    for a in np.flatnonzero(overlap_scans >= options.scans):
         b = nearest[a]
         if not (keep[a] and keep[b]):
             continue

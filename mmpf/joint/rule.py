@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
-from mmpf.cloud.birth import Births, give_birth
+from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.joint.association import associate
-from mmpf.joint.detectability import detection_probabilities, distances_m, missed_probabilities
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.joint.association import Marginals, associate
+from mmpf.joint.detectability import detection_probabilities, distances_m
 from mmpf.joint.evidence import (
     association_evidence,
     gated_likelihoods,
@@ -27,10 +27,15 @@ from mmpf.joint.evidence import (
     normalised,
     particle_factors,
 )
+from mmpf.joint.ghosts import Sightings, is_vehicle, log_odds_at_birth, with_log_odds
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
-from mmpf.options import FilterOptions, JointExistence
+from mmpf.joint.missed_runs import run_after_scan, run_expected
+from mmpf.joint.noise import common_factor, with_innovations
+from mmpf.joint_options import JointExistence
+from mmpf.options import FilterOptions
+from mmpf.scan import Detections, SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 
@@ -49,19 +54,16 @@ class JointUpdate:
         """Work out each particle's detection probability from the shadows of the other components."""
         options, ego, cloud = self.options.joint.detectability, situation.scan.ego, prior.cloud
         if options.shadow:
-            casts = prior.components.existence > options.occluder_existence
+            casts = (prior.components.existence > options.occluder_existence) & is_vehicle(prior.components)
             bodies = Bodies(prior.components.length_m, prior.components.width_m)
             table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(ego, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
             distance = distances_m(ego, cloud.state[LON], cloud.state[LAT])
             probability = detection_probabilities(visible, distance, situation.sensor, options.hidden_probability)
-            missed = missed_probabilities(
-                visible, probability, options.missed_cap, options.missed_from_fraction, options.missed_full_fraction
-            )
         else:
             probability = np.full(len(cloud), options.fixed_probability)
-            missed = np.minimum(probability, options.missed_cap)
-        return Occlusion(probability, missed)
+        run = run_expected(prior.components.missed, options.run_share, options.run_s, situation.dt_s)
+        return Occlusion(probability * (1.0 - run)[cloud.component], run)
 
     def measurement_update(
         self,
@@ -82,20 +84,19 @@ class JointUpdate:
             prior_weight,
             prior.starts,
             occlusion.detection_probability,
-            occlusion.missed_probability,
             likelihoods,
             len(detections),
         )
-        evidence *= existence[:, None] / situation.sensor.clutter_density_per_m2
+        clutter_density = _clutter_densities(detections, situation.sensor)
+        evidence *= existence[:, None] / clutter_density
         missed = 1.0 - existence + existence * not_seen
         marginals = associate(evidence, missed, options.birth_density, options.exclusive)
 
         factor = particle_factors(
             occlusion.detection_probability,
-            occlusion.missed_probability,
             prior.starts,
             likelihoods,
-            marginals.detection_message / situation.sensor.clutter_density_per_m2,
+            marginals.detection_message / clutter_density,
         )
         factor *= room_beside_seen_vehicles(
             prior,
@@ -105,15 +106,16 @@ class JointUpdate:
             options.exclusion_per_s * situation.dt_s,
         )
         claimed = (evidence * marginals.detection_message).sum(axis=1)
+        run = run_after_scan(occlusion.run_probability, not_seen, claimed / np.maximum(existence, 1e-300))
         existence = (existence * not_seen + claimed) / (missed + claimed)
         existence = np.minimum(existence, self.options.joint.existence.largest)
 
         was_hit = marginals.probability.sum(axis=1) > options.hit_probability
-        components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence)
-        hit = np.flatnonzero(was_hit)
-        if detections.sizes is not None and len(hit):
-            measured = detections.sizes.take(marginals.probability[hit].argmax(axis=1))
-            components = with_measured_sizes(components, hit, measured)
+        components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
+        if self.options.joint.ghosts.weighed:
+            sightings = Sightings(marginals.probability.sum(axis=1), not_seen, occlusion.run_probability)
+            components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
+        components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = log_normalised(raw, prior.starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
@@ -125,27 +127,31 @@ class JointUpdate:
             birth_claim=marginals.unexplained,
             association_entropy=_mean_entropy(marginals.probability),
             effective_share=effective_share,
+            false_detections=float(len(detections) - marginals.probability[is_vehicle(components)].sum()),
         )
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
-        merging, association = self.options.joint.merging, self.options.joint.association
+        association = self.options.joint.association
         moments = component_moments(updated.mixture)
         alive = self._worth_keeping(updated.mixture.components, moments, situation)
         mixture, keep = merge_lasting_overlaps(
-            updated.mixture,
-            moments,
-            alive,
-            merging.lon_m,
-            merging.lat_m,
-            merging.scans,
-            self.options.reporting.hidden_after_s,
+            updated.mixture, moments, alive, self.options.joint.merging, self.options.reporting.hidden_after_s
         )
         chosen = np.flatnonzero(updated.birth_claim > association.birth_unexplained)
-        chosen = chosen[~self._on_ego(situation, chosen)]
+        chosen = chosen[~lies_on_ego(situation.scan.detections, situation.scan.ego)[chosen]]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
-        births = Births(situation.scan.detections, chosen, existence, situation.traffic)
+        births = Births(
+            situation.scan.detections,
+            chosen,
+            existence,
+            situation.traffic,
+            log_odds_at_birth(chosen, updated.mixture, moments, situation, self.options)
+            if self.options.joint.ghosts.weighed
+            else None,
+            common_factor(updated.mixture.components),
+        )
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
 
@@ -161,7 +167,11 @@ class JointUpdate:
             ~components.confirmed
             & (components.existence > options.confirm_above)
             & (components.hits >= options.confirm_hits)
+            & (components.vehicle_log_odds >= self.options.joint.ghosts.confirm_log_odds)
         )
+        stays = components.confirmed & (components.vehicle_log_odds >= self.options.joint.ghosts.withdraw_log_odds)
+        components = replace(components, confirmed=stays)
+        mixture = replace(mixture, components=components)
         if not confirmed_now.any():
             return mixture, 0
         moments = component_moments(mixture)
@@ -178,6 +188,18 @@ class JointUpdate:
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
         cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
         return replace(mixture, cloud=cloud)
+
+    def _learned_from_hits(
+        self, components: Components, moments: Moments, marginals: Marginals, was_hit: BoolArray, situation: Situation
+    ) -> Components:
+        """Take in what the detections say of noise and sizes."""
+        hit, sizes = np.flatnonzero(was_hit), situation.scan.detections.sizes
+        if len(hit) == 0:
+            return components
+        by = marginals.probability[hit].argmax(axis=1)
+        if self.options.joint.noise.learned:
+            components = with_innovations(components, moments, hit, by, situation, self.options.joint.noise)
+        return components if sizes is None else with_measured_sizes(components, hit, sizes.take(by))
 
     def _resample(self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator) -> tuple[Mixture, float]:
         particles, options = self.options.particles, self.options.joint.resampling
@@ -203,13 +225,6 @@ class JointUpdate:
             & ~left
         )
 
-    def _on_ego(self, situation: Situation, chosen: IntArray) -> BoolArray:
-        ego, detections = situation.scan.ego, situation.scan.detections
-        return np.asarray(
-            (np.abs(detections.lon_m[chosen] - ego.lon_m) < 0.5 * ego.length_m)
-            & (np.abs(detections.lat_m[chosen] - ego.lat_m) < 0.5 * ego.width_m)
-        )
-
 
 def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
     """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
@@ -220,6 +235,12 @@ def _stands_on_another(components: Components, moments: Moments, options: JointE
     overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.same_place_share * 0.5 * (width[:, None] + width)
     np.fill_diagonal(overlaps, val=False)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))
+
+
+def _clutter_densities(detections: Detections, sensor: SensorModel) -> FloatArray:
+    """Return the density of clutter at each detection, per square metre and, where it is measured, m/s, shape (d,)."""
+    per_speed = np.where(np.isfinite(detections.speed_mps), 1.0 / sensor.clutter_speed_span_mps, 1.0)
+    return np.asarray(sensor.clutter_density_per_m2 * per_speed)
 
 
 def _mean_entropy(probability: FloatArray) -> float:

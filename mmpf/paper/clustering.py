@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.options import PaperReclustering
+from mmpf.paper_options import PaperReclustering
 from mmpf.state import LAT, LON
 
 ROUNDS = 10

@@ -17,8 +17,9 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.cloud.resampling import resample
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.options import FilterOptions, PaperMerging
+from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
+from mmpf.paper_options import PaperMerging
 from mmpf.road import Road
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
@@ -49,7 +50,7 @@ class MaxLikelihoodUpdate:
             shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
         is_hidden = shadowed >= self.options.max_likelihood.association.shadowed_share
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
-        return Occlusion(probability, probability)
+        return Occlusion(probability, np.zeros(len(prior)))
 
     def measurement_update(
         self,

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from mmpf.joint_options import JointOptions
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions, JointOptions, MaxLikelihoodOptions
+from mmpf.options import FilterOptions
+from mmpf.paper_options import MaxLikelihoodOptions
 from mmpf.scan import SensorModel
 from mmpf.settings import Settings
 from mmpf.tracker import MixtureTracker

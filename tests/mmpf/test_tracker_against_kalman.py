@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from mmpf.compute.arrays import FloatArray
-from mmpf.options import BirthOptions, FilterOptions, JointAssociation, JointOptions, JointResampling, ModelErrorOptions
+from mmpf.joint_options import JointAssociation, JointOptions, JointResampling
+from mmpf.options import BirthOptions, FilterOptions, ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.scenes import ROAD, LinearGaussianMotion, detections_at, ego_at

@@ -30,6 +30,8 @@ class Drivers(BaseModel):
         free_speed_mps: Mean speed of free traffic; slow vehicles keep it below the limit.
         desired_speed_spread: Standard deviation of a driver's desired speed as a share of the limit.
         acceleration_scale: Largest accelerations over those usual for each kind of vehicle.
+        assertiveness: How much smaller than their own the gaps are that drivers change lanes into, SUMO's
+            ``lcAssertive``; what the vehicle types say if left out.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -40,7 +42,8 @@ class Drivers(BaseModel):
     minimum_gap_spread_m: float = Field(default=0.5, ge=0.0, le=2.0)
     free_speed_mps: float = Field(default=27.0, ge=10.0, le=50.0)
     desired_speed_spread: float = Field(default=0.08, ge=0.0, le=0.2)
-    acceleration_scale: float = Field(default=1.0, ge=0.5, le=2.0)
+    acceleration_scale: float = Field(default=1.0, ge=0.5, le=2.5)
+    assertiveness: float | None = Field(default=None, ge=0.2, le=8.0)
 
 
 @dataclass(frozen=True)

@@ -202,6 +202,8 @@ class TrafficControl:
         sumo.setAccel(name, vehicle.accel_mps2)
         sumo.setSpeedFactor(name, vehicle.speed_factor)
         sumo.setLateralAlignment(name, f"{vehicle.lateral_offset_m:.3f}")
+        if vehicle.assertiveness is not None:
+            sumo.setParameter(name, "laneChangeModel.lcAssertive", f"{vehicle.assertiveness:.4f}")
 
     def _route(self, edges: tuple[str, ...]) -> str:
         name = ">".join(edges)

@@ -22,6 +22,7 @@ class Vehicle:
         accel_mps2: Largest acceleration.
         speed_factor: Desired speed over the speed limit.
         lateral_offset_m: Where in its lane the driver likes to be, from the middle, positive to the left.
+        assertiveness: SUMO's ``lcAssertive``; None for what the vehicle's type says.
     """
 
     kind: str
@@ -32,6 +33,7 @@ class Vehicle:
     accel_mps2: float
     speed_factor: float
     lateral_offset_m: float
+    assertiveness: float | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ def draw_vehicle(rng: np.random.Generator, drivers: Drivers) -> Vehicle:
         accel_mps2=drivers.acceleration_scale * _bounded_normal(rng, *entry.accel_mps2),
         speed_factor=entry.speed_scale * _bounded_normal(rng, 1.0, drivers.desired_speed_spread, 0.8, 1.2),
         lateral_offset_m=_bounded_normal(rng, 0.0, 0.25, -0.5, 0.5),
+        assertiveness=drivers.assertiveness,
     )
 
 

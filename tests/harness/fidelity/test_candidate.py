@@ -5,9 +5,19 @@ from dataclasses import replace
 
 import pytest
 
-from harness.fidelity.candidate import averaged, first_candidate, improved, misfit
-from harness.fidelity.measured import read_measured
+from harness.fidelity.candidate import (
+    as_table,
+    averaged,
+    first_candidate,
+    improved,
+    misfit,
+    with_bolder_drivers,
+    write_candidate,
+)
+from harness.fidelity.measured import MeasuredVehicles, read_measured
+from harness.fidelity.samples import VehicleStatistics
 from harness.truth.network.network import load_network
+from harness.truth.network.networkfile import CalibrationFile, read_toml
 
 NAMES = ("us101-0750", "us101-0805", "us101-0820")
 
@@ -118,3 +128,42 @@ def test_the_average_of_candidates_has_the_mean_of_each_number_and_keeps_what_is
         )
         assert mean.description == before.description
         assert [place for place, _ in mean.headway_profile] == [place for place, _ in before.headway_profile]
+
+
+MEASURED = VehicleStatistics(lane_changes_per_km=0.8, acceleration_spread_mps2=0.7)
+
+
+def test_drivers_that_drive_as_measured_stay_as_they_are(candidate):
+    drivers = with_bolder_drivers(candidate, MEASURED, MEASURED, 1.0).drivers
+    assert drivers.acceleration_scale == pytest.approx(candidate.drivers.acceleration_scale)
+    assert drivers.assertiveness == pytest.approx(candidate.drivers.assertiveness)
+
+
+def test_missing_lane_changes_ask_for_assertive_drivers_and_mild_accelerations_for_stronger_ones(candidate):
+    few = with_bolder_drivers(candidate, replace(MEASURED, lane_changes_per_km=0.4), MEASURED, 0.5).drivers
+    assert few.assertiveness > candidate.drivers.assertiveness
+    assert few.acceleration_scale == candidate.drivers.acceleration_scale
+    milder = replace(candidate, drivers=candidate.drivers.model_copy(update={"acceleration_scale": 1.2}))
+    strong = with_bolder_drivers(milder, replace(MEASURED, acceleration_spread_mps2=0.5), MEASURED, 0.5).drivers
+    assert strong.acceleration_scale > 1.2
+    assert strong.assertiveness == pytest.approx(candidate.drivers.assertiveness)
+
+
+def test_a_run_without_samples_moves_no_driver(candidate):
+    nothing = VehicleStatistics(math.nan, math.nan)
+    drivers = with_bolder_drivers(candidate, nothing, MEASURED, 1.0).drivers
+    assert drivers == candidate.drivers.model_copy(update={"assertiveness": drivers.assertiveness})
+    assert drivers.assertiveness == pytest.approx(candidate.drivers.assertiveness)
+
+
+def test_lane_changes_and_accelerations_count_in_the_misfit(site):
+    measured = site.model_copy(update={"vehicles": MeasuredVehicles(source="made up", figures=MEASURED)})
+    assert misfit(as_measured(site), measured, MEASURED) == 0.0
+    assert misfit(as_measured(site), measured, replace(MEASURED, lane_changes_per_km=0.2)) > 0.5
+
+
+def test_a_calibration_without_assertiveness_leaves_the_vehicle_types_their_own(candidate, tmp_path):
+    plain = replace(candidate, drivers=candidate.drivers.model_copy(update={"assertiveness": None}))
+    assert "assertiveness" not in as_table(plain)["drivers"]
+    write_candidate(tmp_path / "calibration.toml", plain)
+    assert read_toml(tmp_path / "calibration.toml", CalibrationFile).drivers == plain.drivers

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.joint.identity import hand_over_identity
-from mmpf.options import JointIdentity
+from mmpf.joint_options import JointIdentity
 from mmpf.state import LON
 from tests.mmpf.scenes import belief_of, spot
 

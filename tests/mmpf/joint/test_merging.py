@@ -11,7 +11,8 @@ from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
-from mmpf.options import FilterOptions, JointIdentity, JointOptions
+from mmpf.joint_options import JointIdentity, JointOptions
+from mmpf.options import FilterOptions
 from mmpf.state import LAT, LON
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import situation_with

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.options import PaperReclustering
 from mmpf.paper.clustering import k_medoids, recluster
+from mmpf.paper_options import PaperReclustering
 from mmpf.state import LON
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import mixture_at

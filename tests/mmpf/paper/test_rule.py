@@ -10,9 +10,10 @@ import pytest
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions, MaxLikelihoodOptions, PaperReclustering
+from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
 from mmpf.paper.rule import MaxLikelihoodUpdate
+from mmpf.paper_options import MaxLikelihoodOptions, PaperReclustering
 from mmpf.road import Road
 from mmpf.scan import FreeSpace, SensorModel
 from mmpf.state import LON

@@ -35,6 +35,12 @@ def test_vehicles_are_drawn_about_the_drivers_means():
     assert np.mean([car.accel_mps2 for car in cars]) == pytest.approx(1.2 * 1.5, rel=0.02)
 
 
+def test_drivers_are_as_assertive_as_the_network_says_and_as_their_type_if_it_says_nothing():
+    rng = np.random.default_rng(1)
+    assert draw_vehicle(rng, Drivers(assertiveness=2.5)).assertiveness == 2.5
+    assert draw_vehicle(rng, Drivers()).assertiveness is None
+
+
 def test_the_relation_of_speed_and_density_is_the_drivers():
     drivers = Drivers(headway_s=1.6, minimum_gap_m=3.4)
     relation = Equilibrium.of(drivers)
@@ -42,7 +48,7 @@ def test_the_relation_of_speed_and_density_is_the_drivers():
     assert relation.speed_mps(60.0) < Equilibrium.of(Drivers()).speed_mps(60.0)
 
 
-@pytest.mark.parametrize("wrong", [{"headway_s": 0.1}, {"minimum_gap_m": "far"}, {"mood": 1.0}])
+@pytest.mark.parametrize("wrong", [{"headway_s": 0.1}, {"minimum_gap_m": "far"}, {"mood": 1.0}, {"assertiveness": 0.0}])
 def test_drivers_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ValidationError):
         Drivers.model_validate(wrong)

@@ -1,0 +1,158 @@
+"""Is it a vehicle, or a false object that stays: reflections and wayside things give detections again and again.
+
+Existence says whether there is a source of detections; what is weighed here is what kind of source. A false object
+appears anywhere, while a vehicle comes in from the edge of the range or out of a shadow; it is detected less regularly,
+does not last, and mostly stands still. Log odds of the two kinds are kept beside each component's particles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mmpf.around.shadows import Bodies, depth_table, visible_fractions
+from mmpf.cloud.birth import Traffic, local_speed
+from mmpf.cloud.mixture import Components, Mixture
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.joint_options import JointGhosts
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
+from mmpf.state import LAT, LON, SPEED
+from mmpf.update import Situation
+
+LARGEST_LOG_ODDS = 6.0
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """What a scan says of each of m components, whatever kind of source they are.
+
+    Attributes:
+        hit: Probability that the component was detected, shape (m,).
+        not_seen: Probability that a vehicle gives no detection there, shape (m,).
+        run_probability: Probability of being in a run of misses, before the scan, shape (m,).
+    """
+
+    hit: FloatArray
+    not_seen: FloatArray
+    run_probability: FloatArray
+
+
+def first_log_odds(count: int, options: JointGhosts) -> FloatArray:
+    """Return the log odds of the components of the first scan: nobody had been looking, shape (count,)."""
+    return np.full(count, _log_odds(options.vehicle_out_of_view))
+
+
+def log_odds_at_birth(
+    chosen: IntArray, mixture: Mixture, moments: Moments, situation: Situation, options: FilterOptions
+) -> FloatArray:
+    """Return the log odds that what appears here is a vehicle: low in plain view, where one would be known, shape (k,).
+
+    Args:
+        chosen: The detections that something new is started from, shape (k,).
+        mixture: The belief, whose vehicles cast shadows.
+        moments: Its components' moments.
+        situation: The scan and the sensor's data sheet.
+        options: The filter's settings.
+    """
+    ghosts, sensor, ego, vehicle = options.joint.ghosts, situation.sensor, situation.scan.ego, options.vehicle
+    lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
+    components, nobody = mixture.components, len(mixture)
+    bodies = Bodies(np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m))
+    casts = np.append(is_vehicle(components) & components.confirmed, values=False)
+    table = depth_table(ego, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
+    visible = visible_fractions(ego, lon, lat, np.full(len(chosen), nobody), bodies, table)
+    in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
+    distance = np.hypot(lon - ego.lon_m, lat - ego.lat_m)
+    in_view *= np.clip((sensor.range_m - distance) / ghosts.edge_m - 0.5, 0.0, 1.0)
+    return _log_odds(ghosts.vehicle_out_of_view + in_view * (ghosts.vehicle_in_view - ghosts.vehicle_out_of_view))
+
+
+def with_log_odds(
+    components: Components,
+    before: Components,
+    moments: Moments,
+    sightings: Sightings,
+    situation: Situation,
+    options: FilterOptions,
+) -> Components:
+    """Return the components with the log odds after a scan.
+
+    Args:
+        components: The components, otherwise as they are after the scan.
+        before: The components before it.
+        moments: Their moments before it.
+        sightings: What the scan says of them.
+        situation: The scan, the sensor's data sheet and the traffic around.
+        options: The filter's settings.
+    """
+    ghosts = options.joint.ghosts
+    odds = before.source_log_odds + regularity_log_odds(
+        sightings, before.unseen_s, situation.sensor, ghosts, situation.dt_s
+    )
+    seen = before.unseen_s <= options.reporting.hidden_after_s
+    odds += overlap_log_odds(before, moments, seen, ghosts, situation.dt_s)
+    odds = np.clip(odds, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
+    by_speed = speed_log_odds(moments, situation.traffic, ghosts, options.birth.local_range_m)
+    return replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
+
+
+def regularity_log_odds(
+    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointGhosts, dt_s: float
+) -> FloatArray:
+    """Return what a scan adds to the log odds: vehicles are detected more regularly, and they last, shape (m,).
+
+    Args:
+        sightings: What the scan says.
+        unseen_s: Time since the last detection before this scan, shape (m,).
+        sensor: The sensor's data sheet.
+        options: How false objects behave.
+        dt_s: Time since the scan before.
+    """
+    plain_view = np.maximum(1.0 - sightings.run_probability, 1e-3) * sensor.detection_probability
+    by_shadows = 1.0 - sightings.not_seen
+    vehicle_seen = by_shadows + options.shadow_doubt * (plain_view - by_shadows)
+    seen = np.log(np.maximum(vehicle_seen, 1e-3) / options.seen_probability) + dt_s / options.life_s
+    # A false object that is not seen for a few scans is usually gone: who returns after them is a vehicle.
+    missed_scans = np.clip(unseen_s / dt_s - 1.0, 0.0, options.largest_gap_scans)
+    in_view = np.clip(by_shadows / plain_view, 0.0, 1.0)
+    seen = seen - options.gap_credit * in_view**2 * missed_scans * np.log(1.0 - options.seen_probability)
+    missed = np.log(np.clip((1.0 - vehicle_seen) / (1.0 - options.seen_probability), 1e-3, 1.0))
+    return np.asarray(sightings.hit * seen + (1.0 - sightings.hit) * missed)
+
+
+def speed_log_odds(moments: Moments, traffic: Traffic, options: JointGhosts, range_m: float) -> FloatArray:
+    """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,)."""
+    speed, variance = moments.mean[SPEED], moments.variance[SPEED]
+    flow = local_speed(moments.mean[LON], traffic, range_m)
+    vehicle = _normal(speed - flow, variance + options.flow_std_mps**2)
+    standing = _normal(speed, variance + options.standing_std_mps**2)
+    false = options.standing_share * standing + (1.0 - options.standing_share) * vehicle
+    return np.log(np.maximum(vehicle, 1e-12) / np.maximum(false, 1e-12))
+
+
+def overlap_log_odds(
+    components: Components, moments: Moments, is_seen: BoolArray, options: JointGhosts, dt_s: float
+) -> FloatArray:
+    """Return what two seen sources in one place say: the one that was less of a vehicle is none, shape (m,)."""
+    mean, odds = moments.mean, components.vehicle_log_odds
+    length, width = components.length_m, components.width_m
+    overlaps = np.abs(mean[LON][:, None] - mean[LON]) < options.overlap_share * 0.5 * (length[:, None] + length)
+    overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.overlap_share * 0.5 * (width[:, None] + width)
+    overlaps &= is_seen[:, None] & is_seen & (odds[:, None] < odds)
+    return np.where(overlaps.any(axis=1), -options.overlap_per_s * dt_s, 0.0)
+
+
+def is_vehicle(components: Components) -> BoolArray:
+    """Return which components are vehicles rather than false objects, shape (m,)."""
+    return np.asarray(components.vehicle_log_odds > 0.0)
+
+
+def _normal(difference: FloatArray, variance: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-0.5 * difference**2 / variance) / np.sqrt(variance))
+
+
+def _log_odds(probability: FloatArray | float) -> FloatArray:
+    return np.asarray(np.log(probability) - np.log1p(-np.asarray(probability)))

@@ -1,0 +1,71 @@
+"""How noisy the detections of each component are: measured by its innovations, since no data sheet knows.
+
+A detection reports its own deviation, but a partly hidden vehicle is measured worse than that, and a data sheet may be
+wrong by a factor. Each component keeps the ratio of the innovations that it sees to those that it expects; a new one
+begins at that of the others. After Mehra (IEEE TAC 1972): covariance matching, here recursive and bounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mmpf.cloud.mixture import Components
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.joint_options import JointNoise
+from mmpf.state import LAT, LON
+from mmpf.update import Situation
+
+FACTOR_BOUNDS = (0.4, 3.0)
+LARGEST_SURPRISE = 9.0
+
+
+def with_innovations(
+    components: Components,
+    moments: Moments,
+    hit: IntArray,
+    by: IntArray,
+    situation: Situation,
+    options: JointNoise,
+) -> Components:
+    """Return the components with what their detections say of the noise.
+
+    Args:
+        components: The components.
+        moments: Their moments before the scan.
+        hit: Components that were detected, shape (k,).
+        by: The detection of each, shape (k,).
+        situation: The scan and the sensor's data sheet.
+        options: How fast the noise is learned.
+    """
+    detections = situation.scan.detections
+    factor = components.noise_factor.copy()
+    std_lon, std_lat = factor[hit] * detections.std_lon_m[by], factor[hit] * detections.std_lat_m[by]
+    lon = (detections.lon_m[by] - moments.mean[LON][hit]) ** 2 / (moments.variance[LON][hit] + std_lon**2)
+    lat = (detections.lat_m[by] - moments.mean[LAT][hit]) ** 2 / (moments.variance[LAT][hit] + std_lat**2)
+    surprise = 0.5 * (np.minimum(lon, LARGEST_SURPRISE) + np.minimum(lat, LARGEST_SURPRISE))
+    # The filter follows part of what drifts, so that innovations are smaller than errors.
+    expected = 1.0 - options.followed_drift * situation.sensor.noise_correlated_share
+    learned = -np.expm1(-situation.dt_s / options.memory_s)
+    factor[hit] = np.clip(factor[hit] * (1.0 + 0.5 * learned * (surprise / expected - 1.0)), *FACTOR_BOUNDS)
+    return replace(
+        components,
+        noise_factor=factor,
+        noise_lon_m=_smoothed(components.noise_lon_m, hit, std_lon, learned),
+        noise_lat_m=_smoothed(components.noise_lat_m, hit, std_lat, learned),
+    )
+
+
+def common_factor(components: Components) -> float:
+    """Return the noise factor that a new component begins with: the confirmed ones' root mean square, one if none."""
+    known = components.noise_factor[components.confirmed]
+    return float(np.sqrt((known**2).mean())) if len(known) else 1.0
+
+
+def _smoothed(values: FloatArray, index: IntArray, new: FloatArray, share: float) -> FloatArray:
+    smoothed = values.copy()
+    old = values[index]
+    smoothed[index] = np.where(old > 0.0, old + share * (new - old), new)
+    return smoothed
