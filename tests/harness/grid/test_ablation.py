@@ -16,6 +16,7 @@ from harness.grid.ablation import (
     ideal_request,
 )
 from harness.grid.grid import plan_grid
+from harness.running.open import check_tracker
 from harness.sensor.profiles import sensor_settings
 
 
@@ -31,6 +32,8 @@ def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = Non
 def test_every_arm_is_a_setting_that_the_tracker_takes():
     grid = plan_grid(ablation_request("us101", "0:2", 60.0))
     assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
+    for run in grid.cells[0].runs:
+        check_tracker(run.config)
 
 
 def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
