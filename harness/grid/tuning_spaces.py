@@ -33,14 +33,16 @@ _STONE_SOUP: Space = {**_NOISE, **_MEMORY, **_GATE, **_BIRTH}
 _JPDA: Space = {**_BELIEF, **_STONE_SOUP}
 # Particles stay as they are: they buy accuracy with time, which no search should trade off.
 _MMPF: Space = {
-    "joint.detectability.missed_cap": (0.1, 0.2, 0.4, 0.6, 0.8),
-    "reporting.reported_std_lon_m": (4.0, 6.0, 9.0, 14.0, 20.0),
+    "joint.detectability.run_share": (0.05, 0.08, 0.12, 0.2),
+    "joint.ghosts.vehicle_in_view": (0.02, 0.05, 0.1, 0.15),
+    "joint.ghosts.confirm_log_odds": (0.0, 0.5, 1.0, 2.0),
+    "reporting.reported_std_lon_m": (6.0, 10.0, 15.0, 20.0),
     "joint.association.birth_density": (0.03, 0.1, 0.3, 1.0),
     "joint.existence.confirm_hits": (2, 3, 5, 8, 12),
     "joint.removal.longest_unseen_s": (5.0, 10.0, 15.0),
     "model_error.accel": (0.3, 0.6, 1.0),
     "model_error.lat_speed": (0.1, 0.2, 0.4),
-    "model_error.hidden_lon_factor": (1.0, 1.5, 2.2, 3.0),
+    "model_error.hidden_lon_factor": (1.0, 1.3, 1.7, 2.2),
     "joint.association.gate_std": (3.5, 4.5, 6.0),
     "joint.identity.unknown_density": (3e-6, 3e-5, 3e-4),
 }
