@@ -22,7 +22,7 @@ from mmpf.options import FilterOptions
 from mmpf.settings import fields_of, unit_of
 
 CLASSES = [RunConfig, SensorSettings, *(tracker_options(name) for name in available_trackers())]
-PURE_NUMBERS = ("persistent_clutter", "_share", "_fraction", "_factor", "_probability")
+PURE_NUMBERS = ("persistent_clutter", "_share", "_fraction", "_factor", "_probability", "_log_odds", "_scans")
 
 
 def by_key(word: str, kind: str) -> dict[str, Setting]:
@@ -33,8 +33,11 @@ def is_plainly_without_unit(key: str, field: FieldInfo) -> bool:
     """A word, a count, a switch, a number from 0 to 1, or one whose name says that it is a ratio."""
     if float not in (field.annotation, *get_args(field.annotation)) and "float" not in str(field.annotation):
         return True
-    bounds = {getattr(bound, "ge", None) for bound in field.metadata}, {getattr(b, "le", None) for b in field.metadata}
-    return (0.0 in bounds[0] and 1.0 in bounds[1]) or key.endswith(PURE_NUMBERS)
+    least, most = (
+        {getattr(bound, name, None) for bound in field.metadata for name in names}
+        for names in (("ge", "gt"), ("le", "lt"))
+    )
+    return (0.0 in least and 1.0 in most) or key.endswith(PURE_NUMBERS)
 
 
 @pytest.mark.parametrize("settings", CLASSES, ids=lambda settings: settings.__name__)
