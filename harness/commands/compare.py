@@ -84,9 +84,10 @@ def command(options: Options) -> int:
 
 def _write(path: Path, text: str, parameter: str) -> None:
     from harness.errors import InputError  # noqa: PLC0415
+    from harness.writing.files import write_text  # noqa: PLC0415
 
     try:
-        path.write_text(text, encoding="utf-8")
+        write_text(path, text)
     except OSError as error:
         raise InputError(f"`{parameter}`: can't write {path}: {error.strerror}; choose another file") from None
 

@@ -11,6 +11,7 @@ import numpy as np
 from harness.comparison.sources import SETTING, Source
 from harness.comparison.verdicts import BETTER, WORSE, Arms, Verdict, compared_quantities, fewest_pairs, judge
 from harness.errors import InputError
+from harness.grid.cells import RECORDING
 from harness.grid.rows import column_of
 from harness.runfolder import folder as runfolder
 from harness.scoring.paired import KEYS, QUANTITIES, paired_errors
@@ -102,7 +103,8 @@ def compare(a: Source, b: Source, tolerance: float) -> Comparison:
         return Comparison(a.name, b.name, tuple(judge(arms, tolerance)), tuple(notes), tolerance)
     arms = []
     for label, rows_a, rows_b in _matching_labels(a, b):
-        arms += _arms(label, rows_a, rows_b, [*SETTING, *a.axes])
+        recorded = [RECORDING] if RECORDING in rows_a and RECORDING in rows_b else []
+        arms += _arms(label, rows_a, rows_b, [*SETTING, *recorded, *a.axes])
     if not any(len(arm.a) and len(arm.b) for arm in arms):
         raise InputError(
             f"compare: {a.name} and {b.name} have no setting in common; compare grids of the same densities"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.comparison.verdicts import compared_quantities
 from harness.errors import InputError
-from harness.grid.cells import RECORDING
+from harness.grid.cells import MISMATCH, RECORDING
 from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.rows import flattened
 from harness.grid.summary import labelled
@@ -33,7 +33,7 @@ class Source:
         rows: One row per successful run, with a column ``label``.
         failed: Number of runs that failed.
         is_run: Whether it is a single run's folder.
-        axes: Columns that were varied beside density, demand and seed.
+        axes: Columns that were varied beside density, demand and seed, the mismatch among them.
     """
 
     name: str
@@ -78,7 +78,7 @@ def _open_grid(name: str, folder: Path, parameter: str) -> Source:
         vary = [str(word) for word in json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]]
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
-    axes = tuple(word.partition("=")[0].strip() for word in vary)
+    axes = (*(word.partition("=")[0].strip() for word in vary), *((MISMATCH,) if MISMATCH in table else ()))
     _check_rows(done, table, axes, folder / RUNS, parameter)
     return Source(name, folder, done, len(table) - len(done), False, axes)
 

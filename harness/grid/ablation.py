@@ -70,8 +70,8 @@ IDEAL_ABLATIONS = {
 }
 """The arms that are run under the paper's own sensor too: the default, and the paper's rule however it is read."""
 
-IDEAL_SENSOR = ("sensor.detection_probability=1", "sensor.clutter_per_scan=0", "sensor.full_view_fraction=0.16")
-"""The paper's sensor: who is not hidden is detected, and nothing else."""
+IDEAL_SENSOR = "ideal"
+"""Profile of the paper's sensor: who is not hidden is detected, and nothing else."""
 
 
 def ablated_quantities() -> list[Quantity]:
@@ -87,7 +87,7 @@ def ablation_request(net: str, seeds: str, duration_s: float) -> GridRequest:
 def ideal_request(net: str, seeds: str, duration_s: float) -> GridRequest:
     """Return the grid of ``IDEAL_ABLATIONS`` in the same traffic, seen by the paper's sensor."""
     request = ablation_request(net, seeds, duration_s)
-    return replace(request, trackers=",".join(IDEAL_ABLATIONS), settings=IDEAL_SENSOR)
+    return replace(request, trackers=",".join(IDEAL_ABLATIONS), sensor=IDEAL_SENSOR)
 
 
 def ablation_rows(runs: pd.DataFrame, arms: Mapping[str, str] = ABLATIONS) -> list[dict[str, Any]]:

@@ -1,8 +1,9 @@
 """Hidden vehicles against the simplest guess: that each goes on at the speed that it was last seen with.
 
 The guess is made by Kalman filters of constant velocity that are told which vehicle each detection is of, so that no
-mix-up weighs on it. Errors are compared on the vehicle-steps that both follow: a tracker that lets go of difficult
-vehicles does not look better for it.
+mix-up weighs on it, and what the sensor reports as it is, whatever ``tracker.believes`` makes the trackers believe: all
+trackers of one world are held against one guess. Errors are compared on the vehicle-steps that both follow: a tracker
+that lets go of difficult vehicles does not look better for it.
 """
 
 from __future__ import annotations

@@ -169,8 +169,8 @@ def test_an_end_from_outside_leaves_a_readable_folder_that_says_so(end, code, tm
         text=True,
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-        # Shells start background jobs with Ctrl-C ignored, which a child inherits.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+        # Shells start background jobs with Ctrl-C ignored, nohup does so with SIGHUP, and a child inherits that.
+        preexec_fn=lambda: signal.signal(end, signal.SIG_DFL),  # noqa: PLW1509
     )
     deadline = time.monotonic() + 60.0
     while not (tmp_path / "under-way").exists() and time.monotonic() < deadline:

@@ -10,6 +10,14 @@ from harness.cli import run_command_line
 from harness.ends import code_of_end, ends_like_ctrl_c
 
 
+@pytest.fixture(autouse=True)
+def _hang_up_is_heard():
+    """Take back what ``nohup`` would have the tests inherit."""
+    previous = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, previous)
+
+
 @pytest.mark.parametrize(("end", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_what_ends_a_process_from_outside_is_an_interrupt_with_a_code_of_its_own(end, code, monkeypatch, capsys):
     monkeypatch.setattr("harness.commands.nets.command", lambda: os.kill(os.getpid(), end))

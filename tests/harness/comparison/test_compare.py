@@ -58,6 +58,20 @@ def test_a_grid_against_itself_shows_no_difference(tmp_path):
     assert set(words(compared(folder, folder)).values()) == {SAME}
 
 
+@pytest.mark.parametrize("column", ["mismatch", "replay"])
+def test_runs_of_other_mismatches_or_recordings_with_the_same_seed_are_other_pairs(column, tmp_path):
+    folders = []
+    for name, first in (("a", 1.0), ("b", 2.0)):
+        parts = []
+        for world, hota in (("one", first), ("two", 1.0)):
+            part = Path(grid_folder(tmp_path / f"{name}-{world}", mot__hota=lambda seed, hota=hota: hota))
+            parts.append(pd.read_parquet(part / "runs.parquet").assign(**{column: world}))
+        folders.append(grid_folder(tmp_path / name))
+        pd.concat(parts, ignore_index=True).to_parquet(tmp_path / name / "runs.parquet")
+    verdict = next(one for one in compared(*folders).verdicts if one.metric == "mot.hota")
+    assert (verdict.pairs, verdict.a, verdict.b) == (20, 1.0, 1.5)
+
+
 def test_each_metric_is_judged_in_its_own_direction(tmp_path):
     a = grid_folder(tmp_path / "a")
     b = grid_folder(tmp_path / "b", mot__hota=lambda seed: 2.0, mae__hidden__lon_m=lambda seed: 2.0)

@@ -16,6 +16,8 @@ from harness.grid.ablation import (
     ideal_request,
 )
 from harness.grid.grid import plan_grid
+from harness.running.open import check_tracker
+from harness.sensor.profiles import sensor_settings
 
 
 def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = None) -> pd.DataFrame:
@@ -30,6 +32,8 @@ def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = Non
 def test_every_arm_is_a_setting_that_the_tracker_takes():
     grid = plan_grid(ablation_request("us101", "0:2", 60.0))
     assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
+    for run in grid.cells[0].runs:
+        check_tracker(run.config)
 
 
 def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
@@ -39,7 +43,10 @@ def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_senso
     models = ("", "+model=gmm-short", "+model=gsm")
     assert {reading + model for reading in (PAPER, CHARITABLE) for model in models} < set(variants)
     for run in grid.runs:
-        assert (run.config.sensor.detection_probability, run.config.sensor.clutter_per_scan) == (1.0, 0.0)
+        sensor = sensor_settings(run.config.sensor.profile, run.config.sensor.overrides)
+        assert (sensor.detection_probability, sensor.view_exponent) == (1.0, 0.0)
+        failings = ("clutter_per_scan", "persistent_clutter", "missed_far_share", "burst_share", "bias_share")
+        assert [getattr(sensor, name) for name in failings] == [0.0] * len(failings)
 
 
 def test_arms_are_compared_with_the_default_seed_by_seed():

@@ -1,9 +1,13 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from harness.errors import InputError
 from harness.sensor.profiles import SensorSettings, sensor_profiles, sensor_settings
+
+PAGE = Path(__file__).parents[3] / "docs" / "sensor.md"
 
 
 def test_the_profiles_exist_and_explain_their_figures():
@@ -52,3 +56,16 @@ def test_a_wrong_sensor_setting_is_refused_on_one_line_that_names_it(profile, ov
 def test_settings_cannot_be_changed_after_they_are_made():
     with pytest.raises(ValidationError):
         sensor_settings("lidar", {}).range_m = 3.0
+
+
+def test_the_page_on_the_sensor_tells_the_rates_that_the_profiles_have():
+    lines = [line.strip("|").split("|") for line in PAGE.read_text(encoding="utf-8").splitlines() if "`" in line]
+    header = next(cells for cells in lines if cells[0].strip() == "failing")
+    profiles = [sensor_settings(cell.strip(" `"), {}) for cell in header[2:]]
+    rows = [cells for cells in lines if len(cells) == len(header) and cells is not header]
+    assert len(rows) >= 10
+    for _, names, *told in rows:
+        settings = [name.strip(" `") for name in names.split(",")]
+        for sensor, cell in zip(profiles, told, strict=True):
+            if cell.strip() != "-":
+                assert [float(value) for value in cell.split(",")] == [getattr(sensor, name) for name in settings]
