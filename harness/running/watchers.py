@@ -112,6 +112,10 @@ class DiagnosticsKeeper:
         """Return one row per step, None if the tracker told nothing."""
         return pd.DataFrame(self._rows).round(DECIMALS) if self._rows else None
 
+    def forget(self) -> None:
+        """Let go of the rows, but not of the wall times."""
+        self._rows.clear()
+
 
 SHOWN_PER_COMPONENT = 12
 PLACE_DECIMALS = 2
@@ -135,6 +139,10 @@ class ParticleKeeper:
     def table(self) -> pd.DataFrame | None:
         """Return columns step, lon_m, lat_m; None without any particle."""
         return pd.concat(self._steps, ignore_index=True) if self._steps else None
+
+    def forget(self) -> None:
+        """Let go of the rows."""
+        self._steps.clear()
 
 
 def systematic_sample(cloud: ParticleCloud, per_component: int) -> IntArray:

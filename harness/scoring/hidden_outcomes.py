@@ -40,7 +40,6 @@ def hidden_outcomes(counts: IntArray) -> dict[str, float]:
         other (``tracked``), gone (``lost``), on another vehicle (``hijacked``), or none held it at its last detection
         (``untracked``).
     """
-
     n = int(counts.sum())
 
     def percent(code: int) -> float:

@@ -160,9 +160,7 @@ def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArr
     return group_sums(values, np.unique(vehicle, return_inverse=True)[1])
 
 
-def _means(
-    sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int
-) -> dict[str, object]:
+def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int) -> dict[str, object]:
     total = counts.sum(axis=0)
     means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
     intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))

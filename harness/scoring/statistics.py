@@ -8,7 +8,6 @@ import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
 
-
 MOST_WEIGHTS = 2_000_000
 
 
