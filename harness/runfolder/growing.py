@@ -1,28 +1,32 @@
-"""Tables of a run folder that are written as the run goes on, so that a long run needs no more memory than a short one."""
+"""Tables of a run folder that are written as the run goes on, so that long runs need no more memory than short ones."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.runfolder.tables import as_arrow
+from harness.runfolder.tables import write_table
+from harness.writing.files import replacing
+
+PART = ".part"
 
 
 class GrowingTables:
-    """The tables of a folder that get the rows of one stretch after another, each stretch a row group.
+    """The tables of a folder that get the rows of one stretch after another.
 
-    A table of a single stretch has the bytes that ``write_table`` gives it. No table can be read before ``close``.
+    The first stretch is the table as ``write_table`` leaves it. Each later one lies beside it, whole or not at all,
+    until ``close`` puts them together; in the finished table each stretch is a row group.
     """
 
     def __init__(self, folder: Path) -> None:
         """Begin without a table; a table's file appears with its first rows."""
         self._folder = folder
-        self._writers: dict[str, pq.ParquetWriter] = {}
-        self._stretch: dict[str, int] = {}
+        self._parts: dict[str, list[Path]] = {}
+        self._stretches: dict[str, list[int]] = {}
 
     def append(self, stretch: int, tables: Mapping[str, pd.DataFrame]) -> None:
         """Add the rows of a stretch, whose number is above those before, to tables named by their files.
@@ -30,36 +34,43 @@ class GrowingTables:
         A table that has the stretch's rows already, since an error came between two tables, does not get them again.
         """
         for name, table in tables.items():
-            if self._stretch.get(name, -1) >= stretch:
+            parts, stretches = self._parts.setdefault(name, []), self._stretches.setdefault(name, [])
+            if stretch in stretches:
                 continue
-            rows = as_arrow(table)
-            if name not in self._writers:
-                self._writers[name] = pq.ParquetWriter(self._folder / name, rows.schema, compression="zstd")
-            # A column may look like whole numbers in one stretch and not in another.
-            self._writers[name].write_table(rows.cast(self._writers[name].schema))
-            self._stretch[name] = stretch
+            path = self._folder / (f".{name}.{stretch}{PART}" if parts else name)
+            write_table(table, path)
+            parts.append(path)
+            stretches.append(stretch)
+
+    def take_back(self, stretch: int) -> None:
+        """Remove the rows of the last stretch from those tables that have them; it is not the first."""
+        for name, stretches in self._stretches.items():
+            if stretches and stretches[-1] == stretch:
+                stretches.pop()
+                self._parts[name].pop().unlink()
 
     def close(self) -> None:
         """Finish the tables; harmless to call twice."""
-        for writer in self._writers.values():
-            writer.close()
-
-    def abandon(self) -> None:
-        """Let go of the files, whether or not the tables in them can be finished."""
-        for writer in self._writers.values():
-            try:
-                writer.close()
-            except (OSError, pa.ArrowException):
-                # On a full disk not even the end of a table can be written; nobody must try again.
-                writer.is_open = False
+        for name, parts in self._parts.items():
+            if len(parts) > 1:
+                _put_together(parts, self._folder / name)
+                for part in parts[1:]:
+                    part.unlink()
+                del parts[1:]
 
     def drop(self, names: Collection[str]) -> None:
         """Remove tables that are of no use before all stretches are in them."""
         for name in names:
-            writer = self._writers.pop(name, None)
-            if writer is not None:
-                writer.close()
-                (self._folder / name).unlink(missing_ok=True)
+            for part in self._parts.pop(name, []):
+                part.unlink()
+
+
+def _put_together(parts: Sequence[Path], final: Path) -> None:
+    schema = pq.read_schema(parts[0])
+    with replacing(final) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+        for part in parts:
+            # A column may look like whole numbers in one stretch and not in another.
+            writer.write_table(pq.read_table(part).cast(schema))
 
 
 def sampled_rows(path: Path, most_rows: int) -> pd.DataFrame:

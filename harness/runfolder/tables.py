@@ -123,13 +123,9 @@ class ColumnRecorder:
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as parquet; the same table gives the same bytes."""
+    columns = {name: _arrow_column(table[name].to_numpy()) for name in table}
     with replacing(path) as temporary:
-        pq.write_table(as_arrow(table), temporary, compression="zstd")
-
-
-def as_arrow(table: pd.DataFrame) -> pa.Table:
-    """Return a table as it is written."""
-    return pa.table({name: _arrow_column(table[name].to_numpy()) for name in table})
+        pq.write_table(pa.table(columns), temporary, compression="zstd")
 
 
 def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:

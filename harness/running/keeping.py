@@ -1,4 +1,4 @@
-"""What a run keeps while it goes on: stretch by stretch its tables are scored, written into its folder and let go of."""
+"""What a run keeps as it goes on: stretch by stretch its tables are scored, written into its folder and let go of."""
 
 from __future__ import annotations
 
@@ -70,16 +70,24 @@ class RunKeeper:
             self._tables.close()
         return metrics
 
-    def leave(self) -> None:
-        """Write what is kept of a run that did not end, and no scores."""
-        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS))
-        if self.recorder.kept:
-            self._tables.append(self._stretch, self._with_watched(self.recorder.tables()))
-        self._tables.close()
+    def leave(self) -> int:
+        """Write what is kept of a run that did not end, no scores, and return how many steps its tables have.
 
-    def close(self) -> None:
-        """Let go of the files, be the run finished or not."""
-        self._tables.abandon()
+        Raises:
+            OSError: There is no room for the first stretch.
+        """
+        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS))
+        steps = self.recorder.steps
+        if self.recorder.kept:
+            try:
+                self._tables.append(self._stretch, self._with_watched(self.recorder.tables()))
+            except (OSError, MemoryError):
+                if not self._stretch:
+                    raise
+                self._tables.take_back(self._stretch)
+                steps -= self.recorder.kept
+        self._tables.close()
+        return steps
 
     def traffic(self) -> dict[str, Any]:
         """Return the ``traffic`` table of the finished run."""

@@ -164,9 +164,7 @@ def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, pro
     """Keep the finished steps if the disk takes them, and return in words what became of them."""
     with _uninterrupted():
         try:
-            if attempt.keeper is not None:
-                attempt.keeper.leave()
-            attempt.write_manifest(status, problem)
+            attempt.leave(status, problem)
             return f"the finished steps are in {pending.leave_incomplete()}"
         except (OSError, MemoryError) as error:
             # A folder that lacks some of its tables is of no use, and takes room that there is none of.
@@ -225,21 +223,24 @@ class _Attempt:
             keeper.traffic(),
         )
         write_text(self.folder / runfolder.METRICS, as_json(metrics))
-        self.write_manifest(runfolder.COMPLETE, None)
+        self.write_manifest(runfolder.COMPLETE, None, self.steps)
         if draw is not None:
             draw.page(self.folder)
         return metrics
 
-    def write_manifest(self, status: str, problem: str | None) -> None:
+    def leave(self, status: str, problem: str) -> None:
+        """Write what there is of a run that did not end."""
+        steps = self.keeper.leave() if self.keeper is not None else 0
+        self.write_manifest(status, problem, steps)
+
+    def write_manifest(self, status: str, problem: str | None, steps: int) -> None:
         """Write the manifest as things stand."""
         inputs = self.looks.hashes() if self.looks is not None else {}
-        facts = RunFacts(status, self.command, self.config.seed, self.steps, inputs, self.wall_s, problem=problem)
+        facts = RunFacts(status, self.command, self.config.seed, steps, inputs, self.wall_s, problem=problem)
         write_manifest(self.folder / runfolder.MANIFEST, facts)
 
     def close(self) -> None:
-        """Release the simulation and the files."""
-        if self.keeper is not None:
-            self.keeper.close()
+        """Release the simulation."""
         if self.looks is not None:
             self.looks.close()
 

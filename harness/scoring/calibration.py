@@ -46,11 +46,12 @@ def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) ->
     """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them."""
     nees, hidden = joined([part.nees for part in parts]), joined([part.hidden for part in parts])
     inside, usable = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("inside", "usable"))
-    return {
-        **_calibrated(nees, inside.sum(axis=0), usable.sum(axis=0)),
+    visible_and_hidden = {
         "visible": _calibrated(nees[~hidden], inside[0], usable[0]),
         "hidden": _calibrated(nees[hidden], inside[1], usable[1]),
     }
+    everything = nees if len(parts) > 1 else nees.copy()
+    return _calibrated(everything, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden
 
 
 def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
@@ -88,10 +89,11 @@ def _measured(error: FloatArray, std: FloatArray, hidden: BoolArray) -> Calibrat
 
 
 def _calibrated(nees: FloatArray, inside: IntArray, usable: IntArray) -> dict[str, object]:
+    """Return the calibration; the order of ``nees`` is lost, since a long run's must not be copied for its median."""
     share = np.divide(100.0 * inside, usable, out=np.full(3, np.nan), where=usable > 0)
     return {
         "nees": float(nees.mean()) if len(nees) else np.nan,
-        "nees_median": float(np.median(nees)) if len(nees) else np.nan,
+        "nees_median": float(np.median(nees, overwrite_input=True)) if len(nees) else np.nan,
         "coverage95": dict(zip(("lon", "lat", "speed"), share.tolist(), strict=True)),
         "n": len(nees),
     }
