@@ -44,7 +44,7 @@ class ModelErrorOptions(Settings):
     the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``), under the joint rule, whose
     smoothing keeps its particles apart, and 0.4 otherwise.
     """
-    accel: Annotated[NotNegative, in_unit("m/s²/√s")] = 0.6
+    accel: Annotated[NotNegative, in_unit("m/s²/√s")] = 1.2
     """Noise on the longitudinal acceleration."""
     lat_speed: Annotated[NotNegative, in_unit("m/s/√s")] = 0.2
     """Noise on the lateral speed."""

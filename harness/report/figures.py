@@ -35,15 +35,15 @@ End = tuple[float, str, str, float]
 def draw_figures(folder: Path, pictured: Pictured) -> None:
     """Draw all figures of a run into a new folder."""
     folder.mkdir()
-    title, moment, scored = pictured.title, pictured.moment, pictured.scored
+    title, moment = pictured.title, pictured.moment
     if moment is not None:
         look = moment.look
         scene = Scene(
             look.frame, look.observation, moment.tracks, pictured.road, pictured.sensor.range_m, moment.particles
         )
         scene_figure(scene, f"{title}: {look.frame.time_s:.1f} s").savefig(folder / SCENE)
-    error_over_time(scored.errors, title).savefig(folder / OVER_TIME)
-    error_by_visibility(scored.metrics["mae"], title).savefig(folder / BY_VISIBILITY)
+    error_over_time(pictured.errors, title).savefig(folder / OVER_TIME)
+    error_by_visibility(pictured.metrics["mae"], title).savefig(folder / BY_VISIBILITY)
     if pictured.diagnostics is not None:
         diagnostics_figure(pictured.diagnostics, title).savefig(folder / DIAGNOSTICS)
 

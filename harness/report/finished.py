@@ -10,12 +10,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.errors import InputError
-from harness.inputs import MOST_JSON_BYTES, check_file
+from harness.inputs import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
 from harness.runfolder import folder as runfolder
+from harness.runfolder.checks import Until
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from mmpf.compute.arrays import FloatArray
@@ -44,6 +47,7 @@ class RecordedRun:
         errors: One row per vehicle that has been detected and step.
         events: One row per occlusion event.
         particles: A few particles of each step; None of a tracker without particles.
+        whole: Whether the tables hold the whole run; if not, they hold its beginning.
     """
 
     folder: Path
@@ -58,6 +62,7 @@ class RecordedRun:
     errors: pd.DataFrame
     events: pd.DataFrame
     particles: pd.DataFrame | None
+    whole: bool = True
 
     def in_plane(self, table: pd.DataFrame) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return x, y and heading of a table's rows in the plane; what has no heading points along the road."""
@@ -67,12 +72,13 @@ class RecordedRun:
         return x, y, self.road.heading_at(lon) + turn
 
 
-def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
+def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | None = None) -> RecordedRun:
     """Read a run folder.
 
     Args:
         folder: The folder.
         parameter: Parameter that named it, for the message.
+        most_rows: Rows of the truth after which no further stretch of a long run is read; None reads them all.
 
     Raises:
         InputError: It is no finished run's folder, or one of its files is missing, truncated or broken.
@@ -80,8 +86,11 @@ def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
     manifest = runfolder.read_manifest(folder, parameter)
     config = config_from_table(runfolder.read_config_table(folder, parameter))
 
-    def table(name: str, columns: Collection[str]) -> pd.DataFrame:
-        return runfolder.read_table(folder, name, parameter, columns)
+    last_step = None if most_rows is None else _last_step(folder / runfolder.TRUTH, parameter, most_rows)
+
+    def table(name: str, columns: Collection[str], step: str = "step") -> pd.DataFrame:
+        until = None if last_step is None else Until(step, last_step)
+        return runfolder.read_table(folder, name, parameter, columns, until)
 
     truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
     return RecordedRun(
@@ -95,9 +104,29 @@ def read_recorded_run(folder: Path, parameter: str = "folder") -> RecordedRun:
         detections=table(runfolder.DETECTIONS, (*WHEN, *DETECTION_NUMBERS, "truth_id")),
         tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state")),
         errors=table(runfolder.ERRORS, ERROR_COLUMNS),
-        events=table(runfolder.EVENTS, EVENT_COLUMNS),
+        events=table(runfolder.EVENTS, EVENT_COLUMNS, "to_step"),
         particles=table(runfolder.PARTICLES, PARTICLE_COLUMNS) if (folder / runfolder.PARTICLES).is_file() else None,
+        whole=last_step is None,
     )
+
+
+def _last_step(truth: Path, parameter: str, most_rows: int) -> int | None:
+    """Return the last step of the stretches that are read; None if these are all, or if the table is no run's."""
+    check_file(truth, MOST_TABLE_BYTES, parameter)
+    try:
+        footer = pq.read_metadata(truth)
+        step = footer.schema.names.index("step")
+    except (OSError, pa.ArrowException, ValueError):
+        return None
+    rows = 0
+    for group in range(footer.num_row_groups - 1):
+        rows += footer.row_group(group).num_rows
+        known = footer.row_group(group).column(step).statistics
+        if known is None or not known.has_min_max:
+            return None
+        if rows + footer.row_group(group + 1).num_rows > most_rows:
+            return int(known.max)
+    return None
 
 
 def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:

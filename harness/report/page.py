@@ -28,6 +28,8 @@ PAGE = "report.html"
 MARK = b"his page is one file and needs no network"
 """By this a page of this program's is known."""
 SCRIPTS = ("replay_frame.js", "replay_picture.js", "replay_course.js", "replay_control.js")
+MOST_SHOWN = 800_000
+"""Rows of the truth that a page is made of; of a longer run it shows the beginning."""
 FIGURES = {
     BY_VISIBILITY: "Mean absolute error for visible, partly hidden and hidden vehicles, with 95 % intervals",
     OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
@@ -76,7 +78,7 @@ def write_run_page(folder: Path, parameter: str = "folder") -> Path:
     Raises:
         InputError: It is no finished run's folder, or one of its files is missing or broken.
     """
-    run = read_recorded_run(folder, parameter)
+    run = read_recorded_run(folder, parameter, MOST_SHOWN)
     page = page_of(folder, parameter)
     write_text(page, run_page(run))
     ownership.add(folder, [page, *(folder / runfolder.FIGURES).glob(GALLERY)])
@@ -98,11 +100,12 @@ def page_of(folder: Path, parameter: str) -> Path:
 def run_page(run: RecordedRun) -> str:
     """Return the page of a run; its failure gallery is drawn into the run's folder on the way."""
     recorded_s = run.truth["time_s"].max() - run.truth["time_s"].min() if len(run.truth) else 0.0
+    shown = f"{recorded_s:.0f} s" if run.whole else f"replay and failures of its first {recorded_s:.0f} s"
     return render(
         "run.html.j2",
         title=f"Tracking run: {run.config.title()}",
         seed=run.config.seed,
-        duration=f"{recorded_s:.0f} s",
+        duration=shown,
         version=version("mmpf-harness"),
         sentences=summary_sentences(run.metrics),
         headlines=headlines(run.metrics),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,21 @@ TEXTS = frozenset(
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
-def read_parquet(path: Path, parameter: str) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Until:
+    """The first rows of a table that is sorted by a column: those where it is at most ``last``."""
+
+    column: str
+    last: int
+
+
+def read_parquet(path: Path, parameter: str, until: Until | None = None) -> pd.DataFrame:
     """Return a table after checking how much it holds; texts are unpacked only when their lengths are known.
+
+    Args:
+        path: The file.
+        parameter: Parameter that named it, for messages.
+        until: The rows that are wanted; None for all.
 
     Raises:
         InputError: It is no ordinary file, has too many rows or columns, or columns of another kind than numbers and
@@ -34,7 +48,8 @@ def read_parquet(path: Path, parameter: str) -> pd.DataFrame:
     """
     check_file(path, MOST_TABLE_BYTES, parameter)
     footer = pq.read_metadata(path)
-    rows, columns = footer.num_rows, footer.num_columns
+    groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
+    rows, columns = sum(footer.row_group(group).num_rows for group in groups), footer.num_columns
     if rows > MOST_ROWS or columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
         raise InputError(
             f"`{parameter}`: {path} has {rows} rows of {columns} columns; at most {MOST_ROWS} rows are read, so make a "
@@ -46,7 +61,12 @@ def read_parquet(path: Path, parameter: str) -> pd.DataFrame:
         if not (_is_number(kind) or _is_text(kind) or pa.types.is_null(kind)):
             raise InputError(f"`{parameter}`: {path}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
     texts = [field.name for field in schema if _is_text(field.type)]
-    table = pq.read_table(path, read_dictionary=texts)
+    if until is None:
+        table = pq.read_table(path, read_dictionary=texts)
+    else:
+        with pq.ParquetFile(path, read_dictionary=texts) as file:
+            table = file.read_row_groups(groups)
+        table = table.filter(pa.compute.less_equal(table[until.column], until.last))
     for name in texts:
         for chunk in table[name].chunks:
             _check_texts(chunk, f"`{parameter}`: {path}: {name[:60]}")
@@ -56,6 +76,23 @@ def read_parquet(path: Path, parameter: str) -> pd.DataFrame:
         raise InputError(f"`{parameter}`: {path} has {table.nbytes / MB:.0f} MB when unpacked; make a shorter run")
     frame: pd.DataFrame = table.to_pandas()
     return frame
+
+
+def groups_until(footer: pq.FileMetaData, until: Until) -> list[int]:
+    """Return the row groups of a table that may hold wanted rows.
+
+    Raises:
+        LookupError: The table lacks the column.
+    """
+    place = footer.schema.names.index(until.column) if until.column in footer.schema.names else -1
+    if place < 0:
+        raise LookupError(f"there is no column {until.column}")
+
+    def begins_before(group: int) -> bool:
+        known = footer.row_group(group).column(place).statistics
+        return known is None or not known.has_min_max or known.min <= until.last
+
+    return [group for group in range(footer.num_row_groups) if begins_before(group)]
 
 
 def check_kinds(table: pd.DataFrame, columns: Collection[str], place: str) -> None:

@@ -22,7 +22,7 @@ import pyarrow as pa
 from harness.errors import InputError
 from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
 from harness.runfolder import ownership
-from harness.runfolder.checks import check_kinds, read_parquet
+from harness.runfolder.checks import Until, check_kinds, read_parquet
 from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.writing.files import write_text
 from mmpf.road import Lane, Road
@@ -189,7 +189,9 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
         raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
 
 
-def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]) -> pd.DataFrame:
+def read_table(
+    folder: Path, name: str, parameter: str, columns: Collection[str], until: Until | None = None
+) -> pd.DataFrame:
     """Return one of the tables of a run folder.
 
     Args:
@@ -197,6 +199,7 @@ def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]
         name: File name of the table.
         parameter: Parameter that named the folder, for the message.
         columns: Columns that it must have.
+        until: The rows that are wanted; None for all.
 
     Raises:
         InputError: It is missing, truncated, not parquet, or lacks columns.
@@ -205,7 +208,7 @@ def read_table(folder: Path, name: str, parameter: str, columns: Collection[str]
     if path.exists() and not path.is_file():
         raise InputError(f"`{parameter}`: {path} is no file; make the run again")
     try:
-        table = read_parquet(path, parameter)
+        table = read_parquet(path, parameter, until)
     except FileNotFoundError:
         raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
     except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from mmpf.tracks import TRACK_STATES, Tracks
 Columns = dict[str, npt.NDArray[np.generic]]
 
 TRACK_DECIMALS = 4
+STRETCH_ROWS = 300_000
+"""Rows of the truth after which a run's next episode begins a new stretch."""
 
 TRUTH_NUMBERS = (
     "lon_m",
@@ -67,29 +70,55 @@ class RunTables:
 class ColumnRecorder:
     """Keeps every step's columns; only whole steps are ever handed out.
 
+    A stretch is one or more whole episodes; what depends on nothing but its episode can be made of it alone.
+
     Attributes:
         steps: How many steps are recorded.
+        end_stretch: Called between two episodes when at least ``stretch_rows`` rows of truth are kept; it takes the
+            ``tables`` and lets the recorder ``forget`` them. None keeps the whole run.
+        stretch_rows: See there.
     """
 
     steps: int = 0
+    end_stretch: Callable[[], None] | None = None
+    stretch_rows: int = STRETCH_ROWS
+    _forgotten: int = 0
+    _rows: int = 0
+    _episode: int | None = None
     _truth: list[Columns] = field(default_factory=list)
     _detections: list[Columns] = field(default_factory=list)
     _tracks: list[Columns] = field(default_factory=list)
 
     def add(self, look: Look, tracks: Tracks) -> None:
         """Record one step."""
+        new_episode = self._episode is not None and look.frame.episode != self._episode
+        if self.end_stretch is not None and new_episode and self._rows >= self.stretch_rows:
+            self.end_stretch()
+        self._episode = look.frame.episode
         self._truth.append(_truth_columns(look))
         self._detections.append(_detection_columns(look))
         self._tracks.append(_track_columns(look.frame, tracks))
+        self._rows += len(look.frame)
         self.steps += 1
 
+    @property
+    def kept(self) -> int:
+        """How many steps were recorded since the last stretch ended."""
+        return self.steps - self._forgotten
+
     def tables(self) -> RunTables:
-        """Return what was recorded; an interrupt in the middle of a step leaves that step out."""
+        """Return what is kept; an interrupt in the middle of a step leaves that step out."""
         return RunTables(
-            truth=_joined(self._truth[: self.steps]),
-            detections=_joined(self._detections[: self.steps]),
-            tracks=_joined(self._tracks[: self.steps]),
+            truth=_joined(self._truth[: self.kept]),
+            detections=_joined(self._detections[: self.kept]),
+            tracks=_joined(self._tracks[: self.kept]),
         )
+
+    def forget(self) -> None:
+        """Let go of what is kept."""
+        self._forgotten, self._rows = self.steps, 0
+        for columns in (self._truth, self._detections, self._tracks):
+            columns.clear()
 
 
 def write_table(table: pd.DataFrame, path: Path) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from array import array
+from collections.abc import Callable, MutableSequence, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -23,11 +24,11 @@ Watch = Callable[[Look, Tracks, AnyTracker], object]
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Wall time of each stage in each step, seconds; lists of equal length after a finished step."""
+    """Wall time of each stage in each step, seconds; of equal length after a finished step."""
 
-    truth_s: list[float] = field(default_factory=list)
-    sensor_s: list[float] = field(default_factory=list)
-    tracker_s: list[float] = field(default_factory=list)
+    truth_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
+    sensor_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
+    tracker_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
 
 
 def track(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -68,14 +69,57 @@ def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str
     }
 
 
+@dataclass
+class TrafficSums:
+    """What the ``traffic`` table is made of, summed over a run that comes stretch by stretch.
+
+    Attributes:
+        steps: Steps.
+        in_range: Vehicle-steps within the sensor's range, without the ego.
+        inside: Vehicle-steps on a lane of the section.
+        speed_mps: Sum of their speeds.
+    """
+
+    steps: int = 0
+    in_range: float = 0.0
+    inside: int = 0
+    speed_mps: float = 0.0
+
+    def add(self, truth: pd.DataFrame, road: Road) -> None:
+        """Add the truth of a stretch."""
+        start, end = road.section_m
+        on_lane = truth["lane"].to_numpy() != NO_LANE
+        speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[truth["lon_m"].between(start, end).to_numpy() & on_lane]
+        self.steps += truth["step"].nunique()
+        self.inside += len(speeds)
+        self.speed_mps += float(speeds.sum())
+        if "is_ego" in truth:
+            self.in_range += float(truth["in_range"][~truth["is_ego"].to_numpy(dtype=bool)].sum())
+
+    def summary(self, road: Road) -> dict[str, float]:
+        """Return density, flow and speed; see ``summarise_traffic``."""
+        start, end = road.section_m
+        main_lanes = sum(1 for lane in road.lanes if lane.start_m <= start and lane.end_m >= end)
+        if not self.steps or not self.inside:
+            return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
+        vehicles_per_km = self.inside / self.steps / ((end - start) / 1e3)
+        mean_speed = self.speed_mps / self.inside
+        return {
+            "density_veh_per_km_lane": vehicles_per_km / max(main_lanes, 1),
+            "flow_veh_per_h": vehicles_per_km * mean_speed * 3.6,
+            "mean_speed_mps": mean_speed,
+        }
+
+    def table(self, road: Road) -> dict[str, Any]:
+        """Return the ``traffic`` table: what was achieved on the section, and how many vehicles were in range."""
+        return {**self.summary(road), "vehicles_in_range": self.in_range / self.steps if self.steps else None}
+
+
 def traffic_table(truth: pd.DataFrame, road: Road) -> dict[str, Any]:
-    """Return the ``traffic`` table: what was achieved on the section, and how many vehicles were in range."""
-    others = truth[~truth["is_ego"].to_numpy(dtype=bool)]
-    steps = truth["step"].nunique()
-    return {
-        **summarise_traffic(truth, road),
-        "vehicles_in_range": float(others["in_range"].sum()) / steps if steps else None,
-    }
+    """Return the ``traffic`` table of a run's truth."""
+    sums = TrafficSums()
+    sums.add(truth, road)
+    return sums.table(road)
 
 
 def summarise_traffic(truth: pd.DataFrame, road: Road) -> dict[str, float]:
@@ -85,22 +129,9 @@ def summarise_traffic(truth: pd.DataFrame, road: Road) -> dict[str, float]:
     they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
     where they are on a lane: those on ramps are left out.
     """
-    start, end = road.section_m
-    main_lanes = sum(1 for lane in road.lanes if lane.start_m <= start and lane.end_m >= end)
-    on_lane = truth["lane"].to_numpy() != NO_LANE
-    inside = truth["lon_m"].between(start, end).to_numpy() & on_lane
-    speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[inside]
-    steps = truth["step"].nunique()
-    length_km = (end - start) / 1e3
-    if not steps or not len(speeds):
-        return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
-    vehicles_per_km = len(speeds) / steps / length_km
-    mean_speed = float(speeds.mean())
-    return {
-        "density_veh_per_km_lane": vehicles_per_km / max(main_lanes, 1),
-        "flow_veh_per_h": vehicles_per_km * mean_speed * 3.6,
-        "mean_speed_mps": mean_speed,
-    }
+    sums = TrafficSums()
+    sums.add(truth, road)
+    return sums.summary(road)
 
 
 def _identification(config: RunConfig) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,14 +19,12 @@ from harness.ends import told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.runfolder.tables import ColumnRecorder, RunTables, write_table
 from harness.running.follow import StageTimes, follow
+from harness.running.keeping import RunKeeper
 from harness.running.looks import Looks, Streams
-from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.running.metrics import assemble_metrics, timing_table
 from harness.running.open import OpenLooks, as_believed, check_tracker, open_looks, tracker_builder
-from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
-from harness.scoring import ScoredRun, score_run
-from harness.scoring.scarce import check_scored
+from harness.running.watchers import Moment, MomentKeeper
 from harness.writing.files import write_text
 from harness.writing.numbers import as_json
 from harness.writing.progress import progress_bar
@@ -58,7 +56,8 @@ class Pictured:
         title: What was run, in a few words.
         road: The lanes.
         sensor: The sensor's data sheet.
-        scored: The run's scores.
+        errors: Rows of the error table, of a long run those of some steps.
+        metrics: The run's scores.
         moment: The moment that is seen from above.
         diagnostics: What the tracker told of each step; None of one that tells nothing.
     """
@@ -66,7 +65,8 @@ class Pictured:
     title: str
     road: Road
     sensor: SensorModel
-    scored: ScoredRun
+    errors: pd.DataFrame
+    metrics: Mapping[str, Any]
     moment: Moment | None
     diagnostics: pd.DataFrame | None
 
@@ -125,14 +125,14 @@ def run(
     except (KeyboardInterrupt, Exception) as error:
         if is_interrupt(error):
             raise _interrupted(attempt, pending) from None
-        if isinstance(error, RunError | OSError | MemoryError) and not attempt.recorder.steps:
+        if isinstance(error, RunError | OSError | MemoryError) and not attempt.steps:
             pending.discard()
             if isinstance(error, RunError):
                 raise
             raise RunError(f"the run failed before its first step: {_in_words(error)}") from error
         left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
         raise RunError(
-            f"the run failed after {attempt.recorder.steps} steps: {_in_words(error)}; "
+            f"the run failed after {attempt.steps} steps: {_in_words(error)}; "
             f"{left.replace('steps are', 'steps and the traceback (manifest.json) are')}"
         ) from error
     finally:
@@ -153,19 +153,18 @@ def is_interrupt(error: BaseException) -> bool:
 
 def _interrupted(attempt: _Attempt, pending: runfolder.PendingFolder) -> RunInterruptedError:
     """Keep what was finished and return the error that says where."""
-    if not attempt.recorder.steps:
+    if not attempt.steps:
         pending.discard()
         return RunInterruptedError("interrupted before the first step; nothing is kept")
     left = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
-    return RunInterruptedError(f"interrupted after {attempt.recorder.steps} steps; {left}")
+    return RunInterruptedError(f"interrupted after {attempt.steps} steps; {left}")
 
 
 def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> str:
     """Keep the finished steps if the disk takes them, and return in words what became of them."""
     with _uninterrupted():
         try:
-            attempt.write_tables(attempt.recorder.tables())
-            attempt.write_manifest(status, problem)
+            attempt.leave(status, problem)
             return f"the finished steps are in {pending.leave_incomplete()}"
         except (OSError, MemoryError) as error:
             # A folder that lacks some of its tables is of no use, and takes room that there is none of.
@@ -188,13 +187,16 @@ class _Attempt:
     config: RunConfig
     folder: Path
     command: str
-    recorder: ColumnRecorder = field(default_factory=ColumnRecorder)
+    keeper: RunKeeper | None = None
     moment: MomentKeeper = field(default_factory=MomentKeeper)
-    diagnostics: DiagnosticsKeeper = field(default_factory=DiagnosticsKeeper)
-    particles: ParticleKeeper = field(default_factory=ParticleKeeper)
     times: StageTimes = field(default_factory=StageTimes)
     wall_s: dict[str, float] = field(default_factory=dict)
     looks: Looks | None = None
+
+    @property
+    def steps(self) -> int:
+        """How many steps are finished."""
+        return self.keeper.recorder.steps if self.keeper is not None else 0
 
     def complete(self, open_looks: OpenLooks, draw: Drawing | None, quiet: bool) -> dict[str, Any]:
         """Do the whole run and return the metrics."""
@@ -205,47 +207,36 @@ class _Attempt:
         if looks.report and not quiet:
             sys.stderr.write(looks.report + "\n")
         runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
+        keeper = self.keeper = RunKeeper(self.folder, looks.road, self.config.seed, self._timed)
         with self._timed("loop"):
-            self._loop(looks, quiet)
-        tables = self.recorder.tables()
-        with self._timed("score"):
-            scored = score_run(tables.truth, tables.detections, tables.tracks, self.config.seed)
-            check_scored(scored.metrics, self.recorder.steps)
-        with self._timed("write"):
-            self.write_tables(tables)
-            write_table(scored.errors, self.folder / runfolder.ERRORS)
-            write_table(scored.events, self.folder / runfolder.EVENTS)
+            self._loop(looks, keeper, quiet)
+        # What was scored and written between two steps is in their own phases.
+        self.wall_s["loop"] -= self.wall_s.get("score", 0.0) + self.wall_s.get("write", 0.0)
+        scores = keeper.finish()
         if draw is not None:
             with self._timed("draw"):
-                draw.figures(self.folder / runfolder.FIGURES, self._pictured(looks, scored))
+                draw.figures(self.folder / runfolder.FIGURES, self._pictured(looks, keeper, scores))
         metrics = assemble_metrics(
             self.config,
-            scored.metrics | dict(looks.about),
-            timing_table(self.times, looks.step_s, perf_counter() - begin, self.diagnostics.stages_ms),
-            traffic_table(tables.truth, looks.road),
+            scores | dict(looks.about),
+            timing_table(self.times, looks.step_s, perf_counter() - begin, keeper.diagnostics.stages_ms),
+            keeper.traffic(),
         )
         write_text(self.folder / runfolder.METRICS, as_json(metrics))
-        self.write_manifest(runfolder.COMPLETE, None)
+        self.write_manifest(runfolder.COMPLETE, None, self.steps)
         if draw is not None:
             draw.page(self.folder)
         return metrics
 
-    def write_tables(self, tables: RunTables) -> None:
-        """Write the recorded tables."""
-        write_table(tables.truth, self.folder / runfolder.TRUTH)
-        write_table(tables.detections, self.folder / runfolder.DETECTIONS)
-        write_table(tables.tracks, self.folder / runfolder.TRACKS)
-        for kept, name in ((self.diagnostics, runfolder.DIAGNOSTICS), (self.particles, runfolder.PARTICLES)):
-            table = kept.table()
-            if table is not None:
-                write_table(table, self.folder / name)
+    def leave(self, status: str, problem: str) -> None:
+        """Write what there is of a run that did not end."""
+        steps = self.keeper.leave() if self.keeper is not None else 0
+        self.write_manifest(status, problem, steps)
 
-    def write_manifest(self, status: str, problem: str | None) -> None:
+    def write_manifest(self, status: str, problem: str | None, steps: int) -> None:
         """Write the manifest as things stand."""
         inputs = self.looks.hashes() if self.looks is not None else {}
-        facts = RunFacts(
-            status, self.command, self.config.seed, self.recorder.steps, inputs, self.wall_s, problem=problem
-        )
+        facts = RunFacts(status, self.command, self.config.seed, steps, inputs, self.wall_s, problem=problem)
         write_manifest(self.folder / runfolder.MANIFEST, facts)
 
     def close(self) -> None:
@@ -253,20 +244,27 @@ class _Attempt:
         if self.looks is not None:
             self.looks.close()
 
-    def _loop(self, looks: Looks, quiet: bool) -> None:
+    def _loop(self, looks: Looks, keeper: RunKeeper, quiet: bool) -> None:
         stream = Streams.from_seed(self.config.seed).tracker
         with progress_bar("tracking", looks.expected_steps, quiet) as advance:
-            watchers = (self.moment.watch, self.diagnostics.watch, self.particles.watch, lambda *_: advance())
+            watchers = (self.moment.watch, keeper.diagnostics.watch, keeper.particles.watch, lambda *_: advance())
             told = as_believed(looks, self.config)
-            follow(told, tracker_builder(self.config), self.recorder, stream, watchers, self.times)
-        if not self.recorder.steps:
+            follow(told, tracker_builder(self.config), keeper.recorder, stream, watchers, self.times)
+        if not self.steps:
             raise InputError(
                 "the traffic has no ego vehicle in the section; choose another demand, density or duration"
             )
 
-    def _pictured(self, looks: Looks, scored: ScoredRun) -> Pictured:
-        moment, diagnostics = self.moment.moment, self.diagnostics.table()
-        return Pictured(self.config.title(), looks.road, looks.sensor, scored, moment, diagnostics)
+    def _pictured(self, looks: Looks, keeper: RunKeeper, scores: Mapping[str, Any]) -> Pictured:
+        return Pictured(
+            title=self.config.title(),
+            road=looks.road,
+            sensor=looks.sensor,
+            errors=keeper.drawn_errors(),
+            metrics=scores,
+            moment=self.moment.moment,
+            diagnostics=keeper.drawn_diagnostics(),
+        )
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:
@@ -274,7 +272,7 @@ class _Attempt:
         try:
             yield
         finally:
-            self.wall_s[phase] = perf_counter() - begin
+            self.wall_s[phase] = self.wall_s.get(phase, 0.0) + perf_counter() - begin
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import MutableSequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -95,7 +97,7 @@ class DiagnosticsKeeper:
         stages_ms: Wall time of each of the tracker's stages, step by step.
     """
 
-    stages_ms: dict[str, list[float]] = field(default_factory=dict)
+    stages_ms: dict[str, MutableSequence[float]] = field(default_factory=dict)
     _rows: list[dict[str, float]] = field(default_factory=list)
 
     def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
@@ -106,11 +108,15 @@ class DiagnosticsKeeper:
         when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
         self._rows.append(when | {name: getattr(report, name) for name in COLUMNS})
         for stage, took_ms in report.stage_ms.items():
-            self.stages_ms.setdefault(stage, []).append(took_ms)
+            self.stages_ms.setdefault(stage, array("d")).append(took_ms)
 
     def table(self) -> pd.DataFrame | None:
         """Return one row per step, None if the tracker told nothing."""
         return pd.DataFrame(self._rows).round(DECIMALS) if self._rows else None
+
+    def forget(self) -> None:
+        """Let go of the rows, but not of the wall times."""
+        self._rows.clear()
 
 
 SHOWN_PER_COMPONENT = 12
@@ -135,6 +141,10 @@ class ParticleKeeper:
     def table(self) -> pd.DataFrame | None:
         """Return columns step, lon_m, lat_m; None without any particle."""
         return pd.concat(self._steps, ignore_index=True) if self._steps else None
+
+    def forget(self) -> None:
+        """Let go of the rows."""
+        self._steps.clear()
 
 
 def systematic_sample(cloud: ParticleCloud, per_component: int) -> IntArray:

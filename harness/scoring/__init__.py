@@ -47,10 +47,42 @@ def score_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFram
     Raises:
         ValueError: The tables contradict each other or hold unknown states.
     """
-    from harness.scoring.events import event_table  # noqa: PLC0415  pandas is slow to import
-    from harness.scoring.evidence import gather  # noqa: PLC0415
-    from harness.scoring.metrics import score_metrics  # noqa: PLC0415
+    scorer = RunScorer(seed)
+    errors, events = scorer.add(truth, detections, tracks)
+    return ScoredRun(errors, scorer.metrics(), events)
 
-    evidence = gather(truth, detections, tracks, ScoringSettings(), seed)
-    events = event_table(truth, evidence.rows, evidence.events)
-    return ScoredRun(evidence.error_table, score_metrics(evidence), events)
+
+class RunScorer:
+    """Scores a run that comes stretch by stretch, each of one or more whole episodes, without keeping them.
+
+    A run that is a single stretch gets the numbers of ``score_run``; those of several differ from the same run's in
+    one piece by the rounding of sums and by the order in which vehicles are resampled.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        """Begin; the seed is that of the bootstrap intervals."""
+        from harness.scoring.metrics import Totals  # noqa: PLC0415  pandas is slow to import
+        from harness.scoring.parts import Basis  # noqa: PLC0415
+
+        self._basis = Basis(ScoringSettings(), seed)
+        self._totals = Totals(self._basis)
+
+    @property
+    def takes_stretches(self) -> bool:
+        """Whether a run may come in more than one stretch: every metric is in parts."""
+        return not self._totals.whole_run_needed()
+
+    def add(
+        self, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
+    ) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Measure the next stretch; return its errors and its occlusion events. Errors are those of ``score_run``."""
+        from harness.scoring.events import event_table  # noqa: PLC0415
+        from harness.scoring.evidence import gather  # noqa: PLC0415
+
+        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed)
+        self._totals.add(evidence)
+        return evidence.error_table, event_table(truth, evidence.rows, evidence.events)
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the nested dictionary of ``metrics.json`` over all stretches, without timing and traffic."""
+        return self._totals.metrics()

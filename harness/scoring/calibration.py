@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from harness.scoring.evidence import Evidence
+from harness.scoring.parts import Basis, joined
 from harness.sensor.observation import HIDDEN
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 NORMAL_95 = 1.959963984540054
 """Half width of the standard normal's central 95 % interval."""
@@ -14,15 +18,40 @@ ERRORS = ["lon_error_m", "lat_error_m", "speed_error_mps"]
 DEVIATIONS = ["std_lon_m", "std_lat_m", "std_speed_mps"]
 
 
-def calibration_by_visibility(evidence: Evidence) -> dict[str, object]:
-    """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them."""
+@dataclass(frozen=True)
+class CalibrationPart:
+    """How the errors of followed vehicles in a stretch compare with their deviations.
+
+    Attributes:
+        nees: Normalised squared error of each estimate that has a deviation, shape (n,).
+        hidden: Whether its vehicle is hidden, shape (n,).
+        inside: Errors within 1.96 deviations, of vehicles that are not hidden and of those that are, shape (2, 3).
+        usable: Errors that have a deviation, likewise.
+    """
+
+    nees: FloatArray
+    hidden: BoolArray
+    inside: IntArray
+    usable: IntArray
+
+
+def measure_calibration(evidence: Evidence) -> CalibrationPart:
+    """Measure a stretch."""
     error, std = (evidence.error_table[columns].to_numpy(dtype=np.float64) for columns in (ERRORS, DEVIATIONS))
     followed, hidden = evidence.errors.tracked, evidence.errors.state == HIDDEN
+    return _measured(error[followed], std[followed], hidden[followed])
 
-    def of(chosen: BoolArray) -> dict[str, object]:
-        return calibration(error[chosen], std[chosen])
 
-    return {**of(followed), "visible": of(followed & ~hidden), "hidden": of(followed & hidden)}
+def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them."""
+    nees, hidden = joined([part.nees for part in parts]), joined([part.hidden for part in parts])
+    inside, usable = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("inside", "usable"))
+    visible_and_hidden = {
+        "visible": _calibrated(nees[~hidden], inside[0], usable[0]),
+        "hidden": _calibrated(nees[hidden], inside[1], usable[1]),
+    }
+    everything = nees if len(parts) > 1 else nees.copy()
+    return _calibrated(everything, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden
 
 
 def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
@@ -40,17 +69,31 @@ def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
         filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of
         errors within 1.96 standard deviations, of each quantity. ``n``: number of estimates. nan without estimates.
     """
+    part = _measured(error, std, np.zeros(len(error), dtype=bool))
+    return _calibrated(part.nees, part.inside[0], part.usable[0])
+
+
+def _measured(error: FloatArray, std: FloatArray, hidden: BoolArray) -> CalibrationPart:
     usable = np.isfinite(error) & np.isfinite(std) & (std > 0.0)
     scaled = np.abs(np.divide(error, std, out=np.full_like(error, np.nan), where=usable))
     known = usable.sum(axis=1)
     some = known > 0
     nees = np.nansum(scaled[some] ** 2, axis=1) / known[some]
-    inside = ((scaled <= NORMAL_95) & usable).sum(axis=0)
-    total = usable.sum(axis=0)
-    share = np.divide(100.0 * inside, total, out=np.full(3, np.nan), where=total > 0)
+    inside = (scaled <= NORMAL_95) & usable
+    return CalibrationPart(
+        nees=nees,
+        hidden=hidden[some],
+        inside=np.stack([inside[~hidden].sum(axis=0), inside[hidden].sum(axis=0)]),
+        usable=np.stack([usable[~hidden].sum(axis=0), usable[hidden].sum(axis=0)]),
+    )
+
+
+def _calibrated(nees: FloatArray, inside: IntArray, usable: IntArray) -> dict[str, object]:
+    """Return the calibration; the order of ``nees`` is lost, since a long run's must not be copied for its median."""
+    share = np.divide(100.0 * inside, usable, out=np.full(3, np.nan), where=usable > 0)
     return {
         "nees": float(nees.mean()) if len(nees) else np.nan,
-        "nees_median": float(np.median(nees)) if len(nees) else np.nan,
+        "nees_median": float(np.median(nees, overwrite_input=True)) if len(nees) else np.nan,
         "coverage95": dict(zip(("lon", "lat", "speed"), share.tolist(), strict=True)),
         "n": len(nees),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,8 +54,23 @@ def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearSco
     fragmentations = int((again & (np.diff(scan[order][matched]) > 1)).sum())
     matches = int(matched.sum())
     false_tracks = tracks - matches
-    mota = (matches - false_tracks - switches) / truths if truths and tracks else 0.0
+    mota = _mota(matches, truths - matches, false_tracks, switches)
     return ClearScores(mota, matches, truths - matches, false_tracks, switches, fragmentations)
+
+
+def clear_of_parts(parts: Sequence[ClearScores]) -> ClearScores:
+    """Score a sequence by the scores of its parts, which share no identity."""
+    matches, missed, false_tracks, switches, fragmentations = (
+        sum(getattr(part, name) for part in parts)
+        for name in ("matches", "missed", "false_tracks", "id_switches", "fragmentations")
+    )
+    mota = _mota(matches, missed, false_tracks, switches)
+    return ClearScores(mota, matches, missed, false_tracks, switches, fragmentations)
+
+
+def _mota(matches: int, missed: int, false_tracks: int, switches: int) -> float:
+    truths, tracks = matches + missed, matches + false_tracks
+    return (matches - false_tracks - switches) / truths if truths and tracks else 0.0
 
 
 def _scan_numbers(sequence: MotSequence) -> IntArray:

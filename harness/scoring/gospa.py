@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-import numpy.typing as npt
 
 from harness.scoring.assignment import best_assignment
 from harness.scoring.evidence import Evidence
+from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import MotSequence
+from mmpf.compute.arrays import FloatArray
 
 IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m", tabled=True),)
 REMEMBERED = (
@@ -20,13 +23,18 @@ REMEMBERED = (
 PARTS = ("mean", "localisation", "missed", "false")
 
 
-def gospa_in_sight(evidence: Evidence) -> dict[str, float]:
+def measure_in_sight(evidence: Evidence) -> FloatArray:
+    """Return localisation, missed and false of vehicles in sight at each step, shape (3, steps); see ``gospa``."""
+    return _parts(evidence.in_sight, evidence.settings.gospa_cutoff_m, evidence.settings.gospa_order)
+
+
+def gospa_in_sight(parts: Sequence[FloatArray], basis: Basis) -> dict[str, float]:
     """Return the scores over vehicles in sight; see ``gospa``."""
-    return gospa(evidence.in_sight, evidence.settings.gospa_cutoff_m, evidence.settings.gospa_order)
+    return _means(joined(parts, axis=1), basis.settings.gospa_order)
 
 
-def gospa_remembered(evidence: Evidence) -> dict[str, float]:
-    """Return the scores over all vehicles once seen, hidden ones too, and all reported tracks; see ``gospa``.
+def measure_remembered(evidence: Evidence) -> FloatArray:
+    """Return localisation, missed and false of all vehicles once seen at each step, shape (3, steps).
 
     The cut-off is that of ``harness.scoring.following``, so that a hidden vehicle's track may be metres off; the
     order is 1.
@@ -38,7 +46,12 @@ def gospa_remembered(evidence: Evidence) -> dict[str, float]:
     localisation = np.bincount(truth_step[followed], weights=following.distance_m[followed], minlength=steps)
     missed = half * np.bincount(truth_step[following.counted & ~followed], minlength=steps)
     false = half * np.bincount(track_step[following.idle], minlength=steps)
-    return _means(localisation, missed, false, 1.0)
+    return np.array([localisation, missed, false], dtype=np.float64)
+
+
+def gospa_remembered(parts: Sequence[FloatArray], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+    """Return the scores over all vehicles once seen, hidden ones too, and all reported tracks; see ``gospa``."""
+    return _means(joined(parts, axis=1), 1.0)
 
 
 def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, float]:
@@ -54,6 +67,11 @@ def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, flo
         distances to the power of the order, ``missed`` and ``false`` of ``c^p / 2`` for each vehicle without a track
         and each track without a vehicle. For order 1 all are metres, and the three parts add up to the mean.
     """
+    return _means(_parts(sequence, cutoff_m, order), order)
+
+
+def _parts(sequence: MotSequence, cutoff_m: float, order: float) -> FloatArray:
+    """Return localisation, missed and false at each step, shape (3, steps)."""
     steps = sequence.steps
     distance_m = sequence.pair_distance_m
     near = np.flatnonzero(distance_m < cutoff_m)
@@ -65,12 +83,11 @@ def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, flo
     half = 0.5 * cutoff_m**order
     missed = half * (np.bincount(sequence.truth_step, minlength=steps) - assigned)
     false = half * (np.bincount(sequence.track_step, minlength=steps) - assigned)
-    return _means(localisation, missed, false, order)
+    return np.array([localisation, missed, false], dtype=np.float64)
 
 
-def _means(localisation: npt.ArrayLike, missed: npt.ArrayLike, false: npt.ArrayLike, order: float) -> dict[str, float]:
-    """Return the means over steps of the metric and of its parts, each of shape (steps,)."""
-    parts = np.array([localisation, missed, false], dtype=np.float64)
+def _means(parts: FloatArray, order: float) -> dict[str, float]:
+    """Return the means over steps of the metric and of its parts, shape (3, steps)."""
     whole = np.vstack([parts.sum(axis=0) ** (1.0 / order), parts])
     means = whole.mean(axis=1) if whole.shape[1] else np.full(len(PARTS), np.nan)
     return dict(zip(PARTS, means.tolist(), strict=True))

@@ -7,13 +7,17 @@ the cut-off.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
+from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import tracks_in_sight
-from harness.scoring.statistics import bootstrap_ci
+from harness.scoring.statistics import cluster_bootstrap, sums_by_label
 from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray
 
@@ -41,7 +45,63 @@ QUANTITIES = (
 )  # fmt: skip
 
 
-def cost_of_hidden(evidence: Evidence) -> dict[str, object]:
+@dataclass(frozen=True)
+class CostSums:
+    """A cost over the hidden vehicle-steps of a stretch.
+
+    Attributes:
+        total_m: Sum over all of them.
+        by_vehicle_m: Sum over each vehicle's, shape (vehicles, 1).
+        steps: Number of each vehicle's, same shape.
+    """
+
+    total_m: float
+    by_vehicle_m: FloatArray
+    steps: FloatArray
+
+
+@dataclass(frozen=True)
+class HiddenPart:
+    """What is known of hidden vehicles in a stretch.
+
+    Attributes:
+        cost: Distances to the tracks that follow them.
+        own: Distances to the tracks that held them.
+        n: Vehicle-steps hidden.
+        followed: Those of them that somebody follows.
+        false_tracks: Reported tracks out of sight that follow nobody, over all scans.
+        scans: Number of scans.
+    """
+
+    cost: CostSums
+    own: CostSums
+    n: int
+    followed: int
+    false_tracks: int
+    scans: int
+
+
+def measure_hidden(evidence: Evidence) -> HiddenPart:
+    """Measure a stretch."""
+    following, rows = evidence.following, evidence.rows
+    hidden = following.hidden
+    vehicle = rows.truth.vehicle[hidden]
+
+    def cost(values_m: FloatArray) -> CostSums:
+        return CostSums(float(values_m.sum()), *sums_by_label(values_m, vehicle))
+
+    unseen = following.idle & ~tracks_in_sight(rows, evidence.settings)
+    return HiddenPart(
+        cost=cost(following.distance_m[hidden]),
+        own=cost(_by_identity(evidence)[hidden]),
+        n=int(hidden.sum()),
+        followed=int((following.track_row[hidden] >= 0).sum()),
+        false_tracks=int(unseen.sum()),
+        scans=len(rows.time_s),
+    )
+
+
+def cost_of_hidden(parts: Sequence[HiddenPart], basis: Basis) -> dict[str, object]:
     """Score what is known of the vehicles that are hidden after they were seen.
 
     Returns:
@@ -52,28 +112,26 @@ def cost_of_hidden(evidence: Evidence) -> dict[str, object]:
         vehicles under ``_ci95``. ``false_hidden_tracks_per_scan``: reported tracks out of sight that follow nobody.
         nan where there is nothing to tell.
     """
-    following, rows = evidence.following, evidence.rows
-    hidden = following.hidden
-    vehicle = rows.truth.vehicle[hidden]
-    cost_m, own_m = following.distance_m[hidden], _by_identity(evidence)[hidden]
-    rng, draws = evidence.new_rng(), evidence.settings.bootstrap_draws
+    rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
+    n, scans = sum(part.n for part in parts), sum(part.scans for part in parts)
 
-    def mean(values: FloatArray) -> float:
-        return float(values.mean()) if len(values) else np.nan
+    def mean(sums: Sequence[CostSums]) -> float:
+        return sum(each.total_m for each in sums) / n if n else np.nan
 
-    def interval(values: FloatArray) -> list[float] | None:
-        ends = bootstrap_ci(values, rng, vehicle, draws=draws)
+    def interval(sums: Sequence[CostSums]) -> list[float] | None:
+        by_vehicle_m, steps = joined([each.by_vehicle_m for each in sums]), joined([each.steps for each in sums])
+        ends = cluster_bootstrap(by_vehicle_m, steps, rng, draws=draws)[0]
         return None if np.isnan(ends.low) else [ends.low, ends.high]
 
-    unseen = following.idle & ~tracks_in_sight(rows, evidence.settings)
+    cost, own = [part.cost for part in parts], [part.own for part in parts]
     return {
-        "hidden_cost_m": mean(cost_m),
-        "hidden_cost_m_ci95": interval(cost_m),
-        "followed_percent": 100.0 * mean((following.track_row[hidden] >= 0).astype(np.float64)),
-        "identity_cost_m": mean(own_m),
-        "identity_cost_m_ci95": interval(own_m),
-        "n": len(cost_m),
-        "false_hidden_tracks_per_scan": float(unseen.sum()) / len(rows.time_s) if len(rows.time_s) else np.nan,
+        "hidden_cost_m": mean(cost),
+        "hidden_cost_m_ci95": interval(cost),
+        "followed_percent": 100.0 * (sum(part.followed for part in parts) / n) if n else np.nan,
+        "identity_cost_m": mean(own),
+        "identity_cost_m_ci95": interval(own),
+        "n": n,
+        "false_hidden_tracks_per_scan": sum(part.false_tracks for part in parts) / scans if scans else np.nan,
     }
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from harness.scoring.errors import HIJACKED, LOST, TRACKED, UNTRACKED
+from harness.scoring.errors import HIJACKED, LOST, OUTCOMES, TRACKED, UNTRACKED
 from harness.scoring.evidence import Evidence
+from harness.scoring.parts import Basis
 from harness.scoring.quantity import Quantity
 from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import IntArray
@@ -14,25 +17,36 @@ TRACKED_PERCENT = "hidden_outcomes.tracked_percent"
 QUANTITIES = (Quantity(TRACKED_PERCENT, "hidden tracked, %", higher_is_better=True, compared=True),)
 
 
-def outcomes_while_hidden(evidence: Evidence) -> dict[str, float]:
-    """Return the outcomes of all vehicle-steps hidden, from the first detection on, up to the memory."""
-    return hidden_outcomes(evidence.errors.outcome[evidence.errors.state == HIDDEN])
+def measure_outcomes(evidence: Evidence) -> IntArray:
+    """Count the outcomes of all vehicle-steps hidden, from the first detection on, up to the memory."""
+    return count_outcomes(evidence.errors.outcome[evidence.errors.state == HIDDEN])
 
 
-def hidden_outcomes(outcome: IntArray) -> dict[str, float]:
-    """Count the outcomes of hidden vehicle-steps, shape (n,).
+def outcomes_while_hidden(parts: Sequence[IntArray], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+    """Return the outcomes of all vehicle-steps hidden."""
+    return hidden_outcomes(np.sum(parts, axis=0))
+
+
+def count_outcomes(outcome: IntArray) -> IntArray:
+    """Count each outcome among hidden vehicle-steps, shape (n,)."""
+    return np.bincount(outcome, minlength=len(OUTCOMES))
+
+
+def hidden_outcomes(counts: IntArray) -> dict[str, float]:
+    """Return the shares of the outcomes of hidden vehicle-steps, which were counted along ``OUTCOMES``.
 
     Returns:
         Their number ``n``, and shares in percent, nan without any: the track that held the vehicle is alive and on no
         other (``tracked``), gone (``lost``), on another vehicle (``hijacked``), or none held it at its last detection
         (``untracked``).
     """
+    n = int(counts.sum())
 
     def percent(code: int) -> float:
-        return 100.0 * float((outcome == code).mean()) if len(outcome) else np.nan
+        return 100.0 * (int(counts[code]) / n) if n else np.nan
 
     return {
-        "n": len(outcome),
+        "n": n,
         "tracked_percent": percent(TRACKED),
         "lost_percent": percent(LOST),
         "hijacked_percent": percent(HIJACKED),

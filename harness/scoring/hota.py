@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,11 +30,44 @@ class HotaScores:
     assa: float
 
 
+@dataclass(frozen=True)
+class HotaPart:
+    """What HOTA counts in a sequence, or in a part of one that shares no identity with the others.
+
+    Attributes:
+        truths: Truth rows.
+        tracks: Track rows.
+        matched: Matches at each threshold, shape (thresholds,).
+        association: Sum of the matches' association scores at each threshold, shape (thresholds,).
+    """
+
+    truths: int
+    tracks: int
+    matched: FloatArray
+    association: FloatArray
+
+
 def hota(sequence: MotSequence) -> HotaScores:
     """Score a sequence, equal to TrackEval's ``HOTA``; all 0 without truth or without tracks."""
-    truths, tracks = len(sequence.truth_step), len(sequence.track_step)
-    if not truths or not tracks or not len(sequence.pair_truth):
+    return hota_of_parts([measure_hota(sequence)])
+
+
+def hota_of_parts(parts: Sequence[HotaPart]) -> HotaScores:
+    """Score a sequence by its parts."""
+    truths, tracks = sum(part.truths for part in parts), sum(part.tracks for part in parts)
+    true_positive = np.sum([part.matched for part in parts], axis=0)
+    if not truths or not tracks:
         return HotaScores(0.0, 0.0, 0.0)
+    deta = true_positive / (truths + tracks - true_positive)
+    assa = np.sum([part.association for part in parts], axis=0) / np.maximum(1.0, true_positive)
+    return HotaScores(float(np.sqrt(deta * assa).mean()), float(deta.mean()), float(assa.mean()))
+
+
+def measure_hota(sequence: MotSequence) -> HotaPart:
+    """Count in a part of a sequence that shares no identity with the others."""
+    truths, tracks = len(sequence.truth_step), len(sequence.track_step)
+    if not len(sequence.pair_truth):
+        return HotaPart(truths, tracks, np.zeros(len(THRESHOLDS)), np.zeros(len(THRESHOLDS)))
     truth_count = np.bincount(sequence.truth_identity)
     track_count = np.bincount(sequence.track_identity)
     truth_identity = sequence.truth_identity[sequence.pair_truth]
@@ -45,11 +79,8 @@ def hota(sequence: MotSequence) -> HotaScores:
     alignment = overlap / (longest - overlap)
     chosen = best_assignment(sequence.pair_truth, sequence.pair_track, alignment[member] * sequence.pair_similarity)
     matches = _matches_by_threshold(sequence.pair_similarity[chosen], member[chosen], len(couple))
-    true_positive = matches.sum(axis=0)
-    deta = true_positive / (truths + tracks - true_positive)
     association = matches / np.maximum(1.0, longest[:, None] - matches)
-    assa = (matches * association).sum(axis=0) / np.maximum(1.0, true_positive)
-    return HotaScores(float(np.sqrt(deta * assa).mean()), float(deta.mean()), float(assa.mean()))
+    return HotaPart(truths, tracks, matches.sum(axis=0), (matches * association).sum(axis=0))
 
 
 def _shared_similarity(sequence: MotSequence) -> FloatArray:

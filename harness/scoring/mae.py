@@ -7,12 +7,15 @@ both follow (``harness.scoring.paired``), or take ``harness.scoring.hidden_cost`
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from harness.scoring.evidence import Evidence
-from harness.scoring.hidden_outcomes import hidden_outcomes
+from harness.scoring.hidden_outcomes import count_outcomes, hidden_outcomes
+from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.scoring.statistics import cluster_bootstrap, group_sums
@@ -58,7 +61,51 @@ QUANTITIES = (
 )  # fmt: skip
 
 
-def mean_errors_by_visibility(evidence: Evidence) -> dict[str, object]:
+@dataclass(frozen=True)
+class ErrorSums:
+    """Absolute errors of a group of vehicle-steps in a stretch.
+
+    Attributes:
+        sums: Sum of each vehicle's errors along ``NAMES``, shape (vehicles, 5).
+        counts: Number of values behind each, same shape.
+        followed: Vehicle-steps that were followed; only they have errors.
+        outcomes: Number of vehicle-steps of each outcome, shape (outcomes,).
+    """
+
+    sums: FloatArray
+    counts: FloatArray
+    followed: int
+    outcomes: IntArray
+
+
+@dataclass(frozen=True)
+class ErrorPart:
+    """The errors of a stretch by visibility and by time hidden, in the order of ``STATES`` and of the bins."""
+
+    by_state: tuple[ErrorSums, ...]
+    by_bin: tuple[ErrorSums, ...]
+
+
+def measure_errors(evidence: Evidence) -> ErrorPart:
+    """Sum the errors of a stretch."""
+    errors = evidence.errors
+
+    def sums_of(chosen: BoolArray) -> ErrorSums:
+        kept = chosen & errors.tracked
+        sums, counts = _sums(errors.absolute[kept], errors.vehicle[kept])
+        return ErrorSums(sums, counts, int(kept.sum()), count_outcomes(errors.outcome[chosen]))
+
+    def hidden_for(from_s: float, to_s: float) -> BoolArray:
+        longer = errors.seconds_hidden > from_s + TIME_TOLERANCE_S
+        return longer & (errors.seconds_hidden <= to_s + TIME_TOLERANCE_S)
+
+    return ErrorPart(
+        by_state=tuple(sums_of(np.isin(errors.state, codes)) for codes in STATES.values()),
+        by_bin=tuple(sums_of(hidden_for(*ends)) for ends in pairwise(evidence.settings.hidden_bins_s)),
+    )
+
+
+def mean_errors_by_visibility(parts: Sequence[ErrorPart], basis: Basis) -> dict[str, object]:
     """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
 
     Returns:
@@ -67,25 +114,26 @@ def mean_errors_by_visibility(evidence: Evidence) -> dict[str, object]:
         ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and at most
         ``to_s`` ago, with their ``hidden_outcomes``.
     """
-    errors, rng = evidence.errors, evidence.new_rng()
+    rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
 
-    def mean_of(chosen: BoolArray) -> dict[str, object]:
-        kept = chosen & errors.tracked
-        return mean_errors(errors.absolute[kept], errors.vehicle[kept], rng, evidence.settings.bootstrap_draws)
+    def mean_of(groups: Sequence[ErrorSums]) -> dict[str, object]:
+        sums, counts = joined([group.sums for group in groups]), joined([group.counts for group in groups])
+        return _means(sums, counts, sum(group.followed for group in groups), rng, draws)
 
-    def followed(chosen: BoolArray) -> dict[str, object]:
-        share = 100.0 * float(errors.tracked[chosen].mean()) if chosen.any() else np.nan
-        return {"of_n": int(chosen.sum()), "followed_percent": share}
+    def followed(groups: Sequence[ErrorSums]) -> dict[str, object]:
+        of_n = int(sum(group.outcomes.sum() for group in groups))
+        share = 100.0 * (sum(group.followed for group in groups) / of_n) if of_n else np.nan
+        return {"of_n": of_n, "followed_percent": share}
 
-    states = {name: np.isin(errors.state, codes) for name, codes in STATES.items()}
-    table: dict[str, object] = {name: mean_of(chosen) | followed(chosen) for name, chosen in states.items()}
+    table: dict[str, object] = {}
+    for place, name in enumerate(STATES):
+        groups = [part.by_state[place] for part in parts]
+        table[name] = mean_of(groups) | followed(groups)
     bins: list[dict[str, object]] = []
-    for from_s, to_s in pairwise(evidence.settings.hidden_bins_s):
-        inside = (errors.seconds_hidden > from_s + TIME_TOLERANCE_S) & (
-            errors.seconds_hidden <= to_s + TIME_TOLERANCE_S
-        )
-        outcomes = hidden_outcomes(errors.outcome[inside])
-        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(inside), "hidden_n": outcomes.pop("n"), **outcomes})
+    for place, (from_s, to_s) in enumerate(pairwise(basis.settings.hidden_bins_s)):
+        groups = [part.by_bin[place] for part in parts]
+        outcomes = hidden_outcomes(np.sum([group.outcomes for group in groups], axis=0))
+        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(groups), "hidden_n": outcomes.pop("n"), **outcomes})
     table["by_seconds_hidden"] = bins
     return table
 
@@ -103,13 +151,21 @@ def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generato
         Means, nan without rows, the number of rows ``n``, and the ends of each mean's 95 % bootstrap interval over
         vehicles under ``_ci95``, None with fewer than two. ``position_m`` is the mean Euclidean error of the position.
     """
+    return _means(*_sums(absolute, vehicle), len(absolute), rng, draws)
+
+
+def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Sum the errors and the Euclidean error of the position over each vehicle, both of shape (vehicles, 5)."""
     values = np.column_stack((absolute, np.hypot(absolute[:, 0], absolute[:, 1])))
-    sums, counts = group_sums(values, np.unique(vehicle, return_inverse=True)[1])
+    return group_sums(values, np.unique(vehicle, return_inverse=True)[1])
+
+
+def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int) -> dict[str, object]:
     total = counts.sum(axis=0)
-    means = np.divide(sums.sum(axis=0), total, out=np.full(values.shape[1], np.nan), where=total > 0)
+    means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
     intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))
     return {
         **dict(zip(NAMES, means.tolist(), strict=True)),
-        "n": len(values),
+        "n": n,
         **{f"{name}_ci95": None if np.isnan(ends.low) else [ends.low, ends.high] for name, ends in intervals.items()},
     }

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
 
 from harness.scoring import calibration, coverage, gospa, hidden_cost, hidden_outcomes, mae, mot, occlusion
 from harness.scoring.evidence import Evidence, gather
+from harness.scoring.parts import Basis, InParts
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import ScoringSettings
 from harness.writing.numbers import without_nan
@@ -55,17 +56,19 @@ def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
     return file_under_name
 
 
-register("hidden", *hidden_cost.QUANTITIES)(hidden_cost.cost_of_hidden)
-register("mae", *mae.QUANTITIES)(mae.mean_errors_by_visibility)
-register("mot", *mot.IN_SIGHT)(mot.scores_in_sight)
-register("mot_all", *mot.REMEMBERED)(mot.scores_remembered)
-register("gospa", *gospa.IN_SIGHT)(gospa.gospa_in_sight)
-register("gospa_remembered", *gospa.REMEMBERED)(gospa.gospa_remembered)
-register("occlusion", *occlusion.QUANTITIES)(occlusion.occlusion_outcomes)
-register("calibration")(calibration.calibration_by_visibility)
-register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(hidden_outcomes.outcomes_while_hidden)
-register("coverage")(coverage.coverage)
-register("detection_noise")(coverage.detection_noise)
+register("hidden", *hidden_cost.QUANTITIES)(InParts(hidden_cost.measure_hidden, hidden_cost.cost_of_hidden))
+register("mae", *mae.QUANTITIES)(InParts(mae.measure_errors, mae.mean_errors_by_visibility))
+register("mot", *mot.IN_SIGHT)(InParts(mot.measure_in_sight, mot.multi_object_scores))
+register("mot_all", *mot.REMEMBERED)(InParts(mot.measure_remembered, mot.multi_object_scores))
+register("gospa", *gospa.IN_SIGHT)(InParts(gospa.measure_in_sight, gospa.gospa_in_sight))
+register("gospa_remembered", *gospa.REMEMBERED)(InParts(gospa.measure_remembered, gospa.gospa_remembered))
+register("occlusion", *occlusion.QUANTITIES)(InParts(occlusion.measure_events, occlusion.occlusion_outcomes))
+register("calibration")(InParts(calibration.measure_calibration, calibration.calibration_by_visibility))
+register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
+    InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
+)
+register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
+register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
 
 
 def quantities(*first: str) -> list[Quantity]:
@@ -83,6 +86,47 @@ def score_metrics(evidence: Evidence) -> dict[str, Any]:
     """Return the table of every metric under its key; nan becomes None."""
     plain: dict[str, Any] = without_nan({name: metric.score(evidence) for name, metric in METRICS.in_order().items()})
     return plain
+
+
+@dataclass
+class Totals:
+    """The metrics of a run that comes stretch by stretch; see ``harness.scoring.parts``.
+
+    Attributes:
+        basis: The rules and the seed.
+    """
+
+    basis: Basis
+    _parts: dict[str, list[Any]] = field(default_factory=dict)
+    _stretches: int = 0
+
+    @staticmethod
+    def whole_run_needed() -> bool:
+        """Return whether a metric is registered that is not in parts, so that the run must be a single stretch."""
+        return not all(isinstance(metric.score, InParts) for metric in METRICS.in_order().values())
+
+    def add(self, evidence: Evidence) -> None:
+        """Measure the next stretch.
+
+        Raises:
+            ValueError: It is a second one, and a metric needs the whole run.
+        """
+        if self._stretches and self.whole_run_needed():
+            raise ValueError("a metric that is not in parts can't score a run stretch by stretch")
+        self._stretches += 1
+        for name, metric in METRICS.in_order().items():
+            score = metric.score
+            measured = score.measure(evidence) if isinstance(score, InParts) else score(evidence)
+            self._parts.setdefault(name, []).append(measured)
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the table of every metric under its key; nan becomes None."""
+        tables = {}
+        for name, metric in METRICS.in_order().items():
+            score, parts = metric.score, self._parts[name]
+            tables[name] = score.total(parts, self.basis) if isinstance(score, InParts) else parts[0]
+        plain: dict[str, Any] = without_nan(tables)
+        return plain
 
 
 COLUMNS = (

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from harness.scoring.clear import clear
+from harness.scoring.clear import ClearScores, clear, clear_of_parts
 from harness.scoring.evidence import Evidence
-from harness.scoring.hota import hota
-from harness.scoring.identity import identity
+from harness.scoring.hota import HotaPart, hota_of_parts, measure_hota
+from harness.scoring.identity import idf1, measure_identity
+from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import MotSequence
 from mmpf.compute.arrays import FloatArray
@@ -39,18 +43,33 @@ REMEMBERED = (
 )
 
 
-def scores_in_sight(evidence: Evidence) -> dict[str, float]:
-    """Return the scores over vehicles in sight; see ``multi_object_scores``."""
-    return multi_object_scores(evidence.in_sight, evidence.rows.time_s)
+@dataclass(frozen=True)
+class MotPart:
+    """What the scores count in a stretch, whose steps are at the times ``time_s``, shape (steps,)."""
+
+    accuracy: HotaPart
+    events: ClearScores
+    identity: tuple[int, int]
+    time_s: FloatArray
 
 
-def scores_remembered(evidence: Evidence) -> dict[str, float]:
-    """Return the scores over vehicles detected within the memory; see ``multi_object_scores``."""
-    return multi_object_scores(evidence.remembered, evidence.rows.time_s)
+def measure_in_sight(evidence: Evidence) -> MotPart:
+    """Count over the vehicles of a stretch that are in sight."""
+    return measure_sequence(evidence.in_sight, evidence.rows.time_s)
 
 
-def multi_object_scores(sequence: MotSequence, time_s: FloatArray) -> dict[str, float]:
-    """Score a sequence whose steps are at the given times, shape (steps,).
+def measure_remembered(evidence: Evidence) -> MotPart:
+    """Count over the vehicles of a stretch that were detected within the memory."""
+    return measure_sequence(evidence.remembered, evidence.rows.time_s)
+
+
+def measure_sequence(sequence: MotSequence, time_s: FloatArray) -> MotPart:
+    """Count in a sequence whose steps are at the given times, shape (steps,)."""
+    return MotPart(measure_hota(sequence), clear(sequence), measure_identity(sequence), time_s)
+
+
+def multi_object_scores(parts: Sequence[MotPart], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+    """Score stretches that share no identity.
 
     Returns:
         ``hota`` with its halves ``deta`` and ``assa``, ``idf1`` and ``mota`` in percent, nan without truth;
@@ -58,16 +77,18 @@ def multi_object_scores(sequence: MotSequence, time_s: FloatArray) -> dict[str, 
         vehicle left the set), ``missed`` and ``false_tracks`` as counts of CLEAR, the last also per step; identity
         switches per minute of a vehicle in the set; vehicle-steps ``truth_n`` and track-steps ``tracks_n``.
     """
-    truths, tracks = len(sequence.truth_step), len(sequence.track_step)
+    time_s = joined([part.time_s for part in parts])
+    truths, tracks = sum(part.accuracy.truths for part in parts), sum(part.accuracy.tracks for part in parts)
     percent = 100.0 if truths else np.nan
-    accuracy = hota(sequence)
-    events = clear(sequence)
+    accuracy = hota_of_parts([part.accuracy for part in parts])
+    events = clear_of_parts([part.events for part in parts])
+    matched, rows = (sum(part.identity[place] for part in parts) for place in (0, 1))
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.nan
     return {
         "hota": percent * accuracy.hota,
         "deta": percent * accuracy.deta,
         "assa": percent * accuracy.assa,
-        "idf1": percent * identity(sequence),
+        "idf1": percent * idf1(matched, rows),
         "mota": percent * events.mota,
         "id_switches": events.id_switches,
         "fragmentations": events.fragmentations,

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields
+
 import numpy as np
 
 from harness.scoring.events import OcclusionEvents
 from harness.scoring.evidence import Evidence
+from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
 from mmpf.compute.arrays import BoolArray
@@ -35,9 +39,16 @@ QUANTITIES = (
 )  # fmt: skip
 
 
-def occlusion_outcomes(evidence: Evidence) -> dict[str, object]:
+def measure_events(evidence: Evidence) -> OcclusionEvents:
+    """Return the events of a stretch."""
+    return evidence.events
+
+
+def occlusion_outcomes(parts: Sequence[OcclusionEvents], basis: Basis) -> dict[str, object]:
     """Return the counts over all events, and those of ``short`` and ``long`` ones; see ``count_outcomes``."""
-    events, settings = evidence.events, evidence.settings
+    settings = basis.settings
+    names = [field.name for field in fields(OcclusionEvents)]
+    events = OcclusionEvents(**{name: joined([getattr(part, name) for part in parts]) for name in names})
     return {
         **count_outcomes(events, 0.0, settings.memory_s),
         "short": count_outcomes(events, 0.0, settings.event_short_s),

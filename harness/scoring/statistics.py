@@ -8,6 +8,8 @@ import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
 
+MOST_WEIGHTS = 2_000_000
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -38,10 +40,7 @@ def bootstrap_ci(
     Returns:
         The interval; nan bounds with fewer than two groups.
     """
-    finite = np.isfinite(values)
-    kept = values[finite]
-    labels = np.arange(len(kept)) if groups is None else np.unique(groups[finite], return_inverse=True)[1]
-    sums, counts = group_sums(kept[:, None], labels)
+    sums, counts = sums_by_label(values, np.arange(len(values)) if groups is None else groups)
     return cluster_bootstrap(sums, counts, rng, level, draws)[0]
 
 
@@ -54,6 +53,16 @@ def independent_ci(values: FloatArray, rng: np.random.Generator, draws: int = 10
 def resampled_means(values: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray:
     """Return the means of as many values drawn with replacement, shape (draws,)."""
     return np.asarray(rng.choice(values, (draws, len(values))).mean(axis=1))
+
+
+def sums_by_label(values: FloatArray, groups: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Sum values, shape (n,), over groups with any labels, shape (n,); nan is left out, and a group of nothing else.
+
+    Returns:
+        Sums and numbers of values in the order of the labels, both of shape (groups, 1).
+    """
+    finite = np.isfinite(values)
+    return group_sums(values[finite][:, None], np.unique(groups[finite], return_inverse=True)[1])
 
 
 def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -91,9 +100,15 @@ def cluster_bootstrap(
     groups = len(sums)
     if groups < 2:
         return [Interval(np.nan, np.nan)] * sums.shape[1]
-    weights = rng.multinomial(groups, np.full(groups, 1.0 / groups), size=draws).astype(np.float64)
-    total = weights @ counts
-    means = np.divide(weights @ sums, total, out=np.full_like(total, np.nan), where=total > 0)
+    share = np.full(groups, 1.0 / groups)
+    # The weights of all resamples at once would be larger than everything else that is known of a long run.
+    at_once = max(1, MOST_WEIGHTS // groups)
+    blocks = []
+    for begin in range(0, draws, at_once):
+        weights = rng.multinomial(groups, share, size=min(at_once, draws - begin)).astype(np.float64)
+        total = weights @ counts
+        blocks.append(np.divide(weights @ sums, total, out=np.full_like(total, np.nan), where=total > 0))
+    means = np.concatenate(blocks)
     tail = 0.5 * (1.0 - level)
     intervals = []
     for quantity in range(sums.shape[1]):

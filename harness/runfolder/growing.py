@@ -1,0 +1,91 @@
+"""Tables of a run folder that are written as the run goes on, so that long runs need no more memory than short ones."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from harness.runfolder.tables import write_table
+from harness.writing.files import replacing
+
+PART = ".part"
+
+
+class GrowingTables:
+    """The tables of a folder that get the rows of one stretch after another.
+
+    The first stretch is the table as ``write_table`` leaves it. Each later one lies beside it, whole or not at all,
+    until ``close`` puts them together; in the finished table each stretch is a row group.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Begin without a table; a table's file appears with its first rows."""
+        self._folder = folder
+        self._parts: dict[str, list[Path]] = {}
+        self._stretches: dict[str, list[int]] = {}
+
+    def append(self, stretch: int, tables: Mapping[str, pd.DataFrame]) -> None:
+        """Add the rows of a stretch, whose number is above those before, to tables named by their files.
+
+        A table that has the stretch's rows already, since an error came between two tables, does not get them again.
+        """
+        for name, table in tables.items():
+            parts, stretches = self._parts.setdefault(name, []), self._stretches.setdefault(name, [])
+            if stretch in stretches:
+                continue
+            path = self._folder / (f".{name}.{stretch}{PART}" if parts else name)
+            write_table(table, path)
+            parts.append(path)
+            stretches.append(stretch)
+
+    def take_back(self, stretch: int) -> None:
+        """Remove the rows of the last stretch from those tables that have them; it is not the first."""
+        for name, stretches in self._stretches.items():
+            if stretches and stretches[-1] == stretch:
+                stretches.pop()
+                self._parts[name].pop().unlink()
+
+    def close(self) -> None:
+        """Finish the tables; harmless to call twice."""
+        for name, parts in self._parts.items():
+            if len(parts) > 1:
+                _put_together(parts, self._folder / name)
+                for part in parts[1:]:
+                    part.unlink()
+                del parts[1:]
+
+    def drop(self, names: Collection[str]) -> None:
+        """Remove tables that are of no use before all stretches are in them."""
+        for name in names:
+            for part in self._parts.pop(name, []):
+                part.unlink()
+
+
+def _put_together(parts: Sequence[Path], final: Path) -> None:
+    schema = pq.read_schema(parts[0])
+    with replacing(final) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+        for part in parts:
+            # A column may look like whole numbers in one stretch and not in another.
+            writer.write_table(pq.read_table(part).cast(schema))
+
+
+def sampled_rows(path: Path, most_rows: int) -> pd.DataFrame:
+    """Return the rows of a table: all, or, of a long one, those of every second, third, ... step.
+
+    Args:
+        path: The table's file; it has a column ``step``.
+        most_rows: About how many rows there are at most.
+    """
+    with pq.ParquetFile(path) as file:
+        stride = 1 + file.metadata.num_rows // most_rows
+        pieces = [_every(file.read_row_group(group), stride) for group in range(file.num_row_groups)]
+        table: pd.DataFrame = pa.concat_tables(pieces or [file.schema_arrow.empty_table()]).to_pandas()
+    return table
+
+
+def _every(rows: pa.Table, stride: int) -> pa.Table:
+    return rows if stride == 1 else rows.filter(pa.array(rows["step"].to_numpy() % stride == 0))

@@ -1,0 +1,147 @@
+"""What a run keeps as it goes on: stretch by stretch its tables are scored, written into its folder and let go of."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from harness.runfolder import folder as runfolder
+from harness.runfolder.growing import GrowingTables, sampled_rows
+from harness.runfolder.tables import STRETCH_ROWS, ColumnRecorder, RunTables
+from harness.running.metrics import TrafficSums
+from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
+from harness.scoring import RunScorer
+from harness.scoring.scarce import check_scored
+from mmpf.road import Road
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Timed = Callable[[str], AbstractContextManager[None]]
+MOST_DRAWN = 300_000
+
+
+class RunKeeper:
+    """Keeps a run in a folder, never more than one stretch of it in memory.
+
+    A run of a single stretch, as short ones are, is scored as a whole when it has ended. So is one whose metrics are
+    not all in parts, however long it is.
+
+    Attributes:
+        recorder: Takes in every finished step.
+        diagnostics: Watches what the tracker tells of itself.
+        particles: Watches its particles.
+    """
+
+    def __init__(self, folder: Path, road: Road, seed: int, timed: Timed) -> None:
+        """Begin.
+
+        Args:
+            folder: Where the tables go.
+            road: What the run is on.
+            seed: Seed of the run.
+            timed: Times a phase of the run, ``score`` or ``write``.
+        """
+        self.diagnostics, self.particles = DiagnosticsKeeper(), ParticleKeeper()
+        self._folder, self._road, self._timed = folder, road, timed
+        self._scorer = RunScorer(seed)
+        self._tables = GrowingTables(folder)
+        self._traffic = TrafficSums()
+        self._stretch = 0
+        end_stretch = self._end_stretch if self._scorer.takes_stretches else None
+        self.recorder = ColumnRecorder(end_stretch=end_stretch, stretch_rows=STRETCH_ROWS)
+
+    def finish(self) -> dict[str, Any]:
+        """Score and write the last stretch, finish the tables and return the run's scores.
+
+        Raises:
+            InputError: There is nothing to score.
+        """
+        self._end_stretch()
+        with self._timed("score"):
+            metrics = self._scorer.metrics()
+            check_scored(metrics, self.recorder.steps)
+        with self._timed("write"):
+            self._tables.close()
+        return metrics
+
+    def leave(self) -> int:
+        """Write what is kept of a run that did not end, no scores, and return how many steps its tables have.
+
+        Raises:
+            OSError: There is no room for the first stretch.
+        """
+        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS))
+        steps = self.recorder.steps
+        if self.recorder.kept:
+            try:
+                self._tables.append(self._stretch, self._with_watched(self.recorder.tables()))
+            except (OSError, MemoryError):
+                if not self._stretch:
+                    raise
+                self._tables.take_back(self._stretch)
+                steps -= self.recorder.kept
+        self._tables.close()
+        return steps
+
+    def traffic(self) -> dict[str, Any]:
+        """Return the ``traffic`` table of the finished run."""
+        return self._traffic.table(self._road)
+
+    def drawn_errors(self) -> pd.DataFrame:
+        """Return the rows of the finished error table that figures show: all, or those of some steps of a long run."""
+        return sampled_rows(self._folder / runfolder.ERRORS, MOST_DRAWN)
+
+    def drawn_diagnostics(self) -> pd.DataFrame | None:
+        """Return the rows of the tracker's diagnostics that figures show; None of one that tells nothing."""
+        path = self._folder / runfolder.DIAGNOSTICS
+        return sampled_rows(path, MOST_DRAWN) if path.is_file() else None
+
+    def _end_stretch(self) -> None:
+        tables = self.recorder.tables()
+        with self._timed("score"):
+            errors, events = self._scorer.add(tables.truth, tables.detections, tables.tracks)
+        with self._timed("write"), signals_held():
+            self._traffic.add(tables.truth, self._road)
+            scored = {runfolder.ERRORS: errors, runfolder.EVENTS: events}
+            self._tables.append(self._stretch, self._with_watched(tables) | scored)
+            self._stretch += 1
+            for keeper in (self.recorder, self.diagnostics, self.particles):
+                keeper.forget()
+
+    def _with_watched(self, tables: RunTables) -> dict[str, pd.DataFrame]:
+        """Return the tables of a stretch by file, with those of the watchers that have any."""
+        watched = {runfolder.DIAGNOSTICS: self.diagnostics.table(), runfolder.PARTICLES: self.particles.table()}
+        return {
+            runfolder.TRUTH: tables.truth,
+            runfolder.DETECTIONS: tables.detections,
+            runfolder.TRACKS: tables.tracks,
+            **{name: table for name, table in watched.items() if table is not None},
+        }
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """Let Ctrl-C and the other signals that end a program wait until what must not be half done is done."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def hold(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        came.append(number)
+
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    previous = [signal.signal(end, hold) for end in ends]
+    try:
+        yield
+    finally:
+        for end, handler in zip(ends, previous, strict=True):
+            signal.signal(end, handler)
+        if came:
+            signal.raise_signal(came[0])

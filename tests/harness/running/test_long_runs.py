@@ -1,0 +1,140 @@
+"""A long run is kept stretch by stretch: same rows, same scores, and never all of it in memory."""
+
+from __future__ import annotations
+
+import errno
+import json
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+from harness.config.layers import resolve_run_config
+from harness.errors import RunError
+from harness.report.figures import draw_figures
+from harness.report.finished import read_recorded_run
+from harness.report.page import write_run_page
+from harness.runfolder import folder as runfolder
+from harness.runfolder.growing import GrowingTables, sampled_rows
+from harness.runfolder.tables import ColumnRecorder, write_table
+from harness.running import keeping
+from harness.running.run import Drawing, run
+from mmpf.tracks import Tracks
+from tests.harness.stand_ins import SteadyTraffic, looking_at
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERRORS, runfolder.EVENTS)
+STEPS, EGO_STAY = 40, 10
+
+
+def run_on(out: Path, *, fail_at: int | None = None, draw: Drawing | None = None) -> Path:
+    traffic = SteadyTraffic(steps=STEPS, ego_stay=EGO_STAY, fail_at=fail_at)
+    return run(resolve_run_config(options={"tracker": ECHO}), out=out, open_looks=looking_at(traffic), draw=draw).folder
+
+
+@pytest.fixture
+def short_stretches(monkeypatch) -> None:
+    """Let every episode be a stretch of its own."""
+    monkeypatch.setattr(keeping, "STRETCH_ROWS", 1)
+
+
+def groups(path: Path) -> int:
+    return int(pq.read_metadata(path).num_row_groups)
+
+
+def test_every_stretch_is_a_row_group_and_rows_and_scores_are_those_of_one_stretch(tmp_path, monkeypatch):
+    whole = run_on(tmp_path / "whole")
+    monkeypatch.setattr(keeping, "STRETCH_ROWS", 1)
+    parts = run_on(tmp_path / "parts")
+    assert groups(whole / runfolder.TRUTH) == 1
+    assert groups(parts / runfolder.TRUTH) == STEPS // EGO_STAY
+    for name in TABLES:
+        pd.testing.assert_frame_equal(pd.read_parquet(parts / name), pd.read_parquet(whole / name))
+    scores = [json.loads((folder / runfolder.METRICS).read_text()) for folder in (whole, parts)]
+    for key in ("mot", "mot_all", "gospa", "coverage", "traffic"):
+        assert scores[1][key] == pytest.approx(scores[0][key], rel=1e-12), key
+
+
+def test_a_run_that_fails_keeps_the_steps_of_all_stretches_and_no_scores(tmp_path, short_stretches):
+    with pytest.raises(RunError, match="after 25 steps"):
+        run_on(tmp_path / "run", fail_at=25)
+    folder = tmp_path / "run.incomplete"
+    assert json.loads((folder / runfolder.MANIFEST).read_text())["status"] == runfolder.FAILED
+    for name in TABLES[:3]:
+        assert sorted(pd.read_parquet(folder / name)["step"].unique()) == list(range(25)), name
+    assert not [name for name in (runfolder.ERRORS, runfolder.EVENTS, runfolder.METRICS) if (folder / name).exists()]
+
+
+def test_an_error_between_two_tables_writes_no_row_twice(tmp_path):
+    table = pd.DataFrame({"step": [0, 1], "state": ["a", "b"]})
+    tables = GrowingTables(tmp_path)
+    tables.append(0, {"one.parquet": table})
+    tables.append(0, {"one.parquet": table, "two.parquet": table})
+    tables.append(1, {"one.parquet": table.assign(step=[2, 3]), "two.parquet": table.assign(step=[2, 3])})
+    tables.close()
+    for name in ("one.parquet", "two.parquet"):
+        assert pd.read_parquet(tmp_path / name)["step"].tolist() == [0, 1, 2, 3]
+
+
+def test_a_table_of_one_stretch_has_the_bytes_of_a_table_that_is_written_at_once(tmp_path):
+    table = pd.DataFrame({"step": range(1000), "x": [0.1 * k for k in range(1000)], "name": ["a", ""] * 500})
+    write_table(table, tmp_path / "at_once.parquet")
+    tables = GrowingTables(tmp_path)
+    tables.append(0, {"grown.parquet": table})
+    tables.close()
+    assert (tmp_path / "grown.parquet").read_bytes() == (tmp_path / "at_once.parquet").read_bytes()
+
+
+def test_a_full_disk_keeps_the_stretches_that_there_was_room_for(tmp_path, short_stretches, monkeypatch):
+    def write(table: pd.DataFrame, path: Path) -> None:
+        if runfolder.TRACKS in path.name and table["step"].max() >= 2 * EGO_STAY:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        write_table(table, path)
+
+    monkeypatch.setattr("harness.runfolder.growing.write_table", write)
+    with pytest.raises(RunError, match="No space left on device; the finished steps"):
+        run_on(tmp_path / "run")
+    folder = tmp_path / "run.incomplete"
+    assert json.loads((folder / runfolder.MANIFEST).read_text())["steps"] == 2 * EGO_STAY
+    for name in TABLES[:3]:
+        assert sorted(pd.read_parquet(folder / name)["step"].unique()) == list(range(2 * EGO_STAY)), name
+    assert not list(folder.glob("*.part"))
+
+
+def test_the_recorder_never_ends_a_stretch_within_an_episode():
+    recorder = ColumnRecorder(stretch_rows=1)
+    ended: list[list[int]] = []
+
+    def end() -> None:
+        ended.append(sorted(recorder.tables().truth["step"].unique()))
+        recorder.forget()
+
+    recorder.end_stretch = end
+    for look in looking_at(SteadyTraffic(steps=7, ego_stay=3))(resolve_run_config(options={"tracker": ECHO})):
+        recorder.add(look, Tracks.none())
+    assert ended == [[0, 1, 2], [3, 4, 5]]
+    assert recorder.tables().truth["step"].unique().tolist() == [6]
+    assert (recorder.steps, recorder.kept) == (7, 1)
+
+
+def test_the_page_of_a_long_run_shows_its_beginning_and_says_so(tmp_path, short_stretches, monkeypatch):
+    monkeypatch.setattr("harness.report.page.MOST_SHOWN", 500)
+    folder = run_on(tmp_path / "run", draw=Drawing(draw_figures, write_run_page))
+    assert "replay and failures of its first 2 s" in (folder / "report.html").read_text()
+    beginning = read_recorded_run(folder, most_rows=500)
+    assert not beginning.whole
+    for table in (beginning.truth, beginning.detections, beginning.tracks, beginning.errors):
+        assert table["step"].max() == 2 * EGO_STAY - 1
+    assert read_recorded_run(folder, most_rows=10_000).whole
+
+
+def test_figures_of_a_long_run_show_whole_steps_evenly(tmp_path):
+    table = pd.DataFrame({"step": [step for step in range(100) for _ in range(3)], "x": range(300)})
+    tables = GrowingTables(tmp_path)
+    for stretch, rows in enumerate((table[:150], table[150:])):
+        tables.append(stretch, {"t.parquet": rows})
+    tables.close()
+    pd.testing.assert_frame_equal(sampled_rows(tmp_path / "t.parquet", 400), table)
+    sample = sampled_rows(tmp_path / "t.parquet", 100)
+    assert sample["step"].tolist() == [step for step in range(0, 100, 4) for _ in range(3)]
