@@ -14,6 +14,7 @@ from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
 
 LOG_SMALLEST = float(np.log(1e-300))
+FEWEST_EFFECTIVE = 10.0
 
 
 def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
@@ -166,10 +167,20 @@ class GatedLikelihoods:
 def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections, gate_std: float) -> GatedLikelihoods:
     """Return f(z | x), a Gaussian in position and, where it is measured, speed, for all pairs within the gate.
 
-    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``.
+    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``. A detection so exact
+    that it would fall between the particles is taken as just so noisy that some share it; see ``resolvable_std``.
     """
     component, detection = np.nonzero(gate_table(moments, detections, gate_std))
     sizes = np.diff(mixture.starts)[component]
+    factor = mixture.components.noise_factor[component]
+    std = np.stack(
+        [
+            factor * detections.std_lon_m[detection],
+            factor * detections.std_lat_m[detection],
+            detections.std_speed_mps[detection],
+        ]
+    )
+    std = resolvable_std(std, moments.std[[LON, LAT, SPEED]][:, component], sizes)
     starts = np.concatenate([[0], np.cumsum(sizes)])
     values = np.empty(starts[-1])
     _evaluate(
@@ -178,13 +189,36 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         component,
         detection,
         np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),
-        np.stack([detections.std_lon_m, detections.std_lat_m, detections.std_speed_mps]),
-        mixture.components.noise_factor,
+        std,
         starts,
         values,
     )
     np.exp(values, out=values)
     return GatedLikelihoods(component, detection, values, starts)
+
+
+def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> FloatArray:
+    """Return the deviations of measurements, no smaller than particles can resolve, shape (axes, p).
+
+    In each axis a measurement leaves the share std / sqrt(std² + spread²) of the cloud's width. Where the product of
+    these shares leaves fewer than ``FEWEST_EFFECTIVE`` particles, the smallest are raised to one floor that leaves as
+    many; all others stay the same bytes.
+
+    Args:
+        std: Deviation of each pair's measurement along each axis, nan along an axis that is not measured, (axes, p).
+        spread: Deviation of each pair's component, shape (axes, p).
+        particles: Number of its particles, shape (p,).
+    """
+    share = np.where(np.isnan(std), 1.0, std / np.sqrt(std**2 + spread**2))
+    target = np.minimum(FEWEST_EFFECTIVE / particles, 0.5)
+    largest_first = -np.sort(-share, axis=0)
+    floor = np.full(len(target), np.inf)
+    others = np.ones(len(target))
+    for raised in range(len(share), 0, -1):
+        floor = np.minimum(floor, (target / others) ** (1.0 / raised))
+        others = others * largest_first[len(share) - raised]
+    at_floor = spread * floor / np.sqrt(1.0 - np.minimum(floor, 0.999) ** 2)
+    return np.where(share < floor, at_floor, std)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -195,7 +229,6 @@ def _evaluate(
     detection: IntArray,
     measured: FloatArray,
     std: FloatArray,
-    noise_factor: FloatArray,
     starts: IntArray,
     values: FloatArray,
 ) -> None:
@@ -204,10 +237,10 @@ def _evaluate(
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]
         has_speed = np.isfinite(measured[2, j])
-        std_lon, std_lat = noise_factor[component[p]] * std[0, j], noise_factor[component[p]] * std[1, j]
+        std_lon, std_lat, std_speed = std[0, p], std[1, p], std[2, p]
         log_normaliser = -np.log(2.0 * np.pi * std_lon * std_lat)
         if has_speed:
-            log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std[2, j])
+            log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std_speed)
         own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
         for n in range(len(own)):
             lon = (own_lon[n] - measured[0, j]) / std_lon
@@ -216,5 +249,5 @@ def _evaluate(
         if has_speed:
             own_speed = state[SPEED, begin:end]
             for n in range(len(own)):
-                speed = (own_speed[n] - measured[2, j]) / std[2, j]
+                speed = (own_speed[n] - measured[2, j]) / std_speed
                 own[n] -= 0.5 * speed * speed

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.joint.detectability import detection_probabilities, distances_m, missed_probabilities
+from mmpf.joint.detectability import detection_probabilities, distances_m
 from mmpf.scan import SensorModel
 from tests.mmpf.scenes import ego_at
 
@@ -15,21 +15,6 @@ def test_detection_probability_falls_with_the_hidden_share_and_ends_at_the_range
         np.array([1.0, 0.7, 0.35, 0.1, 1.0]), np.array([50.0, 50.0, 50.0, 50.0, 120.0]), SensorModel(), 0.02
     )
     assert probability == pytest.approx([0.95, 0.95, 0.475, 0.02, 0.02])
-
-
-def test_no_detection_weighs_nothing_up_to_one_visible_fraction_and_in_full_from_another_one_on() -> None:
-    visible = np.array([0.0, 0.2, 0.35, 0.5, 0.8, 1.0])
-    missed = missed_probabilities(visible, np.full(6, 0.95), cap=0.6, begin=0.2, full=0.8)
-    assert missed == pytest.approx([0.0, 0.0, 0.15, 0.3, 0.6, 0.6])
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 0.4), st.floats(0.05, 0.6))
-def test_no_detection_never_weighs_more_than_the_detection_was_probable(
-    visible: float, probability: float, cap: float, begin: float, rise: float
-) -> None:
-    missed = missed_probabilities(np.array([visible]), np.array([probability]), cap, begin, begin + rise)[0]
-    share = min(max((visible - begin) / rise, 0.0), 1.0)
-    assert missed == pytest.approx(min(probability, cap * share), abs=1e-9)
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 150.0))

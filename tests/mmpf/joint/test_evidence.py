@@ -15,15 +15,15 @@ STARTS = np.concatenate([[0], np.cumsum(SIZES)])
 DETECTIONS = 2
 
 
-def random_case(seed: int) -> tuple[np.random.Generator, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Weights, both probabilities of detection, and f(z_j | x_n) of all pairs, zero outside of the gates."""
+def random_case(seed: int) -> tuple[np.random.Generator, FloatArray, FloatArray, FloatArray]:
+    """Weights, probabilities of detection, and f(z_j | x_n) of all pairs, zero outside of the gates."""
     rng = np.random.default_rng(seed)
     weight = rng.uniform(0.1, 1.0, STARTS[-1])
     component = np.repeat(np.arange(len(SIZES)), SIZES)
     weight /= np.bincount(component, weight)[component]
     inside = rng.uniform(size=(len(SIZES), DETECTIONS)) < 0.6
     density = rng.exponential(1.0, (STARTS[-1], DETECTIONS)) * inside[component]
-    return rng, weight, rng.uniform(0.0, 1.0, STARTS[-1]), rng.uniform(0.0, 0.6, STARTS[-1]), density
+    return rng, weight, rng.uniform(0.0, 1.0, STARTS[-1]), density
 
 
 def gated(density: FloatArray) -> GatedLikelihoods:
@@ -39,11 +39,11 @@ def gated(density: FloatArray) -> GatedLikelihoods:
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_a_pairs_evidence_is_the_expected_likelihood_of_a_detection(seed: int) -> None:
-    _, weight, detected, missed, density = random_case(seed)
-    evidence, not_seen = association_evidence(weight, STARTS, detected, missed, gated(density), DETECTIONS)
+    _, weight, detected, density = random_case(seed)
+    evidence, not_seen = association_evidence(weight, STARTS, detected, gated(density), DETECTIONS)
     for m in range(len(SIZES)):
         own = range(STARTS[m], STARTS[m + 1])
-        assert not_seen[m] == pytest.approx(sum(weight[n] * (1.0 - missed[n]) for n in own))
+        assert not_seen[m] == pytest.approx(sum(weight[n] * (1.0 - detected[n]) for n in own))
         for j in range(DETECTIONS):
             expected = sum(weight[n] * detected[n] * density[n, j] for n in own)
             assert evidence[m, j] == pytest.approx(expected, abs=1e-15)
@@ -52,22 +52,22 @@ def test_a_pairs_evidence_is_the_expected_likelihood_of_a_detection(seed: int) -
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_a_particles_factor_is_what_a_miss_and_each_offered_detection_say_for_it(seed: int) -> None:
-    rng, _, detected, missed, density = random_case(seed)
+    rng, _, detected, density = random_case(seed)
     message = rng.uniform(0.0, 5.0, (len(SIZES), DETECTIONS))
-    factor = particle_factors(detected, missed, STARTS, gated(density), message)
+    factor = particle_factors(detected, STARTS, gated(density), message)
     for m in range(len(SIZES)):
         for n in range(STARTS[m], STARTS[m + 1]):
             seen = sum(message[m, j] * density[n, j] for j in range(DETECTIONS))
-            assert factor[n] == pytest.approx(1.0 - missed[n] + detected[n] * seen)
+            assert factor[n] == pytest.approx(1.0 - detected[n] + detected[n] * seen)
 
 
 def test_without_detections_only_the_miss_counts() -> None:
-    _, weight, detected, missed, density = random_case(0)
+    _, weight, detected, density = random_case(0)
     nothing = gated(np.zeros_like(density))
-    evidence, _ = association_evidence(weight, STARTS, detected, missed, nothing, 0)
+    evidence, _ = association_evidence(weight, STARTS, detected, nothing, 0)
     assert evidence.shape == (len(SIZES), 0)
-    factor = particle_factors(detected, missed, STARTS, nothing, np.zeros((len(SIZES), 0)))
-    assert factor == pytest.approx(1.0 - missed)
+    factor = particle_factors(detected, STARTS, nothing, np.zeros((len(SIZES), 0)))
+    assert factor == pytest.approx(1.0 - detected)
 
 
 @pytest.mark.parametrize("offset", [0.0, -900.0, 700.0])

@@ -29,7 +29,7 @@ def likelihoods_of(mixture: Mixture, detections: Detections, gate_std: float) ->
 
 
 def test_a_likelihood_is_a_normal_density_in_place_and_where_it_is_measured_in_speed() -> None:
-    states = [spread_around(30.0, 5.0, 50, 1), spread_around(33.0, 9.0, 20, 2)]
+    states = [spread_around(30.0, 5.0, 300, 1), spread_around(33.0, 9.0, 200, 2)]
     detections = replace(
         detections_at([(31.0, 5.5), (29.0, 8.0)], std_lon_m=0.7, std_lat_m=0.5),
         speed_mps=np.array([np.nan, 17.0]),

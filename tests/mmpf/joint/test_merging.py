@@ -11,14 +11,15 @@ from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
-from mmpf.joint_options import JointIdentity, JointOptions
+from mmpf.joint_options import JointIdentity, JointMerging, JointOptions
 from mmpf.options import FilterOptions
-from mmpf.state import LAT, LON
+from mmpf.state import LAT, LON, SPEED
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import situation_with
 
 PARTICLES = 200
 ELDER, YOUNGER = 3, 8
+OPTIONS = JointMerging(lon_m=2.5, lat_m=1.4, scans=3)
 
 
 def elder_and_younger(
@@ -44,9 +45,7 @@ def elder_and_younger(
 def merged_after(mixture: Mixture, scans: int) -> Mixture:
     for _ in range(scans):
         alive = np.ones(len(mixture), dtype=bool)
-        mixture, keep = merge_lasting_overlaps(
-            mixture, component_moments(mixture), alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25
-        )
+        mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, hidden_after_s=0.25)
         mixture = mixture.keep(keep)
     return mixture
 
@@ -83,9 +82,7 @@ def test_one_that_is_about_to_be_removed_merges_with_nobody() -> None:
     mixture = elder_and_younger(1.0, (True, False), (0.0, 0.0))
     for _ in range(5):
         alive = np.array([True, False])
-        mixture, keep = merge_lasting_overlaps(
-            mixture, component_moments(mixture), alive, lon_m=2.5, lat_m=1.0, scans=3, hidden_after_s=0.25
-        )
+        mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, hidden_after_s=0.25)
         assert keep.tolist() == [True, False]
 
 
@@ -133,3 +130,16 @@ def test_a_truck_takes_the_room_of_a_truck() -> None:
     mixture = elder_and_younger(6.0, (True, False), (0.0, 0.0))
     truck = replace(mixture, components=replace(mixture.components, length_m=np.array([18.0, 4.7])))
     assert confirmed_after_finetuning(truck) == [True, False]
+
+
+def test_a_stray_that_hardly_exists_takes_no_tracks_name() -> None:
+    mixture = elder_and_younger(1.0, (False, True), (0.0, 0.0))
+    stray = replace(mixture, components=replace(mixture.components, existence=np.array([0.1, 0.9])))
+    assert merged_after(stray, 10).components.track_id.tolist() == [ELDER, YOUNGER]
+
+
+@pytest.mark.parametrize(("faster_mps", "left"), [(3.5, 1), (4.5, 2)])
+def test_two_that_pass_each_other_stay_two(faster_mps: float, left: int) -> None:
+    mixture = elder_and_younger(1.0, (True, False), (0.0, 0.0))
+    mixture.cloud.state[SPEED, PARTICLES:] += faster_mps
+    assert len(merged_after(mixture, 5)) == left

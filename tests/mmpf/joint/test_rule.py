@@ -57,11 +57,10 @@ def updated(
     rule: JointUpdate,
     prior: Mixture,
     detected: FloatArray,
-    missed: FloatArray,
     detections: list[Place],
     dt_s: float = 0.1,
 ) -> Updated:
-    occlusion = Occlusion(detected, missed)
+    occlusion = Occlusion(detected, np.zeros(len(prior)))
     situation = replace(situation_with(detections), dt_s=dt_s)
     return rule.measurement_update(prior, component_moments(prior), occlusion, situation, np.random.default_rng(0))
 
@@ -76,7 +75,7 @@ def uneven(low: float, high: float, components: int = 1) -> FloatArray:
 def test_a_missed_component_exists_as_probably_as_the_two_hypotheses_say(existence: float, detected: float) -> None:
     prior = belief_of([cloud_at(PLACE)], existence=[existence])
     every = np.full(PARTICLES, detected)
-    after = updated(rule_with(existence=IMMORTAL, association=ALONE), prior, every, every, [])
+    after = updated(rule_with(existence=IMMORTAL, association=ALONE), prior, every, [])
     expected = existence * (1.0 - detected) / (1.0 - existence * detected)
     assert after.mixture.components.existence == pytest.approx([expected])
     assert after.was_hit.tolist() == [False]
@@ -87,16 +86,15 @@ def test_a_missed_component_exists_as_probably_as_the_two_hypotheses_say(existen
 def test_one_detection_raises_existence_as_much_as_its_three_explanations_say(away_m: float, existence: float) -> None:
     """The detection is the component's, clutter, or a newborn vehicle; its probability differs between particles."""
     state, place = cloud_at(PLACE), (PLACE[0] + away_m, PLACE[1])
-    detected, missed = uneven(0.2, 0.9), uneven(0.1, 0.6)
+    detected = uneven(0.2, 0.9)
     after = updated(
         rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0}),
         belief_of([state], existence=[existence]),
         detected,
-        missed,
         [place],
     )
     its_own = existence * float((detected * likelihood(state, place)).mean()) / CLUTTER_DENSITY
-    exists_unseen = existence * float((1.0 - missed).mean()) * (1.0 + BIRTH)
+    exists_unseen = existence * float((1.0 - detected).mean()) * (1.0 + BIRTH)
     exists_not = (1.0 - existence) * (1.0 + BIRTH)
     total = its_own + exists_unseen + exists_not
     assert after.mixture.components.existence == pytest.approx([min((its_own + exists_unseen) / total, 0.99)])
@@ -108,12 +106,11 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
     places = [PLACE, (PLACE[0] + 1.5, PLACE[1])]
     detections = [(PLACE[0] + 1.6, PLACE[1]), (PLACE[0] - 2.4, PLACE[1])]
     states = [cloud_at(place, seed) for seed, place in enumerate(places)]
-    detected, missed, existence = np.full(2 * PARTICLES, 0.8), np.full(2 * PARTICLES, 0.5), np.array([0.5, 0.4])
+    detected, existence = np.full(2 * PARTICLES, 0.8), np.array([0.5, 0.4])
     after = updated(
         rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0}),
         belief_of(states, existence=existence.tolist()),
         detected,
-        missed,
         detections,
     )
     mass, exists = 0.0, np.zeros(2)
@@ -126,7 +123,7 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
             if word == "nothing":
                 weight *= 1.0 - existence[m]
             elif word == "unseen":
-                weight *= existence[m] * 0.5
+                weight *= existence[m] * 0.2
             else:
                 density = likelihood(states[m], detections[word]).mean()
                 weight *= existence[m] * 0.8 * density / CLUTTER_DENSITY
@@ -137,14 +134,14 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
 
 def test_no_detection_however_clear_makes_a_component_certain() -> None:
     prior = belief_of([cloud_at(PLACE)], existence=[0.99])
-    after = updated(rule_with(), prior, np.full(PARTICLES, 0.95), np.full(PARTICLES, 0.6), [PLACE])
+    after = updated(rule_with(), prior, np.full(PARTICLES, 0.95), [PLACE])
     assert after.mixture.components.existence == pytest.approx([0.99], abs=1e-12)
 
 
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])
 def test_the_chance_to_have_left_grows_with_the_time_between_scans(dt_s: float) -> None:
     prior, nothing = belief_of([cloud_at(PLACE)], existence=[0.8]), np.zeros(PARTICLES)
-    after = updated(rule_with(existence={"death_rate_per_s": 1.05}), prior, nothing, nothing, [], dt_s)
+    after = updated(rule_with(existence={"death_rate_per_s": 1.05}), prior, nothing, [], dt_s)
     assert after.mixture.components.existence == pytest.approx([0.8 * np.exp(-1.05 * dt_s)])
 
 
@@ -153,7 +150,7 @@ def test_what_a_hidden_particle_loses_beside_a_seen_vehicle_grows_with_the_time_
     hidden = np.concatenate([spot(*PLACE, particles=10), spot(90.0, lane_centre(4), particles=20)], axis=1)
     prior = belief_of([hidden, spot(*PLACE, particles=10)], confirmed=[True, True], unseen_s=[2.0, 0.0])
     nothing = np.zeros(40)
-    after = updated(rule_with(association={"exclusion_per_s": 9.0}), prior, nothing, nothing, [], dt_s).mixture.cloud
+    after = updated(rule_with(association={"exclusion_per_s": 9.0}), prior, nothing, [], dt_s).mixture.cloud
     lost = np.exp(-9.0 * dt_s)
     assert after.log_raw_weight - prior.cloud.log_raw_weight == pytest.approx(
         np.log([lost] * 10 + [1.0] * 20 + [1.0] * 10), abs=1e-9
@@ -167,18 +164,18 @@ def test_what_a_hidden_particle_loses_beside_a_seen_vehicle_grows_with_the_time_
 def test_particles_are_weighed_by_the_miss_and_by_what_the_detection_says_for_them(exclusive: bool) -> None:
     state, place = cloud_at(PLACE), (PLACE[0] + 0.8, PLACE[1])
     weight = np.random.default_rng(5).dirichlet(np.ones(PARTICLES))
-    detected, missed = uneven(0.2, 0.9), uneven(0.1, 0.6)
+    detected = uneven(0.2, 0.9)
     rule = rule_with(association=ALONE | {"gate_std": 50.0, "exclusive": exclusive})
-    after = updated(rule, belief_of([state], [weight]), detected, missed, [place]).mixture.cloud
+    after = updated(rule, belief_of([state], [weight]), detected, [place]).mixture.cloud
     offered = likelihood(state, place) / CLUTTER_DENSITY / (1.0 + BIRTH)
-    expected = weight * (1.0 - missed + detected * offered)
+    expected = weight * (1.0 - detected + detected * offered)
     assert np.exp(after.log_weight) == pytest.approx(expected / expected.sum())
 
 
 def test_hits_are_counted_and_the_time_unseen_starts_anew_with_each() -> None:
     prior = belief_of([cloud_at(PLACE), cloud_at((-30.0, 5.0))], hits=[4, 5], unseen_s=[0.7, 0.7])
     every = np.full(2 * PARTICLES, 0.5)
-    components = updated(rule_with(), prior, every, every, [PLACE]).mixture.components
+    components = updated(rule_with(), prior, every, [PLACE]).mixture.components
     assert components.hits.tolist() == [5, 5]
     assert components.unseen_s == pytest.approx([0.0, 0.8])
 
@@ -191,7 +188,7 @@ def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_i
     situation = replace(situation, scan=replace(situation.scan, detections=detections))
     every = np.full(PARTICLES, 0.5)
     after = rule_with().measurement_update(
-        prior, component_moments(prior), Occlusion(every, every), situation, np.random.default_rng(0)
+        prior, component_moments(prior), Occlusion(every, np.zeros(1)), situation, np.random.default_rng(0)
     )
     known = prior.components
     expected = np.average([known.length_m[0], 5.0], weights=[known.std_length_m[0] ** -2, 1.0])
@@ -200,20 +197,19 @@ def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_i
 
 def test_without_shadows_every_particle_has_the_fixed_probability() -> None:
     prior = belief_of([cloud_at(PLACE), cloud_at((60.0, PLACE[1]))])
-    rule = rule_with(detectability={"shadow": False, "fixed_probability": 0.7, "missed_cap": 0.6})
+    rule = rule_with(detectability={"shadow": False, "fixed_probability": 0.7, "run_share": 0.0})
     occlusion = rule.assert_occlusion(prior, component_moments(prior), situation_with([]))
     assert occlusion.detection_probability == pytest.approx(np.full(2 * PARTICLES, 0.7))
-    assert occlusion.missed_probability == pytest.approx(np.full(2 * PARTICLES, 0.6))
+    assert occlusion.run_probability == pytest.approx([0.0, 0.0])
 
 
 @pytest.mark.parametrize(("existence", "hidden"), [(0.9, True), (0.1, False)])
 def test_only_what_probably_exists_hides_what_stands_behind_it(existence: float, hidden: bool) -> None:
     behind = belief_of([spot(15.0, lane_centre(2)), spot(40.0, lane_centre(2))], existence=[existence, 0.9])
-    occlusion = rule_with().assert_occlusion(behind, component_moments(behind), situation_with([]))
+    rule = rule_with(detectability={"run_share": 0.0})
+    occlusion = rule.assert_occlusion(behind, component_moments(behind), situation_with([]))
     assert occlusion.detection_probability[:10] == pytest.approx(np.full(10, 0.95))
-    assert occlusion.missed_probability[:10] == pytest.approx(np.full(10, 0.6))
     assert occlusion.detection_probability[10:] == pytest.approx(np.full(10, 0.02 if hidden else 0.95))
-    assert occlusion.missed_probability[10:] == pytest.approx(np.full(10, 0.0 if hidden else 0.6))
 
 
 def changed(mixture: Mixture, situation: Situation, claims: list[float], **groups: dict[str, object]) -> Mixture:
@@ -317,7 +313,7 @@ def test_a_component_whose_particles_disagree_is_resampled_and_the_others_are_le
     states = [cloud_at(PLACE), cloud_at((-30.0, 5.0), 1)]
     prior = belief_of(states, [lopsided, np.full(PARTICLES, 1.0 / PARTICLES)])
     nothing = np.zeros(2 * PARTICLES)
-    after = updated(rule_with(resampling={"effective_share": 0.3}), prior, nothing, nothing, [])
+    after = updated(rule_with(resampling={"effective_share": 0.3}), prior, nothing, [])
     assert np.exp(after.mixture.cloud.log_weight) == pytest.approx(np.full(2 * PARTICLES, 1.0 / PARTICLES))
     assert after.mixture.cloud.state[LON, :PARTICLES] == pytest.approx(np.full(PARTICLES, states[0][LON, 0]), abs=0.1)
     assert (after.mixture.cloud.state[:, PARTICLES:] == states[1]).all()
@@ -329,7 +325,7 @@ def test_the_entropy_of_the_association_is_that_of_the_hypotheses_of_each_compon
     state, place = cloud_at(PLACE), (PLACE[0] + 2.2, PLACE[1])
     every = np.full(PARTICLES, 0.5)
     rule = rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0})
-    after = updated(rule, belief_of([state], existence=[0.5]), every, every, [place])
+    after = updated(rule, belief_of([state], existence=[0.5]), every, [place])
     its_own = 0.5 * 0.5 * likelihood(state, place).mean() / CLUTTER_DENSITY
     other = (0.5 + 0.5 * 0.5) * (1.0 + BIRTH)
     share = np.array([its_own, other]) / (its_own + other)

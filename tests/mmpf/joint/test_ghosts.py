@@ -1,0 +1,163 @@
+"""Vehicle or false object: what place of birth, regularity, speed and overlap say, each in the smallest scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmpf.cloud.birth import Traffic
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments, component_moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.ghosts import (
+    LARGEST_LOG_ODDS,
+    Sightings,
+    first_log_odds,
+    log_odds_at_birth,
+    overlap_log_odds,
+    regularity_log_odds,
+    speed_log_odds,
+    with_log_odds,
+)
+from mmpf.joint_options import JointGhosts
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
+from mmpf.state import SPEED
+from tests.mmpf.scenes import belief_of, lane_centre, spot
+from tests.mmpf.test_update_rules import situation_with
+
+OPTIONS, SENSOR = JointGhosts(), SensorModel()
+DT_S = 0.1
+LANE = lane_centre(2)
+IN_VIEW, OUT_OF_VIEW = (np.log(p / (1.0 - p)) for p in (OPTIONS.vehicle_in_view, OPTIONS.vehicle_out_of_view))
+FLOW = Traffic(np.array([0.0, 30.0, 60.0]), np.array([20.0, 20.0, 20.0]))
+
+
+def born_at(places: list[tuple[float, float]], mixture: Mixture) -> FloatArray:
+    return log_odds_at_birth(
+        np.arange(len(places)), mixture, component_moments(mixture), situation_with(places), FilterOptions()
+    )
+
+
+def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
+    mean, variance = np.zeros((6, len(speeds_mps))), np.full((6, len(speeds_mps)), std_mps**2)
+    mean[SPEED] = speeds_mps
+    return Moments(mean, variance)
+
+
+def sighted(hit: float, detected: float = 0.95, run: float = 0.0, unseen_s: float = 0.0) -> float:
+    sightings = Sightings(np.array([hit]), np.array([1.0 - (1.0 - run) * detected]), np.array([run]))
+    return float(regularity_log_odds(sightings, np.array([unseen_s]), SENSOR, OPTIONS, DT_S)[0])
+
+
+def test_what_appears_in_plain_view_is_hardly_a_vehicle_and_what_leaves_a_shadow_or_comes_into_range_is_one() -> None:
+    front = belief_of([spot(15.0, LANE)], confirmed=[True])
+    found = born_at([(40.0, lane_centre(0)), (40.0, LANE), (99.0, lane_centre(0))], front)
+    assert found == pytest.approx([IN_VIEW, OUT_OF_VIEW, OUT_OF_VIEW])
+
+
+@pytest.mark.parametrize("column", [{"confirmed": [False]}, {"confirmed": [True], "vehicle_log_odds": [-1.0]}])
+def test_what_is_not_known_for_a_vehicle_explains_no_appearance(column: dict[str, list[float]]) -> None:
+    assert born_at([(40.0, LANE)], belief_of([spot(15.0, LANE)], **column)) == pytest.approx([IN_VIEW])
+
+
+def test_towards_the_ranges_edge_vehicles_appear_ever_more_probably() -> None:
+    places = [(lon, lane_centre(2)) for lon in np.linspace(80.0, 99.5, 40)]
+    found = born_at(places, belief_of([]))
+    assert (np.diff(found) >= 0.0).all()
+    assert found[[0, -1]] == pytest.approx([IN_VIEW, OUT_OF_VIEW])
+
+
+def test_of_the_first_scan_nothing_is_known_beforehand() -> None:
+    assert first_log_odds(2, OPTIONS) == pytest.approx([OUT_OF_VIEW] * 2)
+
+
+def test_one_that_stands_among_flowing_traffic_is_no_vehicle_and_one_that_flows_may_be() -> None:
+    standing, flowing = speed_log_odds(moving([0.0, 20.0]), FLOW, OPTIONS, 40.0)
+    assert standing < -4.0
+    assert flowing == pytest.approx(-np.log(1.0 - OPTIONS.standing_share), abs=1e-3)
+
+
+def test_where_all_stand_standing_says_little() -> None:
+    jam = replace(FLOW, speed_mps=np.zeros(3))
+    assert -1.5 < speed_log_odds(moving([0.0]), jam, OPTIONS, 40.0)[0] < 0.0
+
+
+@given(st.floats(0.0, 40.0), st.floats(0.1, 8.0))
+def test_a_speed_never_says_more_for_a_vehicle_than_that_it_is_none_of_those_that_stand(
+    speed_mps: float, std_mps: float
+) -> None:
+    found = speed_log_odds(moving([speed_mps], std_mps), FLOW, OPTIONS, 40.0)[0]
+    assert found <= -np.log(1.0 - OPTIONS.standing_share) + 1e-9
+
+
+def test_a_scan_in_plain_view_weighs_as_the_two_kinds_detection_probabilities_do() -> None:
+    lasts = DT_S / OPTIONS.life_s
+    assert sighted(1.0) == pytest.approx(np.log(0.95 / OPTIONS.seen_probability) + lasts)
+    assert sighted(0.0) == pytest.approx(np.log(0.05 / (1.0 - OPTIONS.seen_probability)))
+    assert sighted(0.3) == pytest.approx(0.3 * sighted(1.0) + 0.7 * sighted(0.0))
+
+
+@given(st.floats(0.65, 1.0))
+def test_detected_as_often_as_a_vehicle_it_becomes_one(detected: float) -> None:
+    sensor = replace(SENSOR, detection_probability=detected)
+    each = Sightings(np.array([1.0, 0.0]), np.full(2, 1.0 - detected), np.zeros(2))
+    seen, missed = regularity_log_odds(each, np.zeros(2), sensor, OPTIONS, DT_S)
+    assert detected * seen + (1.0 - detected) * missed >= 0.0
+
+
+def test_detected_as_often_as_a_false_object_it_becomes_one() -> None:
+    seen = OPTIONS.seen_probability
+    assert seen * sighted(1.0) + (1.0 - seen) * sighted(0.0) < 0.0
+
+
+def test_a_miss_in_a_shadow_or_in_a_run_says_nothing() -> None:
+    assert sighted(0.0, detected=0.02) == 0.0
+    assert sighted(0.0, run=0.9) == 0.0
+
+
+def test_who_returns_in_plain_view_after_a_run_of_misses_is_the_more_a_vehicle_the_longer_it_was() -> None:
+    gained = np.array([sighted(1.0, unseen_s=scans * DT_S) for scans in range(12)])
+    assert (np.diff(gained) >= -1e-9).all()
+    most = OPTIONS.gap_credit * OPTIONS.largest_gap_scans * -np.log(1.0 - OPTIONS.seen_probability)
+    assert gained[-1] - gained[0] == pytest.approx(most)
+    in_shadow = [sighted(1.0, detected=0.02, unseen_s=unseen_s) for unseen_s in (0.0, 1.0)]
+    assert in_shadow[1] - in_shadow[0] < 0.01, "in a shadow a vehicle is missed anyway"
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 0.95), st.floats(0.0, 0.7))
+def test_the_more_certain_a_detection_the_more_a_vehicle_if_it_is_in_plain_view(
+    less: float, more: float, run: float, unseen_s: float
+) -> None:
+    low, high = sorted([less, more])
+    assert sighted(high, run=0.2 * run, unseen_s=unseen_s) >= sighted(low, run=0.2 * run, unseen_s=unseen_s) - 1e-9
+
+
+def test_of_two_seen_sources_in_one_place_the_one_that_is_less_of_a_vehicle_loses() -> None:
+    mixture = belief_of([spot(30.0, LANE), spot(31.0, LANE), spot(60.0, LANE)], vehicle_log_odds=[4.0, 1.0, 0.0])
+    moments = component_moments(mixture)
+    seen = np.ones(3, dtype=np.bool_)
+    for dt_s in (0.1, 0.3):
+        found = overlap_log_odds(mixture.components, moments, seen, OPTIONS, dt_s)
+        assert found == pytest.approx([0.0, -OPTIONS.overlap_per_s * dt_s, 0.0])
+    hidden = np.array([False, True, True])
+    assert (overlap_log_odds(mixture.components, moments, hidden, OPTIONS, DT_S) == 0.0).all()
+
+
+@given(st.floats(-20.0, 20.0), st.floats(0.0, 1.0))
+def test_no_source_is_ever_so_certain_that_nothing_could_change_it(odds: float, hit: float) -> None:
+    mixture = belief_of([spot(30.0, LANE)], source_log_odds=[odds])
+    sightings = Sightings(np.array([hit]), np.array([0.05]), np.zeros(1))
+    after = with_log_odds(
+        mixture.components,
+        mixture.components,
+        component_moments(mixture),
+        sightings,
+        situation_with([]),
+        FilterOptions(),
+    )
+    assert abs(after.source_log_odds[0]) <= LARGEST_LOG_ODDS

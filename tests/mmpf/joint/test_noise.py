@@ -1,0 +1,77 @@
+"""The noise of each component's detections is what its innovations say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mmpf.cloud.mixture import Components, Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.joint.noise import FACTOR_BOUNDS, common_factor, with_innovations
+from mmpf.joint_options import JointNoise
+from mmpf.update import Situation
+from tests.mmpf.scenes import belief_of, detections_at, spot
+from tests.mmpf.test_update_rules import situation_with
+
+OPTIONS = JointNoise()
+STD_LON_M, STD_LAT_M = 0.3, 0.2
+
+
+def situation_off_by(lon: float, lat: float, share: float = 0.0) -> Situation:
+    """One detection of a vehicle at (30, 5), off by so many of its reported deviations."""
+    situation = situation_with([])
+    detections = detections_at([(30.0 + lon * STD_LON_M, 5.0 + lat * STD_LAT_M)], STD_LON_M, STD_LAT_M)
+    sensor = replace(situation.sensor, noise_correlated_share=share)
+    return replace(situation, scan=replace(situation.scan, detections=detections), sensor=sensor)
+
+
+def one_vehicle() -> Mixture:
+    return belief_of([spot(30.0, 5.0)])
+
+
+def learned(innovations: list[tuple[float, float]], share: float = 0.0) -> Components:
+    mixture = one_vehicle()
+    components, moments, first = mixture.components, component_moments(mixture), np.array([0])
+    for lon, lat in innovations:
+        components = with_innovations(components, moments, first, first, situation_off_by(lon, lat, share), OPTIONS)
+    return components
+
+
+@pytest.mark.parametrize("times", [0.5, 1.0, 1.5, 2.5])
+def test_innovations_so_many_times_too_large_drive_the_factor_there(times: float) -> None:
+    components = learned([(times, -times)] * 300)
+    assert components.noise_factor == pytest.approx([times], rel=0.01)
+    assert components.noise_lon_m == pytest.approx([times * STD_LON_M], rel=0.05)
+    assert components.noise_lat_m == pytest.approx([times * STD_LAT_M], rel=0.05)
+
+
+@pytest.mark.parametrize(("times", "bound"), [(0.0, 0), (50.0, 1)])
+def test_the_factor_stays_within_its_bounds(times: float, bound: int) -> None:
+    assert learned([(times, times)] * 300).noise_factor == pytest.approx([FACTOR_BOUNDS[bound]])
+
+
+def test_a_sensor_as_noisy_as_it_says_is_believed() -> None:
+    draws = np.random.default_rng(0).standard_normal((400, 2))
+    factors = [learned([tuple(draw) for draw in draws[begin : begin + 100]]).noise_factor for begin in (0, 100, 200)]
+    assert np.mean(factors) == pytest.approx(1.0, abs=0.15)
+
+
+def test_of_noise_that_drifts_innovations_show_only_what_the_filter_does_not_follow() -> None:
+    shown = np.sqrt(1.0 - OPTIONS.followed_drift * 0.5)
+    assert learned([(shown, shown)] * 300, share=0.5).noise_factor == pytest.approx([1.0], rel=0.01)
+
+
+def test_one_that_was_not_detected_learns_nothing() -> None:
+    mixture, nobody = one_vehicle(), np.zeros(0, dtype=np.int64)
+    after = with_innovations(
+        mixture.components, component_moments(mixture), nobody, nobody, situation_off_by(0, 0), OPTIONS
+    )
+    assert (after.noise_factor.tolist(), after.noise_lon_m.tolist()) == ([1.0], [0.0])
+
+
+def test_a_new_component_begins_with_what_the_confirmed_ones_have_learned() -> None:
+    columns = {"noise_factor": [1.0, 2.0, 3.0], "confirmed": [True, True, False]}
+    assert common_factor(belief_of([spot(0.0, 5.0)] * 3, **columns).components) == pytest.approx(np.sqrt(2.5))
+    assert common_factor(belief_of([]).components) == 1.0
