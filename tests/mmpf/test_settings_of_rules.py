@@ -33,7 +33,8 @@ def test_a_rule_reads_its_own_settings_and_none_of_the_others(update: str) -> No
 
 @pytest.mark.parametrize("update", RULES)
 def test_when_a_component_counts_as_hidden_is_one_setting_for_both_rules(update: str) -> None:
-    soon, late = (tracks_of({"update": update, "reporting": {"hidden_after_s": s}}) for s in (0.25, 5.0))
+    gated: dict[str, object] = {"update": update, "max_likelihood": {"association": {"gate_std": 3.0}}}
+    soon, late = (tracks_of(gated | {"reporting": {"hidden_after_s": s}}) for s in (0.25, 5.0))
     assert any((tracks.state == HIDDEN).any() for tracks in soon)
     assert not any((tracks.state == HIDDEN).any() for tracks in late)
 

@@ -62,10 +62,11 @@ def test_a_car_behind_another_keeps_its_track_and_name_while_it_is_hidden() -> N
     assert after.state[after.track_id == name].tolist() == [CONFIRMED]
 
 
-def test_a_car_that_vanishes_in_plain_view_dies_soon() -> None:
+def test_a_car_that_vanishes_in_plain_view_is_soon_doubted_and_dies_in_the_end() -> None:
     tracker = tracker_with()
     drive(tracker, 20, [(20.0, lane_centre(2))])
-    assert len(drive(tracker, 15, [], first_step=20)) == 0
+    assert drive(tracker, 15, [], first_step=20).existence[0] < 0.25
+    assert len(drive(tracker, 25, [], first_step=35)) == 0
 
 
 def test_clutter_is_not_confirmed() -> None:

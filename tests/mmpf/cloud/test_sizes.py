@@ -16,7 +16,7 @@ from mmpf.motion.protocol import motion_models
 from mmpf.options import MEAN_CAR, FilterOptions
 from mmpf.scan import BodySizes, InvalidScanError, Scan, SensorModel, check_scan
 from mmpf.tracker import MixtureTracker
-from mmpf.tracks import HIDDEN
+from mmpf.tracks import HIDDEN, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 CAR, TRUCK = (4.7, 1.9), (18.0, 2.5)
@@ -97,8 +97,8 @@ def test_a_scan_without_detections_is_no_trouble_to_a_sensor_that_measures_sizes
     assert len(tracker.mixture) == 1
 
 
-def car_that_drives_into_the_shadow_of_a_truck(measures_sizes: bool) -> tuple[int, dict[int, int]]:
-    """Return the car's track at 17 m, where the truck begins to hide it, and the states of all tracks 2 s later.
+def car_that_drives_into_the_shadow_of_a_truck(measures_sizes: bool) -> tuple[int, Tracks]:
+    """Return the car's track at 17 m, where the truck begins to hide it, and all tracks 2 s later.
 
     Seen from the ego the truck spans 11 to 29 m in the next lane. The car passes in the lane beyond. A car in the
     truck's place would hide it from 28 m on only.
@@ -114,17 +114,20 @@ def car_that_drives_into_the_shadow_of_a_truck(measures_sizes: bool) -> tuple[in
         tracks = tracker.step(sized(scan, [TRUCK, CAR][: len(seen)]) if measures_sizes else scan)
         if len(seen) > 1:
             name = int(tracks.track_id[np.argmax(tracks.lat_m)])
-    return name, dict(zip(tracks.track_id.tolist(), tracks.state.tolist(), strict=True))
+    return name, tracks
 
 
 def test_a_car_behind_a_trucks_tail_is_known_to_be_hidden_and_not_lost() -> None:
-    name, states = car_that_drives_into_the_shadow_of_a_truck(measures_sizes=True)
-    assert states[name] == HIDDEN
+    name, tracks = car_that_drives_into_the_shadow_of_a_truck(measures_sizes=True)
+    assert tracks.state[tracks.track_id == name].tolist() == [HIDDEN]
 
 
-def test_the_same_car_is_lost_to_a_tracker_that_takes_the_truck_for_a_car() -> None:
-    name, states = car_that_drives_into_the_shadow_of_a_truck(measures_sizes=False)
-    assert name not in states
+def test_the_same_car_is_doubted_by_a_tracker_that_takes_the_truck_for_a_car() -> None:
+    existence = []
+    for measures_sizes in (True, False):
+        name, tracks = car_that_drives_into_the_shadow_of_a_truck(measures_sizes)
+        existence.append(float(tracks.existence[tracks.track_id == name].sum()))
+    assert existence[1] < 0.5 * existence[0]
 
 
 @pytest.mark.parametrize(
