@@ -76,6 +76,19 @@ class JointGhosts(Settings):
     """Probability that what appears at a shadow's or the range's edge, or in the first scan, is a vehicle."""
     edge_m: Positive = 8.0
     """Width of the range's edge."""
+    overlap_share: NotNegative = 0.6
+    """Two sources nearer than this share of a length and a width can't both be vehicles."""
+    overlap_per_s: NotNegative = 3.0
+    """Log odds that the lesser one of them loses a second."""
+    confirm_log_odds: float = 0.5
+    """Log odds of a vehicle above which a component may be reported."""
+    withdraw_log_odds: float = -1.5
+    """Log odds below which it is no longer reported."""
+
+
+class JointFalseObjects(Settings):
+    """What false objects are like, and how they differ from vehicles."""
+
     seen_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.6
     """Probability that a false object in plain view is detected in a scan."""
     gap_credit: Probability = 0.5
@@ -94,14 +107,6 @@ class JointGhosts(Settings):
     """By this share a vehicle's detection probability is drawn towards that of plain view, since neither the shadows
     nor what they do to the sensor are exactly known.
     """
-    overlap_share: NotNegative = 0.6
-    """Two sources nearer than this share of a length and a width can't both be vehicles."""
-    overlap_per_s: NotNegative = 3.0
-    """Log odds that the lesser one of them loses a second."""
-    confirm_log_odds: float = 0.5
-    """Log odds of a vehicle above which a component may be reported."""
-    withdraw_log_odds: float = -1.5
-    """Log odds below which it is no longer reported."""
 
 
 class JointNoise(Settings):
@@ -190,6 +195,8 @@ class JointOptions(Settings):
     """Whether a component is a vehicle."""
     ghosts: JointGhosts = JointGhosts()
     """Whether it is a vehicle or a false object."""
+    false_objects: JointFalseObjects = JointFalseObjects()
+    """What false objects are like."""
     noise: JointNoise = JointNoise()
     """How noisy detections are."""
     removal: JointRemoval = JointRemoval()

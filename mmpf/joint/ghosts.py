@@ -16,7 +16,7 @@ from mmpf.cloud.birth import Traffic, local_speed
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.joint_options import JointGhosts
+from mmpf.joint_options import JointFalseObjects, JointGhosts
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON, SPEED
@@ -88,19 +88,19 @@ def with_log_odds(
         situation: The scan, the sensor's data sheet and the traffic around.
         options: The filter's settings.
     """
-    ghosts = options.joint.ghosts
+    ghosts, false_objects = options.joint.ghosts, options.joint.false_objects
     odds = before.source_log_odds + regularity_log_odds(
-        sightings, before.unseen_s, situation.sensor, ghosts, situation.dt_s
+        sightings, before.unseen_s, situation.sensor, false_objects, situation.dt_s
     )
     seen = before.unseen_s <= options.reporting.hidden_after_s
     odds += overlap_log_odds(before, moments, seen, ghosts, situation.dt_s)
     odds = np.clip(odds, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
-    by_speed = speed_log_odds(moments, situation.traffic, ghosts, options.birth.local_range_m)
+    by_speed = speed_log_odds(moments, situation.traffic, false_objects, options.birth.local_range_m)
     return replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
 
 
 def regularity_log_odds(
-    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointGhosts, dt_s: float
+    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointFalseObjects, dt_s: float
 ) -> FloatArray:
     """Return what a scan adds to the log odds: vehicles are detected more regularly, and they last, shape (m,).
 
@@ -123,7 +123,7 @@ def regularity_log_odds(
     return np.asarray(sightings.hit * seen + (1.0 - sightings.hit) * missed)
 
 
-def speed_log_odds(moments: Moments, traffic: Traffic, options: JointGhosts, range_m: float) -> FloatArray:
+def speed_log_odds(moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float) -> FloatArray:
     """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,)."""
     speed, variance = moments.mean[SPEED], moments.variance[SPEED]
     flow = local_speed(moments.mean[LON], traffic, range_m)

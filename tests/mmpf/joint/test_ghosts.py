@@ -23,14 +23,14 @@ from mmpf.joint.ghosts import (
     speed_log_odds,
     with_log_odds,
 )
-from mmpf.joint_options import JointGhosts
+from mmpf.joint_options import JointFalseObjects, JointGhosts
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.state import SPEED
 from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
-OPTIONS, SENSOR = JointGhosts(), SensorModel()
+OPTIONS, FALSE, SENSOR = JointGhosts(), JointFalseObjects(), SensorModel()
 DT_S = 0.1
 LANE = lane_centre(2)
 IN_VIEW, OUT_OF_VIEW = (np.log(p / (1.0 - p)) for p in (OPTIONS.vehicle_in_view, OPTIONS.vehicle_out_of_view))
@@ -51,7 +51,7 @@ def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
 
 def sighted(hit: float, detected: float = 0.95, run: float = 0.0, unseen_s: float = 0.0) -> float:
     sightings = Sightings(np.array([hit]), np.array([1.0 - (1.0 - run) * detected]), np.array([run]))
-    return float(regularity_log_odds(sightings, np.array([unseen_s]), SENSOR, OPTIONS, DT_S)[0])
+    return float(regularity_log_odds(sightings, np.array([unseen_s]), SENSOR, FALSE, DT_S)[0])
 
 
 def test_what_appears_in_plain_view_is_hardly_a_vehicle_and_what_leaves_a_shadow_or_comes_into_range_is_one() -> None:
@@ -77,28 +77,28 @@ def test_of_the_first_scan_nothing_is_known_beforehand() -> None:
 
 
 def test_one_that_stands_among_flowing_traffic_is_no_vehicle_and_one_that_flows_may_be() -> None:
-    standing, flowing = speed_log_odds(moving([0.0, 20.0]), FLOW, OPTIONS, 40.0)
+    standing, flowing = speed_log_odds(moving([0.0, 20.0]), FLOW, FALSE, 40.0)
     assert standing < -4.0
-    assert flowing == pytest.approx(-np.log(1.0 - OPTIONS.standing_share), abs=1e-3)
+    assert flowing == pytest.approx(-np.log(1.0 - FALSE.standing_share), abs=1e-3)
 
 
 def test_where_all_stand_standing_says_little() -> None:
     jam = replace(FLOW, speed_mps=np.zeros(3))
-    assert -1.5 < speed_log_odds(moving([0.0]), jam, OPTIONS, 40.0)[0] < 0.0
+    assert -1.5 < speed_log_odds(moving([0.0]), jam, FALSE, 40.0)[0] < 0.0
 
 
 @given(st.floats(0.0, 40.0), st.floats(0.1, 8.0))
 def test_a_speed_never_says_more_for_a_vehicle_than_that_it_is_none_of_those_that_stand(
     speed_mps: float, std_mps: float
 ) -> None:
-    found = speed_log_odds(moving([speed_mps], std_mps), FLOW, OPTIONS, 40.0)[0]
-    assert found <= -np.log(1.0 - OPTIONS.standing_share) + 1e-9
+    found = speed_log_odds(moving([speed_mps], std_mps), FLOW, FALSE, 40.0)[0]
+    assert found <= -np.log(1.0 - FALSE.standing_share) + 1e-9
 
 
 def test_a_scan_in_plain_view_weighs_as_the_two_kinds_detection_probabilities_do() -> None:
-    lasts = DT_S / OPTIONS.life_s
-    assert sighted(1.0) == pytest.approx(np.log(0.95 / OPTIONS.seen_probability) + lasts)
-    assert sighted(0.0) == pytest.approx(np.log(0.05 / (1.0 - OPTIONS.seen_probability)))
+    lasts = DT_S / FALSE.life_s
+    assert sighted(1.0) == pytest.approx(np.log(0.95 / FALSE.seen_probability) + lasts)
+    assert sighted(0.0) == pytest.approx(np.log(0.05 / (1.0 - FALSE.seen_probability)))
     assert sighted(0.3) == pytest.approx(0.3 * sighted(1.0) + 0.7 * sighted(0.0))
 
 
@@ -106,12 +106,12 @@ def test_a_scan_in_plain_view_weighs_as_the_two_kinds_detection_probabilities_do
 def test_detected_as_often_as_a_vehicle_it_becomes_one(detected: float) -> None:
     sensor = replace(SENSOR, detection_probability=detected)
     each = Sightings(np.array([1.0, 0.0]), np.full(2, 1.0 - detected), np.zeros(2))
-    seen, missed = regularity_log_odds(each, np.zeros(2), sensor, OPTIONS, DT_S)
+    seen, missed = regularity_log_odds(each, np.zeros(2), sensor, FALSE, DT_S)
     assert detected * seen + (1.0 - detected) * missed >= 0.0
 
 
 def test_detected_as_often_as_a_false_object_it_becomes_one() -> None:
-    seen = OPTIONS.seen_probability
+    seen = FALSE.seen_probability
     assert seen * sighted(1.0) + (1.0 - seen) * sighted(0.0) < 0.0
 
 
@@ -123,7 +123,7 @@ def test_a_miss_in_a_shadow_or_in_a_run_says_nothing() -> None:
 def test_who_returns_in_plain_view_after_a_run_of_misses_is_the_more_a_vehicle_the_longer_it_was() -> None:
     gained = np.array([sighted(1.0, unseen_s=scans * DT_S) for scans in range(12)])
     assert (np.diff(gained) >= -1e-9).all()
-    most = OPTIONS.gap_credit * OPTIONS.largest_gap_scans * -np.log(1.0 - OPTIONS.seen_probability)
+    most = FALSE.gap_credit * FALSE.largest_gap_scans * -np.log(1.0 - FALSE.seen_probability)
     assert gained[-1] - gained[0] == pytest.approx(most)
     in_shadow = [sighted(1.0, detected=0.02, unseen_s=unseen_s) for unseen_s in (0.0, 1.0)]
     assert in_shadow[1] - in_shadow[0] < 0.01, "in a shadow a vehicle is missed anyway"
