@@ -21,7 +21,7 @@ import pytest
 from harness import exitcodes
 
 ROOT = Path(__file__).parents[2]
-CASES, SEED = int(os.environ.get("HARNESS_FUZZ_CASES", "60")), int(os.environ.get("HARNESS_FUZZ_SEED", "1"))
+CASES, SEED = int(os.environ.get("HARNESS_FUZZ_CASES", "36")), int(os.environ.get("HARNESS_FUZZ_SEED", "1"))
 LONGEST_S = 60.0
 STARTING_S = 120.0
 
