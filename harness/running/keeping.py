@@ -66,7 +66,8 @@ class RunKeeper:
         with self._timed("score"):
             metrics = self._scorer.metrics()
             check_scored(metrics, self.recorder.steps)
-        with self._timed("write"):
+        # Half put together, a table would get its later stretches twice from ``leave``.
+        with self._timed("write"), signals_held():
             self._tables.close()
         return metrics
 

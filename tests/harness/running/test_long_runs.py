@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
+import signal
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -11,11 +13,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from harness.config.layers import resolve_run_config
-from harness.errors import RunError
+from harness.errors import RunError, RunInterruptedError
 from harness.report.figures import draw_figures
 from harness.report.finished import read_recorded_run
 from harness.report.page import write_run_page
 from harness.runfolder import folder as runfolder
+from harness.runfolder import growing
 from harness.runfolder.growing import GrowingTables, sampled_rows
 from harness.runfolder.tables import ColumnRecorder, write_table
 from harness.running import keeping
@@ -37,6 +40,14 @@ def run_on(out: Path, *, fail_at: int | None = None, draw: Drawing | None = None
 def short_stretches(monkeypatch) -> None:
     """Let every episode be a stretch of its own."""
     monkeypatch.setattr(keeping, "STRETCH_ROWS", 1)
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Let Ctrl-C be heard: shells start background jobs with it ignored, which the tests inherit."""
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, previous)
 
 
 def groups(path: Path) -> int:
@@ -75,6 +86,23 @@ def test_an_error_between_two_tables_writes_no_row_twice(tmp_path):
     tables.close()
     for name in ("one.parquet", "two.parquet"):
         assert pd.read_parquet(tmp_path / name)["step"].tolist() == [0, 1, 2, 3]
+
+
+def test_ctrl_c_while_stretches_are_put_together_leaves_every_row_once(tmp_path, short_stretches, ctrl_c, monkeypatch):
+    put_together = growing._put_together
+
+    def interrupted(parts: Sequence[Path], final: Path) -> None:
+        put_together(parts, final)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(growing, "_put_together", interrupted)
+    with pytest.raises(RunInterruptedError, match=f"after {STEPS} steps"):
+        run_on(tmp_path / "run")
+    folder = tmp_path / "run.incomplete"
+    truth = pd.read_parquet(folder / runfolder.TRUTH)
+    assert truth["step"].nunique() == STEPS
+    assert not truth.duplicated(["step", "vehicle_id"]).any()
+    assert not list(folder.glob("*.part"))
 
 
 def test_a_table_of_one_stretch_has_the_bytes_of_a_table_that_is_written_at_once(tmp_path):
