@@ -172,8 +172,10 @@ def test_an_end_from_outside_leaves_a_readable_folder_that_says_so(end, code, tm
         # Shells start background jobs with Ctrl-C ignored, nohup does so with SIGHUP, and a child inherits that.
         preexec_fn=lambda: signal.signal(end, signal.SIG_DFL),  # noqa: PLW1509
     )
-    deadline = time.monotonic() + 60.0
-    while not (tmp_path / "under-way").exists() and time.monotonic() < deadline:
+    deadline = time.monotonic() + 180.0
+    while not (tmp_path / "under-way").exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline, "the run is not under way yet"
         time.sleep(0.05)
     process.send_signal(end)
     _, err = process.communicate(timeout=60.0)
