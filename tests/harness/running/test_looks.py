@@ -44,7 +44,7 @@ def test_making_live_looks_takes_time_and_playing_kept_ones_none():
     track(looks_at(SteadyTraffic(steps=4)), EchoTracker, 0, times=live)
     track(looks_at(SteadyTraffic(steps=4)).kept(), EchoTracker, 0, times=kept)
     assert min(live.truth_s + live.sensor_s + live.tracker_s + kept.tracker_s) > 0.0
-    assert kept.truth_s == kept.sensor_s == [0.0] * 4
+    assert list(kept.truth_s) == list(kept.sensor_s) == [0.0] * 4
 
 
 @pytest.mark.parametrize(("steps", "fail_at", "error"), [(0, None, RunError), (5, 2, RuntimeError)])

@@ -50,7 +50,7 @@ def test_a_run_leaves_every_file(steady_traffic, tmp_path):
     assert "diagnostics.parquet" not in names, "the stand-in tracker tells nothing of its inside"
     assert json.loads((finished.folder / "metrics.json").read_text()) == finished.metrics
     assert json.loads((finished.folder / "manifest.json").read_text())["status"] == "complete"
-    assert resolve_run_config(finished.folder / "config.toml") == configured()
+    assert resolve_run_config(finished.folder / "config.toml", options={"tracker": ECHO}) == configured()
     assert steady_traffic.closed
 
 
@@ -111,7 +111,7 @@ def test_a_replay_refuses_other_traffic_or_another_sensor(steady_traffic, tmp_pa
 def test_a_replays_own_configuration_runs_again(steady_traffic, tmp_path):
     first = run_on(steady_traffic, configured(), tmp_path / "first").folder
     again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
-    third = run(resolve_run_config(again / "config.toml"), out=tmp_path / "third").folder
+    third = run(resolve_run_config(again / "config.toml", options={"tracker": ECHO}), out=tmp_path / "third").folder
     assert (third / "tracks.parquet").read_bytes() == (first / "tracks.parquet").read_bytes()
 
 

@@ -29,7 +29,7 @@ def configured(path, **options):
 def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(recording, tmp_path):
     config = configured(recording, ego="each", duration=4.0)
     first = run(config, out=tmp_path / "first").folder
-    again = run(resolve_run_config(first / runfolder.CONFIG), out=tmp_path / "again").folder
+    again = run(resolve_run_config(first / runfolder.CONFIG, options={"tracker": ECHO}), out=tmp_path / "again").folder
     assert config.traffic.net == "us101"
     for table in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS):
         assert (first / table).read_bytes() == (again / table).read_bytes()
@@ -38,7 +38,7 @@ def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(reco
 @pytest.mark.parametrize("write", [write_commonroad, write_highd])
 def test_a_recording_with_its_own_road_runs_again_from_its_configuration(write, tmp_path):
     first = run(configured(write(tmp_path / "scene"), duration=1.0), out=tmp_path / "first").folder
-    config = resolve_run_config(first / runfolder.CONFIG)
+    config = resolve_run_config(first / runfolder.CONFIG, options={"tracker": ECHO})
     assert config.traffic.net == "recording"
     again = run(config, out=tmp_path / "again").folder
     assert (first / runfolder.TRUTH).read_bytes() == (again / runfolder.TRUTH).read_bytes()
