@@ -117,7 +117,8 @@ def test_the_command_leaves_rows_with_the_agreed_keys(tmp_path, capsys):
     result = json.loads(capsys.readouterr().out)
     keys = {"tracker", "model", "vehicles", "particles", "ms_p50", "ms_p95", "peak_mb"}
     assert [row["vehicles"] for row in result["rows"]] == [5, 30]
-    assert all(keys <= set(row) and row["tracks"] == row["vehicles"] for row in result["rows"])
+    # The made scene detects vehicles behind others too, which the filter half takes for false objects (docs/method.md).
+    assert all(keys <= set(row) and 0 < row["tracks"] <= row["vehicles"] for row in result["rows"])
     assert [(row["components"], row["inputs"]) for row in result["gmm"]] == [(28, 5), (60, 14)]
     assert {"particles", "ms", "matrix_product_ms"} <= set(result["gmm"][0])
     assert (tmp_path / "bench" / "bench.png").is_file()
