@@ -38,6 +38,7 @@ VEHICLE_STYLES: dict[int, dict[str, Any]] = {
 VEHICLE_LABELS = {VISIBLE: "visible", PARTIAL: "partly hidden", HIDDEN: "hidden", OUT: "out of range"}
 # A two-dimensional normal distribution holds 95 % within this many standard deviations.
 ELLIPSE_SCALE = 2.4477
+UNCONFIRMED_ALPHA = 0.5
 MARGIN_M = 2.5
 
 
@@ -113,6 +114,7 @@ def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
         Line2D([], [], ls="none", marker="x", color="black", ms=6, mew=1.2, label="detection"),
         Line2D([], [], color=PURPLE, lw=1.4, label="track with its number, 95 % ellipse"),
         Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track that the tracker holds hidden"),
+        Line2D([], [], color=PURPLE, lw=1.4, alpha=UNCONFIRMED_ALPHA, label="not confirmed as a track"),
     ]
     if with_particles:
         entries.append(Line2D([], [], ls="none", marker="o", color=BLUE, ms=2.5, alpha=0.6, label="particles"))
@@ -216,7 +218,7 @@ def _draw_tracks(axes: Axes, tracks: Tracks, origin: float, window: tuple[float,
             edgecolor=PURPLE,
             linewidth=1.4,
             linestyle=(0, (3, 2)) if hidden else "solid",
-            alpha=0.5 if tracks.state[i] == TENTATIVE else 1.0,
+            alpha=UNCONFIRMED_ALPHA if tracks.state[i] == TENTATIVE else 1.0,
             zorder=8,
         )
         axes.add_patch(ellipse)

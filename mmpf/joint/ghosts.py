@@ -16,6 +16,7 @@ from mmpf.cloud.birth import Traffic, local_speed
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.joint.overlap import overlapping
 from mmpf.joint_options import JointFalseObjects, JointGhosts
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
@@ -57,6 +58,8 @@ def log_odds_at_birth(
         situation: The scan and the sensor's data sheet.
         options: The filter's settings.
     """
+    if len(chosen) == 0:
+        return np.zeros(0)
     ghosts, sensor, ego, vehicle = options.joint.ghosts, situation.sensor, situation.scan.ego, options.vehicle
     lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
     components, nobody = mixture.components, len(mixture)
@@ -137,10 +140,8 @@ def overlap_log_odds(
     components: Components, moments: Moments, is_seen: BoolArray, options: JointGhosts, dt_s: float
 ) -> FloatArray:
     """Return what two seen sources in one place say: the one that was less of a vehicle is none, shape (m,)."""
-    mean, odds = moments.mean, components.vehicle_log_odds
-    length, width = components.length_m, components.width_m
-    overlaps = np.abs(mean[LON][:, None] - mean[LON]) < options.overlap_share * 0.5 * (length[:, None] + length)
-    overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.overlap_share * 0.5 * (width[:, None] + width)
+    odds = components.vehicle_log_odds
+    overlaps = overlapping(components, moments, options.overlap_share)
     overlaps &= is_seen[:, None] & is_seen & (odds[:, None] < odds)
     return np.where(overlaps.any(axis=1), -options.overlap_per_s * dt_s, 0.0)
 

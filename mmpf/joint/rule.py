@@ -33,6 +33,7 @@ from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.missed_runs import run_after_scan, run_expected
 from mmpf.joint.noise import common_factor, with_innovations
+from mmpf.joint.overlap import overlapping
 from mmpf.joint_options import JointExistence
 from mmpf.options import FilterOptions
 from mmpf.scan import Detections, SensorModel
@@ -110,10 +111,11 @@ class JointUpdate:
         existence = (existence * not_seen + claimed) / (missed + claimed)
         existence = np.minimum(existence, self.options.joint.existence.largest)
 
-        was_hit = marginals.probability.sum(axis=1) > options.hit_probability
+        hit_probability = marginals.probability.sum(axis=1)
+        was_hit = hit_probability > options.hit_probability
         components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
         if self.options.joint.ghosts.weighed:
-            sightings = Sightings(marginals.probability.sum(axis=1), not_seen, occlusion.run_probability)
+            sightings = Sightings(hit_probability, not_seen, occlusion.run_probability)
             components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
         components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
@@ -228,12 +230,8 @@ class JointUpdate:
 
 def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
     """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
-    mean = moments.mean
     blocks = components.confirmed & (moments.std[LON] < options.known_place_std_lon_m)
-    length, width = components.length_m, components.width_m
-    overlaps = np.abs(mean[LON][:, None] - mean[LON]) < options.same_place_share * 0.5 * (length[:, None] + length)
-    overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < options.same_place_share * 0.5 * (width[:, None] + width)
-    np.fill_diagonal(overlaps, val=False)
+    overlaps = overlapping(components, moments, options.same_place_share)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 
 
