@@ -74,6 +74,10 @@ class Road:
         return self.reference_start_m + np.concatenate([[0.0], np.cumsum(lengths)])
 
     @cached_property
+    def _segment_lengths(self) -> FloatArray:
+        return np.diff(self._vertex_lon)
+
+    @cached_property
     def _mitres(self) -> tuple[FloatArray, FloatArray]:
         """How far each segment's start and end shift along it per metre to the left, so that parallels join up."""
         half_turn = np.tan(0.5 * np.diff(self._segment_headings))
@@ -101,7 +105,7 @@ class Road:
         heading = self._segment_headings[segment]
         along = lon_m - self._vertex_lon[segment]
         start, end = self._mitres
-        share = np.clip(along / np.diff(self._vertex_lon)[segment], 0.0, 1.0)
+        share = np.clip(along / self._segment_lengths[segment], 0.0, 1.0)
         along = along + lat_m * (start[segment] + (end - start)[segment] * share)
         origin = self._vertices[segment]
         x = origin[..., 0] + along * np.cos(heading) - lat_m * np.sin(heading)
@@ -119,7 +123,7 @@ class Road:
         along = offset_x * cosine + offset_y * sine
         across = -offset_x * sine + offset_y * cosine
         start, end = self._mitres
-        lower, upper = across * start, np.diff(self._vertex_lon) + across * end
+        lower, upper = across * start, self._segment_lengths + across * end
         share = np.clip((along - lower) / np.maximum(upper - lower, 1e-9), 0.0, 1.0)
         lower[:, 0], upper[:, -1] = -np.inf, np.inf
         overshoot = np.abs(along - np.clip(along, lower, np.maximum(lower, upper)))

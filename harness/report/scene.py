@@ -112,9 +112,9 @@ def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
         Patch(facecolor=SHADOW, label="shadow, from detections"),
         Patch(facecolor=OUT_OF_SIGHT, label="beyond the sensor"),
         Line2D([], [], ls="none", marker="x", color="black", ms=6, mew=1.2, label="detection"),
-        Line2D([], [], color=PURPLE, lw=1.4, label="track with its number, 95 % ellipse"),
-        Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track that the tracker holds hidden"),
-        Line2D([], [], color=PURPLE, lw=1.4, alpha=UNCONFIRMED_ALPHA, label="not confirmed as a track"),
+        Line2D([], [], color=PURPLE, lw=1.4, label="track, 95 % ellipse"),
+        Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track held as hidden"),
+        Line2D([], [], color=PURPLE, lw=1.4, alpha=UNCONFIRMED_ALPHA, label="unconfirmed track"),
     ]
     if with_particles:
         entries.append(Line2D([], [], ls="none", marker="o", color=BLUE, ms=2.5, alpha=0.6, label="particles"))
