@@ -87,14 +87,10 @@ class JointGhosts(Settings):
 
 
 class JointFalseObjects(Settings):
-    """What false objects are like, and how they differ from vehicles."""
+    """What false objects are like."""
 
     seen_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.6
     """Probability that a false object in plain view is detected in a scan."""
-    gap_credit: Probability = 0.5
-    """Share of the log odds of a false object's misses that a vehicle gets back when it is seen again."""
-    largest_gap_scans: NotNegative = 6.0
-    """So many of its misses count at most."""
     life_s: Positive = 3.0
     """Mean life of a false object."""
     standing_share: Probability = 0.7
@@ -103,10 +99,23 @@ class JointFalseObjects(Settings):
     """Spread of their speeds."""
     flow_std_mps: Positive = 4.0
     """Spread of vehicles' speeds around the traffic's."""
-    shadow_doubt: Probability = 0.5
-    """By this share a vehicle's detection probability is drawn towards that of plain view, since neither the shadows
-    nor what they do to the sensor are exactly known.
+
+
+class JointRegularity(Settings):
+    """How regular detections and misses tell vehicles from false objects."""
+
+    shadow_wrong: Probability = 0.5
+    """Probability that a vehicle is seen as if no shadow lay on it: neither the shadows nor what they do to the sensor
+    are exactly known.
     """
+    shadow_wrong_s: Positive = 2.0
+    """What detections have said of that is forgotten over this time."""
+    miss_credit: NotNegative = 0.25
+    """Log odds that a miss in shadow adds at most, since a shadow may lie on a false object too."""
+    gap_credit: Probability = 0.5
+    """Share of the log odds of a false object's misses that a vehicle gets back when it is seen again."""
+    largest_gap_scans: NotNegative = 6.0
+    """So many of its misses count at most."""
 
 
 class JointNoise(Settings):
@@ -197,6 +206,8 @@ class JointOptions(Settings):
     """Whether it is a vehicle or a false object."""
     false_objects: JointFalseObjects = JointFalseObjects()
     """What false objects are like."""
+    regularity: JointRegularity = JointRegularity()
+    """How regular detections tell them apart."""
     noise: JointNoise = JointNoise()
     """How noisy detections are."""
     removal: JointRemoval = JointRemoval()

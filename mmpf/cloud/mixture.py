@@ -91,6 +91,7 @@ class Components:
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
         missed: Probability that the sensor is in a run of misses of this vehicle.
+        shadow_wrong: Probability that it is seen as if no shadow lay on it, if it is a vehicle.
         source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its
             detections.
         vehicle_log_odds: The same, its present speed included.
@@ -112,6 +113,7 @@ class Components:
     age_scans: IntArray
     unseen_s: FloatArray
     missed: FloatArray
+    shadow_wrong: FloatArray
     source_log_odds: FloatArray
     vehicle_log_odds: FloatArray
     noise_factor: FloatArray
@@ -157,6 +159,7 @@ class Components:
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
             missed=np.zeros(len(track_id)),
+            shadow_wrong=np.full(len(track_id), 0.5),
             noise_factor=np.ones(len(track_id)),
             noise_lon_m=np.zeros(len(track_id)),
             noise_lat_m=np.zeros(len(track_id)),

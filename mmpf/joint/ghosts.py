@@ -17,7 +17,7 @@ from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.joint.overlap import overlapping
-from mmpf.joint_options import JointFalseObjects, JointGhosts
+from mmpf.joint_options import JointFalseObjects, JointGhosts, JointOptions, JointRegularity
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON, SPEED
@@ -34,11 +34,22 @@ class Sightings:
         hit: Probability that the component was detected, shape (m,).
         not_seen: Probability that a vehicle gives no detection there, shape (m,).
         run_probability: Probability of being in a run of misses, before the scan, shape (m,).
+        shadow_wrong: Probability that a vehicle there is seen as in plain view, before the scan, shape (m,).
     """
 
     hit: FloatArray
     not_seen: FloatArray
     run_probability: FloatArray
+    shadow_wrong: FloatArray
+
+    def in_plain_view(self, sensor: SensorModel) -> FloatArray:
+        """Return the probability that a vehicle would be detected if no shadow lay on it, shape (m,)."""
+        return np.maximum(1.0 - self.run_probability, 1e-3) * sensor.detection_probability
+
+    def of_vehicles(self, sensor: SensorModel) -> FloatArray:
+        """Return the probability that a vehicle would be detected, right shadows and wrong ones together, (m,)."""
+        by_shadows = 1.0 - self.not_seen
+        return by_shadows + self.shadow_wrong * (self.in_plain_view(sensor) - by_shadows)
 
 
 def first_log_odds(count: int, options: JointGhosts) -> FloatArray:
@@ -93,17 +104,22 @@ def with_log_odds(
     """
     ghosts, false_objects = options.joint.ghosts, options.joint.false_objects
     odds = before.source_log_odds + regularity_log_odds(
-        sightings, before.unseen_s, situation.sensor, false_objects, situation.dt_s
+        sightings, before.unseen_s, situation.sensor, options.joint, situation.dt_s
     )
     seen = before.unseen_s <= options.reporting.hidden_after_s
     odds += overlap_log_odds(before, moments, seen, ghosts, situation.dt_s)
     odds = np.clip(odds, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
     by_speed = speed_log_odds(moments, situation.traffic, false_objects, options.birth.local_range_m)
-    return replace(components, source_log_odds=odds, vehicle_log_odds=odds + by_speed)
+    return replace(
+        components,
+        source_log_odds=odds,
+        vehicle_log_odds=odds + by_speed,
+        shadow_wrong=shadow_wrong_after(sightings, situation.sensor, options.joint.regularity, situation.dt_s),
+    )
 
 
 def regularity_log_odds(
-    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointFalseObjects, dt_s: float
+    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointOptions, dt_s: float
 ) -> FloatArray:
     """Return what a scan adds to the log odds: vehicles are detected more regularly, and they last, shape (m,).
 
@@ -111,19 +127,35 @@ def regularity_log_odds(
         sightings: What the scan says.
         unseen_s: Time since the last detection before this scan, shape (m,).
         sensor: The sensor's data sheet.
-        options: How false objects behave.
+        options: How false objects behave, and what regularity is worth.
         dt_s: Time since the scan before.
     """
-    plain_view = np.maximum(1.0 - sightings.run_probability, 1e-3) * sensor.detection_probability
-    by_shadows = 1.0 - sightings.not_seen
-    vehicle_seen = by_shadows + options.shadow_doubt * (plain_view - by_shadows)
-    seen = np.log(np.maximum(vehicle_seen, 1e-3) / options.seen_probability) + dt_s / options.life_s
+    false, regularity = options.false_objects, options.regularity
+    vehicle_seen = sightings.of_vehicles(sensor)
+    seen = np.log(np.maximum(vehicle_seen, 1e-3) / false.seen_probability) + dt_s / false.life_s
     # A false object that is not seen for a few scans is usually gone: who returns after them is a vehicle.
-    missed_scans = np.clip(unseen_s / dt_s - 1.0, 0.0, options.largest_gap_scans)
-    in_view = np.clip(by_shadows / plain_view, 0.0, 1.0)
-    seen = seen - options.gap_credit * in_view**2 * missed_scans * np.log(1.0 - options.seen_probability)
-    missed = np.log(np.clip((1.0 - vehicle_seen) / (1.0 - options.seen_probability), 1e-3, 1.0))
-    return np.asarray(sightings.hit * seen + (1.0 - sightings.hit) * missed)
+    missed_scans = np.clip(unseen_s / dt_s - 1.0, 0.0, regularity.largest_gap_scans)
+    in_view = np.clip((1.0 - sightings.not_seen) / sightings.in_plain_view(sensor), 0.0, 1.0)
+    seen = seen - regularity.gap_credit * in_view**2 * missed_scans * np.log(1.0 - false.seen_probability)
+    missed = np.log(np.maximum(1.0 - vehicle_seen, 1e-3) / (1.0 - false.seen_probability))
+    return np.asarray(sightings.hit * seen + (1.0 - sightings.hit) * np.minimum(missed, regularity.miss_credit))
+
+
+def shadow_wrong_after(sightings: Sightings, sensor: SensorModel, options: JointRegularity, dt_s: float) -> FloatArray:
+    """Return the probability that shadows are wrong for each component, at the next scan, by Bayes' rule, shape (m,).
+
+    Args:
+        sightings: What the scan says.
+        sensor: The sensor's data sheet.
+        options: How often shadows are wrong, and for how long.
+        dt_s: Time to the next scan.
+    """
+    plain_view, seen = sightings.in_plain_view(sensor), sightings.of_vehicles(sensor)
+    by_hit = plain_view / np.maximum(seen, 1e-3)
+    by_miss = (1.0 - plain_view) / np.maximum(1.0 - seen, 1e-3)
+    after = sightings.shadow_wrong * (sightings.hit * by_hit + (1.0 - sightings.hit) * by_miss)
+    forgotten = -np.expm1(-dt_s / options.shadow_wrong_s)
+    return np.clip(after + forgotten * (options.shadow_wrong - after), 0.0, 1.0)
 
 
 def speed_log_odds(moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float) -> FloatArray:

@@ -115,7 +115,7 @@ class JointUpdate:
         was_hit = hit_probability > options.hit_probability
         components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
         if self.options.joint.ghosts.weighed:
-            sightings = Sightings(hit_probability, not_seen, occlusion.run_probability)
+            sightings = Sightings(hit_probability, not_seen, occlusion.run_probability, prior.components.shadow_wrong)
             components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
         components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))

@@ -125,10 +125,6 @@ def test_the_command_leaves_rows_with_the_agreed_keys(tmp_path, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="vehicles behind others are detected there too, and taken for false objects (docs/method.md)",
-)
 def test_the_filter_follows_every_vehicle_of_the_made_scene(tmp_path, capsys):
     words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "24", "--json"]
     assert run_command_line([*words, "--out", str(tmp_path / "bench")]) == 0

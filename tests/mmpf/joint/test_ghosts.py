@@ -20,17 +20,18 @@ from mmpf.joint.ghosts import (
     log_odds_at_birth,
     overlap_log_odds,
     regularity_log_odds,
+    shadow_wrong_after,
     speed_log_odds,
     with_log_odds,
 )
-from mmpf.joint_options import JointFalseObjects, JointGhosts
+from mmpf.joint_options import JointFalseObjects, JointGhosts, JointOptions, JointRegularity
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.state import SPEED
 from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
-OPTIONS, FALSE, SENSOR = JointGhosts(), JointFalseObjects(), SensorModel()
+OPTIONS, FALSE, REGULARITY, SENSOR = JointGhosts(), JointFalseObjects(), JointRegularity(), SensorModel()
 DT_S = 0.1
 LANE = lane_centre(2)
 IN_VIEW, OUT_OF_VIEW = (np.log(p / (1.0 - p)) for p in (OPTIONS.vehicle_in_view, OPTIONS.vehicle_out_of_view))
@@ -49,9 +50,17 @@ def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
     return Moments(mean, variance)
 
 
-def sighted(hit: float, detected: float = 0.95, run: float = 0.0, unseen_s: float = 0.0) -> float:
-    sightings = Sightings(np.array([hit]), np.array([1.0 - (1.0 - run) * detected]), np.array([run]))
-    return float(regularity_log_odds(sightings, np.array([unseen_s]), SENSOR, FALSE, DT_S)[0])
+def sighting(hit: float, detected: float = 0.95, run: float = 0.0, shadow_wrong: float = 0.5) -> Sightings:
+    return Sightings(
+        np.array([hit]), np.array([1.0 - (1.0 - run) * detected]), np.array([run]), np.array([shadow_wrong])
+    )
+
+
+def sighted(
+    hit: float, detected: float = 0.95, run: float = 0.0, unseen_s: float = 0.0, shadow_wrong: float = 0.5
+) -> float:
+    sightings = sighting(hit, detected, run, shadow_wrong)
+    return float(regularity_log_odds(sightings, np.array([unseen_s]), SENSOR, JointOptions(), DT_S)[0])
 
 
 def test_what_appears_in_plain_view_is_hardly_a_vehicle_and_what_leaves_a_shadow_or_comes_into_range_is_one() -> None:
@@ -105,8 +114,8 @@ def test_a_scan_in_plain_view_weighs_as_the_two_kinds_detection_probabilities_do
 @given(st.floats(0.65, 1.0))
 def test_detected_as_often_as_a_vehicle_it_becomes_one(detected: float) -> None:
     sensor = replace(SENSOR, detection_probability=detected)
-    each = Sightings(np.array([1.0, 0.0]), np.full(2, 1.0 - detected), np.zeros(2))
-    seen, missed = regularity_log_odds(each, np.zeros(2), sensor, FALSE, DT_S)
+    each = Sightings(np.array([1.0, 0.0]), np.full(2, 1.0 - detected), np.zeros(2), np.zeros(2))
+    seen, missed = regularity_log_odds(each, np.zeros(2), sensor, JointOptions(), DT_S)
     assert detected * seen + (1.0 - detected) * missed >= 0.0
 
 
@@ -115,15 +124,59 @@ def test_detected_as_often_as_a_false_object_it_becomes_one() -> None:
     assert seen * sighted(1.0) + (1.0 - seen) * sighted(0.0) < 0.0
 
 
-def test_a_miss_in_a_shadow_or_in_a_run_says_nothing() -> None:
-    assert sighted(0.0, detected=0.02) == 0.0
-    assert sighted(0.0, run=0.9) == 0.0
+@given(st.floats(0.0, 1.0), st.floats(0.02, 0.95), st.floats(0.0, 0.95))
+def test_a_miss_says_little_for_a_vehicle_however_deep_the_shadow(wrong: float, detected: float, run: float) -> None:
+    assert sighted(0.0, detected=detected, run=run, shadow_wrong=wrong) <= REGULARITY.miss_credit
+    deep = sighted(0.0, detected=0.02, shadow_wrong=0.0)
+    assert deep == REGULARITY.miss_credit
+
+
+def filtered(hits: list[bool], detected: float) -> tuple[float, list[float]]:
+    """Return the log odds that a row of scans adds, and the belief that the shadow is wrong after each."""
+    wrong, odds, beliefs = REGULARITY.shadow_wrong, 0.0, []
+    for hit in hits:
+        odds += sighted(float(hit), detected=detected, shadow_wrong=wrong)
+        wrong = float(shadow_wrong_after(sighting(float(hit), detected, 0.0, wrong), SENSOR, REGULARITY, DT_S)[0])
+        beliefs.append(wrong)
+    return odds, beliefs
+
+
+def test_one_detected_scan_after_scan_in_a_shadow_is_a_vehicle_whose_shadow_is_wrong() -> None:
+    odds, wrong = filtered([True] * 20, detected=0.02)
+    assert odds > 3.0
+    assert wrong[-1] > 0.9
+
+
+def test_one_missed_scan_after_scan_in_a_shadow_proves_the_shadow() -> None:
+    assert filtered([False] * 20, detected=0.02)[1][-1] < 0.05
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=12), st.floats(0.02, 0.94))
+def test_the_belief_in_wrong_shadows_is_that_of_the_two_state_chain_worked_out_by_matrices(
+    hits: list[bool], detected: float
+) -> None:
+    forgotten = -np.expm1(-DT_S / REGULARITY.shadow_wrong_s)
+    share = REGULARITY.shadow_wrong
+    transition = (1.0 - forgotten) * np.eye(2) + forgotten * np.array([[share, 1.0 - share]])
+    belief = np.array([share, 1.0 - share])
+    for hit in hits:
+        seen = np.array([SENSOR.detection_probability, detected])
+        belief = belief * (seen if hit else 1.0 - seen)
+        belief = belief / belief.sum() @ transition
+    assert filtered(hits, detected)[1][-1] == pytest.approx(belief[0], abs=1e-9)
+
+
+@given(st.floats(0.0, 1.0), st.booleans(), st.floats(0.0, 0.95))
+def test_in_plain_view_nothing_is_learned_of_shadows(wrong: float, hit: bool, run: float) -> None:
+    in_view = sighting(float(hit), SENSOR.detection_probability, run, wrong)
+    after = float(shadow_wrong_after(in_view, SENSOR, REGULARITY.model_copy(update={"shadow_wrong_s": 1e9}), DT_S)[0])
+    assert after == pytest.approx(wrong, abs=1e-6)
 
 
 def test_who_returns_in_plain_view_after_a_run_of_misses_is_the_more_a_vehicle_the_longer_it_was() -> None:
     gained = np.array([sighted(1.0, unseen_s=scans * DT_S) for scans in range(12)])
     assert (np.diff(gained) >= -1e-9).all()
-    most = FALSE.gap_credit * FALSE.largest_gap_scans * -np.log(1.0 - FALSE.seen_probability)
+    most = REGULARITY.gap_credit * REGULARITY.largest_gap_scans * -np.log(1.0 - FALSE.seen_probability)
     assert gained[-1] - gained[0] == pytest.approx(most)
     in_shadow = [sighted(1.0, detected=0.02, unseen_s=unseen_s) for unseen_s in (0.0, 1.0)]
     assert in_shadow[1] - in_shadow[0] < 0.01, "in a shadow a vehicle is missed anyway"
@@ -151,7 +204,7 @@ def test_of_two_seen_sources_in_one_place_the_one_that_is_less_of_a_vehicle_lose
 @given(st.floats(-20.0, 20.0), st.floats(0.0, 1.0))
 def test_no_source_is_ever_so_certain_that_nothing_could_change_it(odds: float, hit: float) -> None:
     mixture = belief_of([spot(30.0, LANE)], source_log_odds=[odds])
-    sightings = Sightings(np.array([hit]), np.array([0.05]), np.zeros(1))
+    sightings = sighting(hit)
     after = with_log_odds(
         mixture.components,
         mixture.components,
