@@ -86,7 +86,8 @@ class Components:
     Attributes:
         track_id: Identity that is reported.
         existence: Probability that the component is a vehicle.
-        confirmed: Whether the component has been reported as a track.
+        confirmed: Whether the component is reported as a track.
+        withdrawn: Whether it was, until it was taken for a false object.
         hits: Scans in which a detection was attributed to it.
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
@@ -109,6 +110,7 @@ class Components:
     track_id: IntArray
     existence: FloatArray
     confirmed: BoolArray
+    withdrawn: BoolArray
     hits: IntArray
     age_scans: IntArray
     unseen_s: FloatArray
@@ -155,6 +157,7 @@ class Components:
             track_id=track_id,
             existence=existence,
             confirmed=np.zeros(len(track_id), dtype=np.bool_),
+            withdrawn=np.zeros(len(track_id), dtype=np.bool_),
             hits=zeros + 1,
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),

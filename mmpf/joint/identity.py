@@ -1,4 +1,8 @@
-"""Re-acquisition: a component that appears where a hidden one may be is the hidden one, seen again."""
+"""Re-acquisition: a component that appears where a hidden one may be is the hidden one, seen again.
+
+So is one that is confirmed where another was just found to be no vehicle: that one had been following something false
+beside the vehicle, or the other of two boxes of it.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +27,11 @@ def hand_over_identity(
     options: JointIdentity,
     scan_s: float,
 ) -> tuple[Mixture, int]:
-    """Give newly confirmed components the identities of the hidden components that they probably are.
+    """Give newly confirmed components the identities of the hidden or withdrawn components that they probably are.
 
-    Each pair is judged by the density that the hidden component's particles give to the new one's place and speed,
-    against the density of vehicles that were never seen before; all pairs together by optimal assignment.
+    Each pair is judged by the density that the old component's particles give to the new one's place and speed,
+    against the density of vehicles that were never seen before; all pairs together by optimal assignment. A hidden
+    component is gone thereby; a withdrawn one, which is still detected, goes on under the new one's number.
 
     Args:
         mixture: The belief.
@@ -39,33 +44,37 @@ def hand_over_identity(
         The belief without the hidden components that were seen again, and how many those are.
     """
     components = mixture.components
-    hidden = np.flatnonzero(components.confirmed & ~confirmed_now & (components.unseen_s >= 2.0 * scan_s))
+    is_hidden = components.confirmed & ~confirmed_now & (components.unseen_s >= 2.0 * scan_s)
+    old = np.flatnonzero(is_hidden | components.withdrawn)
     new = np.flatnonzero(confirmed_now)
-    if len(hidden) == 0 or len(new) == 0:
+    if len(old) == 0 or len(new) == 0:
         return mixture, 0
-    density = np.zeros((len(new), len(hidden)))
+    density = np.zeros((len(new), len(old)))
     _density_at(
         mixture.cloud.state,
         np.exp(mixture.cloud.log_weight),
         mixture.starts,
-        hidden,
+        old,
         moments.mean[:, new],
         np.array([options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps]),
         density,
     )
-    density *= components.existence[hidden]
+    density *= components.existence[old]
     was_unseen_by_then = (
-        components.unseen_s[hidden][None, :] > (components.age_scans[new][:, None] * scan_s) - options.both_seen_s
+        components.unseen_s[old][None, :] > (components.age_scans[new][:, None] * scan_s) - options.both_seen_s
     )
-    log_ratio = np.log(np.maximum(np.where(was_unseen_by_then, density, 0.0), 1e-300) / options.unknown_density)
+    possible = was_unseen_by_then | components.withdrawn[old]
+    log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)
     linked = log_ratio[rows, columns] > 0.0
-    track_id = components.track_id.copy()
-    track_id[new[rows[linked]]] = components.track_id[hidden[columns[linked]]]
+    heirs, left = new[rows[linked]], old[columns[linked]]
+    track_id, withdrawn = components.track_id.copy(), components.withdrawn.copy()
+    track_id[heirs], track_id[left] = components.track_id[left], components.track_id[heirs]
+    withdrawn[left] = False
     keep = np.ones(len(mixture), dtype=np.bool_)
-    keep[hidden[columns[linked]]] = False
-    components = with_measured_sizes(components, new[rows[linked]], sizes_of(components, hidden[columns[linked]]))
-    renamed = replace(mixture, components=replace(components, track_id=track_id))
+    keep[left[is_hidden[left]]] = False
+    components = with_measured_sizes(components, heirs, sizes_of(components, left))
+    renamed = replace(mixture, components=replace(components, track_id=track_id, withdrawn=withdrawn))
     return renamed.keep(keep), int(linked.sum())
 
 

@@ -172,13 +172,16 @@ class JointUpdate:
             & (components.vehicle_log_odds >= self.options.joint.ghosts.confirm_log_odds)
         )
         stays = components.confirmed & (components.vehicle_log_odds >= self.options.joint.ghosts.withdraw_log_odds)
-        components = replace(components, confirmed=stays)
+        withdrawn = components.withdrawn | (components.confirmed & ~stays)
+        components = replace(components, confirmed=stays, withdrawn=withdrawn)
         mixture = replace(mixture, components=components)
         if not confirmed_now.any():
             return mixture, 0
         moments = component_moments(mixture)
         confirmed_now &= ~_stands_on_another(components, moments, options)
-        components = replace(components, confirmed=components.confirmed | confirmed_now)
+        components = replace(
+            components, confirmed=components.confirmed | confirmed_now, withdrawn=components.withdrawn & ~confirmed_now
+        )
         mixture = replace(mixture, components=components)
         if not self.options.joint.identity.stitch:
             return mixture, 0

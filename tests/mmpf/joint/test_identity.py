@@ -137,3 +137,27 @@ def test_no_name_is_ever_borne_twice_and_none_is_made_up(seed: int) -> None:
     names = after.components.track_id.tolist()
     assert len(set(names)) == len(names) == count - handed
     assert set(names) <= set(mixture.components.track_id.tolist())
+
+
+def withdrawn_and_new(apart_m: float = 1.0) -> Mixture:
+    return belief_of(
+        [spot(50.0, 5.0), spot(50.0 + apart_m, 5.0)],
+        track_id=[HIDDEN, NEW],
+        confirmed=[False, True],
+        withdrawn=[True, False],
+        unseen_s=[0.0, 0.0],
+        age_scans=[60, 3],
+        existence=[0.9, 0.95],
+    )
+
+
+def test_one_confirmed_where_a_track_was_just_withdrawn_takes_its_name_and_both_stay() -> None:
+    after, count = handed_over(withdrawn_and_new(), [False, True])
+    assert (after.components.track_id.tolist(), count) == ([NEW, HIDDEN], 1)
+    assert after.components.withdrawn.tolist() == [False, False], "a name is handed over once"
+    assert after.components.confirmed.tolist() == [False, True]
+
+
+def test_one_confirmed_far_from_a_withdrawn_track_is_somebody_else() -> None:
+    after, count = handed_over(withdrawn_and_new(apart_m=12.0), [False, True])
+    assert (after.components.track_id.tolist(), count) == ([HIDDEN, NEW], 0)
