@@ -24,8 +24,8 @@ def merge_lasting_overlaps(
     """Merge components that have shared one place for several scans; the elder's identity stays.
 
     Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
-    one: so they must be well within one footprint for long enough, and two that were both confirmed must be both seen
-    or both hidden.
+    one: so they must be well within one footprint for long enough, and two that are both confirmed must be both hidden,
+    or both seen but not both detected in this scan: who has a detection each is two.
 
     Args:
         mixture: The belief.
@@ -52,6 +52,8 @@ def merge_lasting_overlaps(
     both = components.confirmed[:, None] & components.confirmed[None, :]
     there = alive & (components.existence > options.existence_above)
     apart |= ~(there[:, None] & there[None, :])
+    has_own_detection = components.unseen_s == 0.0
+    apart |= both & has_own_detection[:, None] & has_own_detection[None, :]
     distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
     np.fill_diagonal(distance, np.inf)
     nearest = distance.argmin(axis=1)

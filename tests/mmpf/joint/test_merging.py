@@ -63,7 +63,7 @@ def test_of_two_that_were_never_reported_the_elders_name_stays() -> None:
     assert merged.components.confirmed.tolist() == [False]
 
 
-@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 1.5)], ids=["both seen", "both hidden"])
+@pytest.mark.parametrize("unseen_s", [(0.1, 0.0), (1.5, 1.5)], ids=["both seen", "both hidden"])
 def test_two_that_were_both_reported_are_merged_if_both_are_seen_or_both_hidden(
     unseen_s: tuple[float, float],
 ) -> None:
@@ -143,3 +143,8 @@ def test_two_that_pass_each_other_stay_two(faster_mps: float, left: int) -> None
     mixture = elder_and_younger(1.0, (True, False), (0.0, 0.0))
     mixture.cloud.state[SPEED, PARTICLES:] += faster_mps
     assert len(merged_after(mixture, 5)) == left
+
+
+def test_two_confirmed_vehicles_that_have_a_detection_each_stay_two() -> None:
+    assert len(merged_after(elder_and_younger(1.0, (True, True), (0.0, 0.0)), 5)) == 2
+    assert len(merged_after(elder_and_younger(1.0, (False, True), (0.0, 0.0)), 5)) == 1
