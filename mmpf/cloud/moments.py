@@ -61,15 +61,22 @@ def effective_sizes(mixture: Mixture) -> FloatArray:
     return effective_size
 
 
-def gate_table(moments: Moments, detections: Detections, gate_std: float) -> BoolArray:
+def gate_table(
+    moments: Moments, detections: Detections, gate_std: float, noise_factor: FloatArray | None = None
+) -> BoolArray:
     """Return which detections lie within each component's gate, along the road and across it, shape (m, d).
 
-    The gate is so many standard deviations of component and measurement together; infinite for all pairs.
+    Args:
+        moments: The components' moments.
+        detections: The scan's detections.
+        gate_std: Standard deviations of component and measurement together; infinite for all pairs.
+        noise_factor: True over reported deviation of each component's measurements, shape (m,); None for one.
     """
     if np.isinf(gate_std):
         return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
-    lon = np.sqrt(moments.variance[LON][:, None] + detections.std_lon_m**2)
-    lat = np.sqrt(moments.variance[LAT][:, None] + detections.std_lat_m**2)
+    factor = np.ones((1, 1)) if noise_factor is None else noise_factor[:, None]
+    lon = np.sqrt(moments.variance[LON][:, None] + (factor * detections.std_lon_m) ** 2)
+    lat = np.sqrt(moments.variance[LAT][:, None] + (factor * detections.std_lat_m) ** 2)
     return np.asarray(
         (np.abs(detections.lon_m - moments.mean[LON][:, None]) <= gate_std * lon)
         & (np.abs(detections.lat_m - moments.mean[LAT][:, None]) <= gate_std * lat)

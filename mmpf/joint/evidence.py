@@ -167,12 +167,14 @@ class GatedLikelihoods:
 def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections, gate_std: float) -> GatedLikelihoods:
     """Return f(z | x), a Gaussian in position and, where it is measured, speed, for all pairs within the gate.
 
-    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``. A detection so exact
-    that it would fall between the particles is taken as just so noisy that some share it; see ``resolvable_std``.
+    A pair counts if the detection is within ``gate_std`` standard deviations; see ``gate_table``. Gate and likelihood
+    take the noise that the component has learned in place of what the detection reports. A detection so exact that it
+    would fall between the particles is taken as just so noisy that some share it; see ``resolvable_std``.
     """
-    component, detection = np.nonzero(gate_table(moments, detections, gate_std))
+    noise_factor = mixture.components.noise_factor
+    component, detection = np.nonzero(gate_table(moments, detections, gate_std, noise_factor))
     sizes = np.diff(mixture.starts)[component]
-    factor = mixture.components.noise_factor[component]
+    factor = noise_factor[component]
     std = np.stack(
         [
             factor * detections.std_lon_m[detection],

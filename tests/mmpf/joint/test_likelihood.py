@@ -58,6 +58,25 @@ def test_the_gate_is_as_wide_as_component_and_measurement_together_in_each_direc
     assert len(found.component) == inside
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.5])
+@pytest.mark.parametrize("axis", [LON, LAT])
+def test_gate_and_likelihood_take_the_noise_that_the_component_has_learned(axis: int, factor: float) -> None:
+    state = spread_around(30.0, 5.0, 200, 3)
+    mixture = belief_of([state])
+    mixture = replace(mixture, components=replace(mixture.components, noise_factor=np.array([factor])))
+    std = np.array([0.5, 0.4])
+    deviation = np.hypot(state[axis].std(), factor * std[int(axis == LAT)])
+    for share in (0.98, 1.02):
+        place = [state[LON].mean(), state[LAT].mean()]
+        place[axis] += share * 4.5 * deviation
+        detections = detections_at([(place[0], place[1])], std_lon_m=std[0], std_lat_m=std[1])
+        found = likelihoods_of(mixture, detections, 4.5)
+        assert len(found.component) == (share < 1.0)
+        if share < 1.0:
+            expected = norm.pdf(place[0], state[LON], factor * std[0]) * norm.pdf(place[1], state[LAT], factor * std[1])
+            assert found.values == pytest.approx(expected, rel=1e-9)
+
+
 def test_pairs_outside_of_the_gate_have_no_values_and_the_others_keep_their_order() -> None:
     mixture = belief_of([spot(0.0, 5.0, particles=3), spot(50.0, 5.0, particles=2)])
     found = likelihoods_of(mixture, detections_at([(50.0, 5.0), (0.1, 5.0), (25.0, 5.0)]), 4.5)
