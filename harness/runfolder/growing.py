@@ -19,7 +19,8 @@ class GrowingTables:
     """The tables of a folder that get the rows of one stretch after another.
 
     The first stretch is the table as ``write_table`` leaves it. Each later one lies beside it, whole or not at all,
-    until ``close`` puts them together; in the finished table each stretch is a row group.
+    until ``close`` puts them together; in the finished table each stretch is a row group. Where there is no room for
+    that, ``close_or_leave_apart`` lets them lie there under names that show.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,13 +51,35 @@ class GrowingTables:
                 self._parts[name].pop().unlink()
 
     def close(self) -> None:
-        """Finish the tables; harmless to call twice."""
-        for name, parts in self._parts.items():
-            if len(parts) > 1:
-                _put_together(parts, self._folder / name)
-                for part in parts[1:]:
-                    part.unlink()
-                del parts[1:]
+        """Finish the tables; harmless to call twice.
+
+        Raises:
+            OSError: There is no room; no row is lost, and it may be called again.
+        """
+        for name in self._parts:
+            self._close(name)
+
+    def close_or_leave_apart(self) -> list[str]:
+        """Finish those tables that there is room for, and return the files with the later rows of the others."""
+        apart = []
+        # The smallest first: each that is done makes room for the next.
+        for name in sorted(self._parts, key=lambda name: sum(part.stat().st_size for part in self._parts[name])):
+            try:
+                self._close(name)
+            except (OSError, MemoryError, pa.ArrowException):
+                parts, stem = self._parts[name], Path(name)
+                for number, part in enumerate(parts[1:], start=1):
+                    parts[number] = part.rename(self._folder / f"{stem.stem}-{number + 1}{stem.suffix}")
+                    apart.append(parts[number].name)
+        return apart
+
+    def _close(self, name: str) -> None:
+        parts = self._parts[name]
+        if len(parts) > 1:
+            _put_together(parts, self._folder / name)
+            for part in parts[1:]:
+                part.unlink()
+            del parts[1:]
 
     def drop(self, names: Collection[str]) -> None:
         """Remove tables that are of no use before all stretches are in them."""
@@ -66,11 +89,12 @@ class GrowingTables:
 
 
 def _put_together(parts: Sequence[Path], final: Path) -> None:
-    schema = pq.read_schema(parts[0])
+    # A column may look like whole numbers in one stretch and not in another.
+    schema = pa.unify_schemas([pq.read_schema(part) for part in parts], promote_options="permissive")
     with replacing(final) as temporary, pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
         for part in parts:
-            # A column may look like whole numbers in one stretch and not in another.
-            writer.write_table(pq.read_table(part).cast(schema))
+            rows = pa.concat_tables([schema.empty_table(), pq.read_table(part)], promote_options="permissive")
+            writer.write_table(rows)
 
 
 def sampled_rows(path: Path, most_rows: int) -> pd.DataFrame:

@@ -71,8 +71,11 @@ class RunKeeper:
             self._tables.close()
         return metrics
 
-    def leave(self) -> int:
-        """Write what is kept of a run that did not end, no scores, and return how many steps its tables have.
+    def leave(self) -> tuple[int, list[str]]:
+        """Write what is kept of a run that did not end, no scores.
+
+        Returns:
+            How many steps its tables have, and the files with later rows that there was no room to enter in a table.
 
         Raises:
             OSError: There is no room for the first stretch.
@@ -87,8 +90,7 @@ class RunKeeper:
                     raise
                 self._tables.take_back(self._stretch)
                 steps -= self.recorder.kept
-        self._tables.close()
-        return steps
+        return steps, self._tables.close_or_leave_apart()
 
     def traffic(self) -> dict[str, Any]:
         """Return the ``traffic`` table of the finished run."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import sys
 import threading
@@ -131,10 +132,9 @@ def run(
                 raise
             raise RunError(f"the run failed before its first step: {_in_words(error)}") from error
         left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
-        raise RunError(
-            f"the run failed after {attempt.steps} steps: {_in_words(error)}; "
-            f"{left.replace('steps are', 'steps and the traceback (manifest.json) are')}"
-        ) from error
+        if runfolder.MANIFEST not in left:
+            left = left.replace("steps are", f"steps and the traceback ({runfolder.MANIFEST}) are")
+        raise RunError(f"the run failed after {attempt.steps} steps: {_in_words(error)}; {left}") from error
     finally:
         attempt.close()
 
@@ -164,8 +164,8 @@ def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, pro
     """Keep the finished steps if the disk takes them, and return in words what became of them."""
     with _uninterrupted():
         try:
-            attempt.leave(status, problem)
-            return f"the finished steps are in {pending.leave_incomplete()}"
+            flaws = attempt.leave(status, problem)
+            return f"the finished steps are in {pending.leave_incomplete()}{flaws}"
         except (OSError, MemoryError) as error:
             # A folder that lacks some of its tables is of no use, and takes room that there is none of.
             pending.discard()
@@ -228,10 +228,19 @@ class _Attempt:
             draw.page(self.folder)
         return metrics
 
-    def leave(self, status: str, problem: str) -> None:
-        """Write what there is of a run that did not end."""
-        steps = self.keeper.leave() if self.keeper is not None else 0
-        self.write_manifest(status, problem, steps)
+    def leave(self, status: str, problem: str) -> str:
+        """Write what there is of a run that did not end, and return in words what it lacks for want of room."""
+        # What only a finished run has goes first: it would tell of an end that was none, and takes room.
+        for name in (runfolder.MANIFEST, runfolder.METRICS):
+            (self.folder / name).unlink(missing_ok=True)
+        shutil.rmtree(self.folder / runfolder.FIGURES, ignore_errors=True)
+        steps, apart = self.keeper.leave() if self.keeper is not None else (0, [])
+        flaws = [f"later rows lie beside their tables in {', '.join(apart)}"] if apart else []
+        try:
+            self.write_manifest(status, problem, steps)
+        except OSError:
+            flaws.append(f"{runfolder.MANIFEST} found no room")
+        return "".join(f", {flaw}" for flaw in flaws)
 
     def write_manifest(self, status: str, problem: str | None, steps: int) -> None:
         """Write the manifest as things stand."""

@@ -1,4 +1,4 @@
-"""Kills on demand: ``python -m tests.kill --kills 40 --seed 1``; exit code 1 if anything was lost."""
+"""Kills on demand: ``python -m tests.kill --kills 40 --seed 1 [--dask]``; exit code 1 if anything was lost."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.kill", description=__doc__)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--dask", action="store_true", help="grids on a Dask cluster as well, started for it")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        kills = kill_often(chosen.kills, chosen.seed, Path(folder), lambda kill: _say(kill.as_line()))
+        kills = kill_often(chosen.kills, chosen.seed, Path(folder), lambda kill: _say(kill.as_line()), chosen.dask)
     counts = Counter((kill.command, kill.signal.name, kill.outcome) for kill in kills)
     for (command, signal, outcome), count in sorted(counts.items()):
         _say(f"{count:4d}  {command:6}  {signal:7}  {outcome}")

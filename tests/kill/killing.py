@@ -11,7 +11,8 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,9 @@ REPOSITORY = Path(__file__).parents[2]
 RUN = ("run", "--duration", "2", "--particles", "50", "--seed", "3", "--quiet")
 STRESS = (
     *("stress", "--densities", "20,40", "--seeds", "2", "--models", "cvm,cam", "--particles", "50"),
-    *("--duration", "1", "--workers", "2", "--quiet", "--resume"),
+    *("--duration", "1", "--quiet", "--resume"),
 )
+WORKERS = ("--workers", "2")
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 EXIT_CODES = {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}
 TABLES = ("truth", "detections", "tracks")
@@ -39,7 +41,7 @@ class Kill:
     """One kill.
 
     Attributes:
-        command: ``run`` or ``stress``.
+        command: ``run``, ``stress`` (on two workers of this machine) or ``dask`` (``stress`` on two of a cluster).
         signal: What ended it.
         after_s: When, after its start.
         outcome: What was there at that moment, in words.
@@ -58,7 +60,9 @@ class Kill:
         return f"{self.command:6} {self.signal.name:7} after {self.after_s:5.2f} s: {self.outcome}: {faults}"
 
 
-def kill_often(kills: int, seed: int, folder: Path, tell: Callable[[Kill], object] = str) -> list[Kill]:
+def kill_often(
+    kills: int, seed: int, folder: Path, tell: Callable[[Kill], object] = str, dask: bool = False
+) -> list[Kill]:
     """Kill runs and grids in turns and return what came of it.
 
     Args:
@@ -66,29 +70,58 @@ def kill_often(kills: int, seed: int, folder: Path, tell: Callable[[Kill], objec
         seed: Root of the moments and signals.
         folder: An empty folder.
         tell: Called after each kill.
+        dask: Whether every third is a grid on a cluster.
     """
     draw = random.Random(seed)
-    run, grid = _KilledRun(folder), _KilledGrid(folder)
-    done: list[Kill] = []
-    for number in range(kills):
-        target = (run, grid)[number % 2]
-        moment = draw.uniform(FIRST_MOMENT_S, target.lasts_s)
-        done.append(target.kill(Kill(target.command[0], draw.choice(SIGNALS), moment)))
-        tell(done[-1])
-    if done and grid.kills:
-        done[-1].faults += grid.finish()
+    with cluster(folder) if dask else nullcontext() as scheduler:
+        targets = [_KilledRun(folder), _KilledGrid(folder, "stress", WORKERS)]
+        if scheduler is not None:
+            targets.append(_KilledGrid(folder, "dask", ("--scheduler", scheduler)))
+        done: list[Kill] = []
+        for number in range(kills):
+            target = targets[number % len(targets)]
+            moment = draw.uniform(FIRST_MOMENT_S, target.lasts_s)
+            done.append(target.kill(Kill(target.name, draw.choice(SIGNALS), moment)))
+            tell(done[-1])
+        for target in targets:
+            if done and isinstance(target, _KilledGrid) and target.kills:
+                done[-1].faults += target.finish()
     return done
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[str]:
+    """Start a Dask scheduler with two workers, yield its address, and stop them."""
+    file = folder / "scheduler.json"
+    known = ["--no-dashboard", "--scheduler-file", str(file)]
+    worker = ["distributed.cli.dask_worker", *known, "--nthreads", "1", "--no-nanny"]
+    commands = [
+        ["distributed.cli.dask_scheduler", *known, "--host", "127.0.0.1", "--port", "0"],
+        *([*worker, "--local-directory", str(folder / f"dask-{number}")] for number in range(2)),
+    ]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    processes: list[subprocess.Popen[bytes]] = []
+    try:
+        for words in commands:
+            processes.append(subprocess.Popen([sys.executable, "-m", *words], cwd=REPOSITORY, **silent))
+            while not file.exists():
+                time.sleep(0.1)
+        yield json.loads(file.read_text())["address"]
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            process.wait()
 
 
 class _Killed:
     """A command that is killed, beside a copy of it that never was."""
 
-    command: tuple[str, ...]
-
-    def __init__(self, folder: Path) -> None:
-        self.whole, self.out = folder / f"whole-{self.command[0]}", folder / f"killed-{self.command[0]}"
+    def __init__(self, folder: Path, name: str, command: tuple[str, ...]) -> None:
+        self.name, self.command = name, command
+        self.whole, self.out = folder / f"whole-{name}", folder / f"killed-{name}"
         self.whole.parent.mkdir(exist_ok=True)
-        subprocess.run(self._words(folder / f"warm-{self.command[0]}"), cwd=REPOSITORY, check=True)  # kernels compiled
+        subprocess.run(self._words(folder / f"warm-{name}"), cwd=REPOSITORY, check=True)  # kernels compiled
         begin = time.monotonic()
         subprocess.run(self._words(self.whole), cwd=REPOSITORY, check=True)
         self.lasts_s = time.monotonic() - begin
@@ -133,7 +166,8 @@ class _Killed:
 
 
 class _KilledRun(_Killed):
-    command = RUN
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, "run", RUN)
 
     def finished(self) -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in self.out.glob("*.parquet")}
@@ -166,10 +200,8 @@ class _KilledRun(_Killed):
 
 
 class _KilledGrid(_Killed):
-    command = STRESS
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder)
+    def __init__(self, folder: Path, name: str, workers: tuple[str, str]) -> None:
+        super().__init__(folder, name, (*STRESS, *workers))
         self.rows = {path.name: row_of(path) for path in (self.whole / "runs").glob("*.json")}
         self.kills = 0
 

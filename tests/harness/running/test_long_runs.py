@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import signal
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -128,6 +130,66 @@ def test_a_full_disk_keeps_the_stretches_that_there_was_room_for(tmp_path, short
     for name in TABLES[:3]:
         assert sorted(pd.read_parquet(folder / name)["step"].unique()) == list(range(2 * EGO_STAY)), name
     assert not list(folder.glob("*.part"))
+
+
+WRITES = 31
+"""How many files a run of four stretches writes, its ledger first and last."""
+
+
+@contextmanager
+def disk_full_from(write: int) -> Iterator[list[str]]:
+    """Refuse a write and all after it, and yield the names of the files that were written."""
+    written: list[str] = []
+
+    def until_full(path: Path, final: Path) -> Path:
+        if len(written) + 1 >= write:
+            raise OSError(errno.ENOSPC, "No space left on device", str(final))
+        written.append(final.name)
+        os.replace(path, final)
+        return final
+
+    with pytest.MonkeyPatch.context() as full:
+        full.setattr(Path, "replace", until_full)
+        yield written
+
+
+def kept_steps(folder: Path, table: str) -> list[int]:
+    """Return the steps of a table that a full disk may have left in several files, each as often as it is there."""
+    stem = Path(table).stem
+    files = [folder / table, *folder.glob(f"{stem}-[0-9].parquet")]
+    return sorted(step for file in files for step in pd.read_parquet(file)["step"].unique())
+
+
+@pytest.mark.parametrize("write", range(2, WRITES + 1))
+def test_whenever_a_disk_fills_for_good_every_stretch_that_was_written_is_kept_once(write, tmp_path, short_stretches):
+    with disk_full_from(write) as written, pytest.raises(RunError, match="No space left on device"):
+        run_on(tmp_path / "run")
+    # A stretch is there when the last of its tables is.
+    stretches = len({name for name in written if runfolder.TRACKS in name})
+    folder = tmp_path / "run.incomplete"
+    assert list(tmp_path.iterdir()) == ([folder] if stretches else [])
+    for name in TABLES[:3] if stretches else ():
+        assert kept_steps(folder, name) == list(range(stretches * EGO_STAY)), name
+    assert not [path for path in folder.glob("*") if path.name in (*TABLES[3:], runfolder.METRICS)]
+    assert not list(folder.glob(".*.part*"))
+
+
+def test_a_run_writes_as_often_as_the_moments_above_suppose(tmp_path, short_stretches):
+    with disk_full_from(WRITES + 1) as written:
+        run_on(tmp_path / "run")
+    assert len(written) == WRITES
+
+
+def test_a_column_of_whole_numbers_in_one_stretch_and_of_others_in_the_next_keeps_its_values(tmp_path):
+    tables = GrowingTables(tmp_path)
+    for stretch, values in enumerate(([1, 2], [2.5, float("nan")])):
+        tables.append(stretch, {"t.parquet": pd.DataFrame({"step": [stretch, stretch], "x": values})})
+    tables.append(2, {"t.parquet": pd.DataFrame({"step": [2], "x": [3], "y": [4.0]})})
+    tables.close()
+    table = pd.read_parquet(tmp_path / "t.parquet")
+    assert table["step"].tolist() == [0, 0, 1, 1, 2]
+    assert table["x"].tolist() == pytest.approx([1.0, 2.0, 2.5, float("nan"), 3.0], nan_ok=True)
+    assert table["y"].isna().tolist() == [True] * 4 + [False]
 
 
 def test_the_recorder_never_ends_a_stretch_within_an_episode():
