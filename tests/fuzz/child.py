@@ -18,6 +18,7 @@ from pathlib import Path
 
 from harness.cli import run_command_line
 from tests.fuzz.inputs import INPUTS
+from tests.fuzz.mutations import DONE
 
 MOST_BYTES = 2 << 30
 
@@ -36,8 +37,9 @@ def main() -> None:
         kind = sorted(INPUTS)[number % len(INPUTS)]
         folder = Path(tempfile.mkdtemp(prefix=f"fuzz-{number}-"))
         os.chdir(folder)
+        DONE.clear()
         words = INPUTS[kind](folder, rng)
-        log.write(json.dumps({"begin": number, "kind": kind, "command": words}) + "\n")
+        log.write(json.dumps({"begin": number, "kind": kind, "command": words, "spoilt": DONE}) + "\n")
         log.flush()
         begin = time.perf_counter()
         code = captured(words, errors)

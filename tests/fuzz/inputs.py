@@ -15,7 +15,7 @@ import pandas as pd
 
 from harness.commands.compare import Options as CompareOptions
 from harness.config.options import RunOptions, declared
-from tests.fuzz.mutations import WORDS, spoilt_bytes, spoilt_table
+from tests.fuzz.mutations import DONE, WORDS, spoilt_bytes, spoilt_table
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded import layouts
 
@@ -66,6 +66,7 @@ def recording(folder: Path, rng: random.Random) -> list[str]:
     write: Callable[[Path], Path] = getattr(layouts, f"write_{rng.choice(names)}")
     path = write(folder / "recording")
     spoilt = rng.choice(sorted(path.iterdir())) if path.is_dir() else path
+    DONE.append(spoilt.name)
     spoilt.write_bytes(spoilt_bytes(spoilt.read_bytes(), rng))
     return ["run", "--replay", str(path), *SHORT, "--out", str(folder / "out")]
 
@@ -85,6 +86,7 @@ def network(folder: Path, rng: random.Random) -> list[str]:
     else:
         names = ["network.toml", "network.toml", "vehicles.add.xml", "calibration.toml", "us101.net.xml"]
         chosen = mine / rng.choice(names)
+    DONE.append(chosen.name)
     chosen.write_bytes(spoilt_bytes(chosen.read_bytes(), rng))
     return ["run", "--net", str(mine), *SHORT, "--out", str(folder / "out")]
 
@@ -94,6 +96,7 @@ def result_folder(folder: Path, rng: random.Random) -> list[str]:
     theirs = folder / "run"
     shutil.copytree(_scene(), theirs)
     chosen = rng.choice(sorted(file for file in theirs.iterdir() if file.is_file()))
+    DONE.append(chosen.name)
     if chosen.suffix == ".parquet" and rng.random() < 0.8:
         table = spoilt_table(pd.read_parquet(chosen), rng)
         try:
@@ -124,10 +127,14 @@ def model(folder: Path, rng: random.Random) -> list[str]:
         with np.load(content) as stored:
             arrays = {name: stored[name] for name in stored.files}
         name = rng.choice(sorted(arrays))
-        arrays[name] = rng.choice([
-            arrays[name] * np.nan, arrays[name][:1], arrays[name].reshape(-1), -arrays[name], 0.0 * arrays[name],
-            np.array(["text"]), arrays[name][..., None], 1e300 * arrays[name],
-        ])  # fmt: skip
+        ways = {
+            "nan": arrays[name] * np.nan, "first": arrays[name][:1], "flat": arrays[name].reshape(-1),
+            "negated": -arrays[name], "zero": 0.0 * arrays[name], "text": np.array(["text"]),
+            "one more axis": arrays[name][..., None], "huge": 1e300 * arrays[name],
+        }  # fmt: skip
+        way = rng.choice(sorted(ways))
+        arrays[name] = ways[way]
+        DONE.append(f"{name} {way}")
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
         path.write_bytes(buffer.getvalue())

@@ -20,6 +20,10 @@ WORDS = (
 )
 
 
+DONE: list[str] = []
+"""What was changed since this list was last emptied, in words, for whoever judges what was accepted."""
+
+
 def spoilt_bytes(content: bytes, rng: random.Random) -> bytes:
     """Return a content with one to three things about it changed."""
     # Mostly what still has the form of its format, so that more than the parser is tried.
@@ -27,7 +31,9 @@ def spoilt_bytes(content: bytes, rng: random.Random) -> bytes:
         for _ in range(rng.randint(1, 2)):
             content = _other_number(content, rng)
         return content
-    return rng.choice((_cut, _flipped, _without_line, _twice))(content, rng)
+    way = rng.choice((_cut, _flipped, _without_line, _twice))
+    DONE.append(way.__name__)
+    return way(content, rng)
 
 
 def _other_number(content: bytes, rng: random.Random) -> bytes:
@@ -35,10 +41,16 @@ def _other_number(content: bytes, rng: random.Random) -> bytes:
     if not found:
         return content
     chosen = rng.choice(found)
-    if rng.random() < 0.3:
-        # The same everywhere, as a wrong unit or a lost column would be.
-        return content.replace(chosen[0], rng.choice(NUMBERS), 200)
-    return content[: chosen.start()] + rng.choice(NUMBERS) + content[chosen.end() :]
+    everywhere = rng.random() < 0.3
+    new = rng.choice(NUMBERS)
+    before, after = content[max(chosen.start() - 60, 0) : chosen.start()], content[chosen.end() : chosen.end() + 20]
+    DONE.append(f"{before!r} [{chosen[0]!r} -> {new!r}] {after!r}{' everywhere' * everywhere}")
+    # The same everywhere, as a wrong unit or a lost column would be.
+    return (
+        content.replace(chosen[0], new, 200)
+        if everywhere
+        else content[: chosen.start()] + new + content[chosen.end() :]
+    )
 
 
 def _cut(content: bytes, rng: random.Random) -> bytes:
@@ -67,15 +79,21 @@ def _twice(content: bytes, rng: random.Random) -> bytes:
 def spoilt_table(table: pd.DataFrame, rng: random.Random) -> pd.DataFrame:
     """Return a table with values, rows or columns changed."""
     name = rng.choice(list(table.columns))
-    changes: tuple[Callable[[], pd.DataFrame], ...] = (
-        lambda: table.drop(columns=name),
-        lambda: table.iloc[: rng.randrange(len(table) + 1)],
-        lambda: table.sample(frac=1.0, random_state=rng.randrange(1000)),
-        lambda: pd.concat([table, table.iloc[: rng.randrange(len(table) + 1)]]),
-        lambda: table.assign(**{name: rng.choice(WORDS)}),
-        lambda: table.assign(**{name: rng.choice([np.nan, np.inf, -1.0, 0.0, 1e308, 10**9, -(10**9)])}),
-        lambda: table.assign(**{name: table[name].where(np.arange(len(table)) != rng.randrange(len(table) + 1))}),
-        lambda: table.rename(columns={name: rng.choice(WORDS)}),
-        lambda: table.assign(**{name: [[1]] * len(table)}),
-    )
-    return rng.choice(changes)()
+    changes: dict[str, Callable[[], pd.DataFrame]] = {
+        "without": lambda: table.drop(columns=name),
+        "cut": lambda: table.iloc[: rng.randrange(len(table) + 1)],
+        "shuffled": lambda: table.sample(frac=1.0, random_state=rng.randrange(1000)),
+        "rows twice": lambda: pd.concat([table, table.iloc[: rng.randrange(len(table) + 1)]]),
+        "word": lambda: table.assign(**{name: rng.choice(WORDS)}),
+        "number": lambda: table.assign(**{name: rng.choice([np.nan, np.inf, -1.0, 0.0, 1e308, 10**9, -(10**9)])}),
+        "missing values": lambda: table.assign(
+            **{name: table[name].where(np.arange(len(table)) != rng.randrange(len(table) + 1))}
+        ),
+        "renamed": lambda: table.rename(columns={name: rng.choice(WORDS)}),
+        "lists": lambda: table.assign(**{name: [[1]] * len(table)}),
+    }
+    way = rng.choice(sorted(changes))
+    changed = changes[way]()
+    shown = changed[name].iloc[:1].tolist() if name in changed else []
+    DONE.append(f"{way}: {name} {shown}")
+    return changed

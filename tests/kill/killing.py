@@ -31,7 +31,9 @@ EXIT_CODES = {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}
 TABLES = ("truth", "detections", "tracks")
 FIRST_MOMENT_S = 0.5
 """Before it the interpreter itself may not have started, which ends without a word."""
-ORPHANS_S = 20.0
+ORPHANS_S = 60.0
+LONGEST_S = 600.0
+"""After it a command that was told to end counts as hanging; generous, for busy machines."""
 STORY = 3
 """After so many kills a grid is let run to its end."""
 
@@ -141,7 +143,7 @@ class _Killed:
         time.sleep(kill.after_s)
         before = self.finished()
         process.send_signal(kill.signal)
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=LONGEST_S)
         code = process.returncode
         if code not in (0, EXIT_CODES[kill.signal]):
             kill.faults.append(f"exit code {code}")
@@ -221,12 +223,17 @@ class _KilledGrid(_Killed):
         """Let the grid run to its end, and return what differs from one that was never killed."""
         self.kills = 0
         subprocess.run(self._words(self.out), cwd=REPOSITORY, check=True)
-        faults = [] if table_of(self.out).equals(table_of(self.whole)) else ["runs.parquet differs"]
-        named = {path.relative_to(self.out) for path in self.out.rglob("*")}
-        wanted = {path.relative_to(self.whole) for path in self.whole.rglob("*")}
-        faults += [f"{path} is left or missing" for path in named ^ wanted]
+        faults = differences(self.out, self.whole)
         shutil.rmtree(self.out)
         return faults
+
+
+def differences(folder: Path, whole: Path) -> list[str]:
+    """Return in what a finished grid differs from one that was never ended, wall times aside."""
+    faults = [] if table_of(folder).equals(table_of(whole)) else ["runs.parquet differs"]
+    named = {path.relative_to(folder) for path in folder.rglob("*")}
+    wanted = {path.relative_to(whole) for path in whole.rglob("*")}
+    return faults + [f"{path} is left or missing" for path in named ^ wanted]
 
 
 def row_of(path: Path) -> dict[str, Any]:

@@ -201,7 +201,7 @@ def test_a_full_disk_keeps_the_steps_that_there_was_room_for(name, steady_traffi
 
 def test_steps_are_kept_even_if_there_is_no_room_to_tell_of_them(steady_traffic, tmp_path, monkeypatch):
     fail_on(runfolder.MANIFEST, monkeypatch)
-    with pytest.raises(RunError, match="the finished steps are in .*run.incomplete, manifest.json found no room"):
+    with pytest.raises(RunError, match=r"the finished steps are in .*run\.incomplete, manifest\.json found no room"):
         run_on(steady_traffic, configured(), tmp_path / "run")
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
     assert pd.read_parquet(tmp_path / "run.incomplete" / "tracks.parquet")["step"].max() == 11
