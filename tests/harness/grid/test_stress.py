@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import random
@@ -10,8 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -26,7 +23,7 @@ from harness.grid.stress import FinishedGrid, run_stress
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.open import OpenLooks
 from harness.running.run import run
-from harness.writing.files import replacing
+from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 REPOSITORY = Path(__file__).parents[3]
@@ -58,6 +55,14 @@ class InProcess:
 @pytest.fixture
 def no_figures(monkeypatch) -> None:
     monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: _NoFigure())
+
+
+@pytest.fixture(scope="module")
+def whole_grid(tmp_path_factory) -> pd.DataFrame:
+    """Return the table of the small grid, made without a hitch."""
+    with pytest.MonkeyPatch.context() as drawn:
+        drawn.setattr("harness.grid.tables.curves_figure", lambda *arguments: _NoFigure())
+        return table_of(grid(tmp_path_factory.mktemp("whole") / "grid").folder)
 
 
 class _NoFigure:
@@ -199,29 +204,30 @@ def test_a_second_process_on_the_same_grid_is_refused(no_figures, tmp_path):
     assert not list((tmp_path / "grid").rglob("*lock"))
 
 
-@pytest.mark.parametrize("file", ["row", "runs.parquet", "summary.json", "table.md", "manifest.json"])
-def test_a_full_disk_ends_a_grid_in_one_line_and_it_can_be_taken_up(file, no_figures, tmp_path, monkeypatch):
-    whole = table_of(grid(tmp_path / "whole").folder)
-    written = []
+GRID_WRITES = 16
+"""How many files a grid of eight runs writes: ledger, manifest, request, rows, tables and figure, manifest again."""
 
-    @contextmanager
-    def until_full(path: Path) -> Iterator[Path]:
-        written.append(path)
-        if path.name == file or (file == "row" and sum(other.parent.name == "runs" for other in written) == 4):
-            raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        with replacing(path) as temporary:
-            yield temporary
 
-    with monkeypatch.context() as full:
-        for module in ("harness.writing.files", "harness.runfolder.tables"):
-            full.setattr(f"{module}.replacing", until_full)
-        with pytest.raises(
-            RunError, match=r"can't go on \(.*No space left on device\); \d of 8 runs are kept.*`resume`"
-        ):
-            grid(tmp_path / "grid")
+@pytest.mark.parametrize("write", moments(GRID_WRITES))
+def test_whenever_a_disk_fills_a_grid_ends_in_one_line_and_is_taken_up_as_if_it_had_not(
+    write, no_figures, tmp_path, whole_grid
+):
+    with (
+        disk_full_from(write) as written,
+        pytest.raises(RunError, match=r"can't go on \(.*No space left on device\); \d of 8 runs are kept.*`resume`"),
+    ):
+        grid(tmp_path / "grid")
+    rows = {path.stem for path in (tmp_path / "grid" / "runs").iterdir()}
+    assert rows == {name.removesuffix(".json") for name in written if (tmp_path / "grid" / "runs" / name).is_file()}
     rest = InProcess()
-    pd.testing.assert_frame_equal(table_of(grid(tmp_path / "grid", execute=rest, resume=True).folder), whole)
-    assert rest.rows == {"row": 5, "manifest.json": 8}.get(file, 0)
+    pd.testing.assert_frame_equal(table_of(grid(tmp_path / "grid", execute=rest, resume=True).folder), whole_grid)
+    assert rest.rows == 8 - len(rows)
+
+
+def test_a_grid_writes_as_often_as_the_moments_above_suppose(no_figures, tmp_path):
+    with disk_full_from(GRID_WRITES + 1) as written:
+        grid(tmp_path / "grid")
+    assert len(written) == GRID_WRITES
 
 
 def test_nothing_of_a_strangers_folder_is_touched(no_figures, tmp_path):

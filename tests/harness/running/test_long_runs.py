@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -26,6 +24,7 @@ from harness.runfolder.tables import ColumnRecorder, write_table
 from harness.running import keeping
 from harness.running.run import Drawing, run
 from mmpf.tracks import Tracks
+from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
@@ -136,23 +135,6 @@ WRITES = 31
 """How many files a run of four stretches writes, its ledger first and last."""
 
 
-@contextmanager
-def disk_full_from(write: int) -> Iterator[list[str]]:
-    """Refuse a write and all after it, and yield the names of the files that were written."""
-    written: list[str] = []
-
-    def until_full(path: Path, final: Path) -> Path:
-        if len(written) + 1 >= write:
-            raise OSError(errno.ENOSPC, "No space left on device", str(final))
-        written.append(final.name)
-        os.replace(path, final)
-        return final
-
-    with pytest.MonkeyPatch.context() as full:
-        full.setattr(Path, "replace", until_full)
-        yield written
-
-
 def kept_steps(folder: Path, table: str) -> list[int]:
     """Return the steps of a table that a full disk may have left in several files, each as often as it is there."""
     stem = Path(table).stem
@@ -160,7 +142,7 @@ def kept_steps(folder: Path, table: str) -> list[int]:
     return sorted(step for file in files for step in pd.read_parquet(file)["step"].unique())
 
 
-@pytest.mark.parametrize("write", range(2, WRITES + 1))
+@pytest.mark.parametrize("write", moments(WRITES))
 def test_whenever_a_disk_fills_for_good_every_stretch_that_was_written_is_kept_once(write, tmp_path, short_stretches):
     with disk_full_from(write) as written, pytest.raises(RunError, match="No space left on device"):
         run_on(tmp_path / "run")
