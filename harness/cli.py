@@ -65,6 +65,7 @@ COMMANDS = (
     CommandEntry("stress", "Run many densities, models and seeds.", "Compare"),
     CommandEntry("study", "Repeat the published cases; ask whether the models carry over to real roads.", "Compare"),
     CommandEntry("bench", "Measure how long trackers take.", "Compare"),
+    CommandEntry("reference", "Make a reference table from a clean tree, or check one.", "Compare"),
     CommandEntry("train", "Fit and select the behaviour model.", "Models and traffic"),
     CommandEntry("fidelity", "Tell how real the simulated traffic is.", "Models and traffic"),
     CommandEntry("calibrate", "Fit the simulated traffic to recorded traffic.", "Models and traffic"),

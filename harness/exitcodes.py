@@ -9,7 +9,7 @@ UNDECIDED = RUN_FAILED
 
 MEANINGS = {
     DONE: "done; of `compare`: nothing is worse",
-    WORSE: "`compare`: something is worse by more than the tolerance",
+    WORSE: "`compare`: something is worse by more than the tolerance; `reference --check`: a number differs",
     WRONG_INPUT: "wrong input: one line names the option or file and the mend",
     RUN_FAILED: "a run failed part-way, or could not be written; of `compare`: undecided for want of data",
     INTERNAL: "an error of the program itself",

@@ -1,0 +1,1 @@
+"""Reference tables: which there are, and how each is made by one command."""

@@ -1,0 +1,103 @@
+"""Where two makings of one reference differ: every number and text of their tables, apart from how long things took."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.errors import InputError
+from harness.runfolder import folder as runfolder
+
+TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
+TABLE, NUMBERS = "runs.parquet", ("results.json", "fidelity.json")
+MOST_TOLD = 5
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One value that differs.
+
+    Attributes:
+        place: Where it stands.
+        committed: What is committed.
+        remade: What it is now.
+    """
+
+    place: str
+    committed: object
+    remade: object
+
+    def __str__(self) -> str:
+        return f"{self.place}: committed {self.committed}, remade {self.remade}"
+
+
+def differences(committed: Path, remade: Path) -> list[Difference]:
+    """Return every value that differs between two folders of one reference.
+
+    Raises:
+        InputError: The committed one has no table.
+    """
+    names = [name for name in (TABLE, *NUMBERS) if (committed / name).is_file()]
+    if not names:
+        raise InputError(f"`name`: {committed} has no table to check; make the reference first")
+    return [
+        Difference(f"{name}, {place}", *values)
+        for name in names
+        for place, values in _differing(_read(committed / name), _read(remade / name))
+    ]
+
+
+def told(found: list[Difference], committed: Path) -> str:
+    """Return the differences in a paragraph, the first few of them, and on which machine the committed was made."""
+    more = f"\n  and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
+    lines = "\n".join(f"  {each}" for each in found[:MOST_TOLD])
+    return f"{len(found)} values differ from {committed}{_made_on(committed)}:\n{lines}{more}"
+
+
+def _made_on(folder: Path) -> str:
+    try:
+        manifest = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
+        return f" (made on {manifest['machine']['processor']}, of {manifest['git_revision']})"
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return a table's values by their place."""
+    if not path.is_file():
+        return {}
+    if path.suffix == ".json":
+        return dict(_leaves(json.loads(path.read_text(encoding="utf-8")), ""))
+    import pandas as pd  # noqa: PLC0415
+
+    rows = pd.read_parquet(path)
+    return {
+        f"row {place}, {column}": value
+        for column in map(str, rows)
+        for place, value in enumerate(rows[column].tolist())
+    }
+
+
+def _leaves(value: object, place: str) -> Iterator[tuple[str, object]]:
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+    if inside is None:
+        yield place, value
+        return
+    for key, item in inside:
+        yield from _leaves(item, f"{place}.{key}" if place else str(key))
+
+
+def _differing(first: dict[str, Any], second: dict[str, Any]) -> Iterator[tuple[str, tuple[object, object]]]:
+    for place in dict.fromkeys((*first, *second)):
+        pair = first.get(place), second.get(place)
+        if not any(word in place for word in TIMES) and not _same(*pair):
+            yield place, pair
+
+
+def _same(a: object, b: object) -> bool:
+    missing = [value is None or (isinstance(value, float) and math.isnan(value)) for value in (a, b)]
+    return all(missing) or a == b
