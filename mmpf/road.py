@@ -89,7 +89,7 @@ class Road:
         return len(self.reference_xy) == 2
 
     def _segment_at(self, lon_m: FloatArray) -> IntArray:
-        return np.clip(np.searchsorted(self._vertex_lon, lon_m, side="right") - 1, 0, len(self._vertices) - 2)
+        return np.asarray(np.searchsorted(self._vertex_lon[1:-1], lon_m, side="right"))
 
     def heading_at(self, lon_m: FloatArray) -> FloatArray:
         """Return the Cartesian direction of the reference line, radians counter-clockwise, the shape of ``lon_m``."""

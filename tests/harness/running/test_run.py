@@ -249,9 +249,9 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("runs")
     return {
         name: run(
-            resolve_run_config(options={"duration": 3.0, "seed": 1, "particles": 200, **extra}),
+            resolve_run_config(options={"duration": 2.0, "seed": 1, "particles": 200, **extra}),
             out=folder / name,
-            draw=DRAWING,
+            draw=DRAWING if name == "one" else None,
         ).folder
         for name, extra in settings.items()
     }
@@ -301,7 +301,7 @@ def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, m
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("seed", range(1, 4))
 def test_visible_vehicles_are_tracked_soon_and_better_than_they_are_measured(seed, tmp_path):
     options = {"density": 20.0, "duration": 15.0, "sensor": "lidar-independent", "seed": seed}
     config = resolve_run_config(options=options)

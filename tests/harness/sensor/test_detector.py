@@ -1,4 +1,5 @@
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,6 +30,50 @@ def look(frame, profile="lidar-independent", seed=0, road=ROAD, **overrides):
     return sensor.observe(frame, road, np.random.default_rng(seed))
 
 
+def looks(frame, count, profile="lidar-independent", seed=0, **overrides):
+    """Return independent looks at a frame: each is an episode of its own, at whose start the sensor forgets."""
+    sensor, rng = build_sensor(sensor_settings(profile, overrides)), np.random.default_rng(seed)
+    return [sensor.observe(replace(frame, episode=k), ROAD, rng) for k in range(count)]
+
+
+# In each quadrant four vehicles, none of which hides another, between 14 and 90 m away; two of them trucks.
+AHEAD = [(12.0, 7.0), (24.0, 7.0), (48.0, 7.0), (90.0, 7.0)]
+PLAIN = frame_of(*[(way * lon, side * lat) for way in (1, -1) for side in (1, -1) for lon, lat in AHEAD])
+PLAIN = replace(
+    PLAIN,
+    length_m=np.array([4.7] + 2 * [4.1, 4.4, 4.7, 18.0, 3.9, 4.3, 5.1, 4.6]),
+    width_m=np.array([1.9] + 2 * [1.7, 1.8, 1.9, 2.5, 1.6, 1.7, 2.0, 2.1]),
+)
+FAR = np.hypot(PLAIN.lon_m - 300.0, PLAIN.lat_m - MIDDLE) > 40.0
+# The same pair ahead and behind; the nearer hides a part of the farther.
+PAIRS = frame_of((20, 0), (40, 1.4), (-20, 0), (-40, 1.4))
+
+
+@cache
+def errors_in_plain_view(profile):
+    """Return the vehicle and the error in reported deviations of each detection of ``PLAIN``: places, and sizes."""
+    vehicles, places, sizes = [], [], []
+    for seen in looks(PLAIN, 80, profile, **STEADY):
+        assert seen.visible_fraction == pytest.approx(np.ones(17))
+        d = seen.scan.detections
+        of = np.array([int(name.removeprefix("car")) for name in seen.truth_id])
+        vehicles.append(of)
+        places.append([(d.lon_m - PLAIN.lon_m[of]) / d.std_lon_m, (d.lat_m - PLAIN.lat_m[of]) / d.std_lat_m])
+        if d.sizes is not None:
+            settings = sensor_settings(profile, {})
+            # What is reported gives no true size away.
+            assert d.sizes.std_length_m == pytest.approx(settings.std_length_m, abs=1e-4)
+            assert d.sizes.std_width_m == pytest.approx(settings.std_width_m, abs=1e-4)
+            sizes.append(
+                [
+                    (d.sizes.length_m - PLAIN.length_m[of]) / d.sizes.std_length_m,
+                    (d.sizes.width_m - PLAIN.width_m[of]) / d.sizes.std_width_m,
+                ]
+            )
+    joined = [np.concatenate(part, axis=-1) for part in (places, sizes) if part]
+    return np.concatenate(vehicles), np.concatenate(joined)
+
+
 def test_of_two_cars_in_line_only_the_nearer_is_detected():
     seen = look(frame_of((30, 0), (50, 0)), **SURE)
     assert seen.truth_id.tolist() == ["car1"]
@@ -51,26 +96,30 @@ def test_the_ego_is_neither_detected_nor_in_its_own_way():
     assert seen.occluder.tolist() == [-1, -1]
 
 
+@cache
+def partly_hidden():
+    """Return looks at ``PAIRS``, the visible fraction of its farther cars, and their rows in each look."""
+    seen = looks(PAIRS, 500, clutter_per_scan=0.0)
+    assert {int(state) for s in seen for state in s.state[[2, 4]]} == {PARTIAL}
+    ahead, behind = seen[0].visible_fraction[[2, 4]]
+    assert 0.15 < ahead < 0.7
+    assert behind == pytest.approx(ahead)
+    return seen, ahead, [np.isin(s.truth_id, ["car2", "car4"]) for s in seen]
+
+
 def test_a_partly_hidden_car_is_in_the_partial_state_and_rarer_and_noisier():
-    frame = frame_of((20, 0), (40, 1.4))
-    fraction = look(frame).visible_fraction[2]
-    assert 0.15 < fraction < 0.7
-    scans = [look(frame, seed=seed, clutter_per_scan=0.0) for seed in range(1000)]
-    assert {int(scan.state[2]) for scan in scans} == {PARTIAL}
-    hits = np.array([scan.truth_id.tolist().count("car2") for scan in scans])
+    seen, fraction, rows = partly_hidden()
+    hits, chances = sum(map(np.count_nonzero, rows)), 2 * len(seen)
     expected = 0.95 * fraction / 0.7
-    assert hits.mean() == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / len(scans)))
+    assert hits / chances == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / chances))
     alone = look(frame_of((40, 1.4)), **STEADY).scan.detections.std_lon_m[0]
-    errors = [
-        scan.scan.detections.lon_m[scan.truth_id == "car2"][0] - 340.0 for scan in scans if "car2" in scan.truth_id
-    ]
-    assert np.std(errors) / alone == pytest.approx(1 + 2 * (0.7 - fraction) / 0.55, rel=4 / np.sqrt(2 * len(errors)))
+    errors = np.concatenate([abs(s.scan.detections.lon_m[r] - 300.0) - 40.0 for s, r in zip(seen, rows, strict=True)])
+    assert np.std(errors) / alone == pytest.approx(1 + 2 * (0.7 - fraction) / 0.55, rel=4 / np.sqrt(2 * hits))
 
 
 def test_hidden_vehicles_never_give_a_detection():
     frame = frame_of((12, 0), (30, 0.1), (60, 0), (-15, 0), (-40, 0.2), (9, 3.66), (40, 12))
-    for seed in range(200):
-        seen = look(frame, seed=seed, hidden_fraction=0.3)
+    for seen in looks(frame, 120, hidden_fraction=0.3):
         hidden = frame.vehicle_id[seen.visible_fraction < 0.3]
         assert len(hidden) >= 3
         assert not set(seen.truth_id) & set(hidden)
@@ -95,12 +144,11 @@ def test_a_forward_sensor_sees_nothing_behind_it():
 
 def test_without_detections_only_clutter_is_left_and_its_number_is_poisson():
     counts = []
-    for seed in range(800):
-        seen = look(frame_of((30, 0)), seed=seed, detection_probability=0.0, clutter_per_scan=3.0)
+    for seen in looks(frame_of((30, 0)), 600, detection_probability=0.0, clutter_per_scan=3.0):
         assert set(seen.truth_id) <= {""}
         assert np.isnan(seen.detection_visible_fraction).all()
         counts.append(len(seen.truth_id))
-    assert np.mean(counts) == pytest.approx(3.0, abs=4 * np.sqrt(3.0 / 800))
+    assert np.mean(counts) == pytest.approx(3.0, abs=4 * np.sqrt(3.0 / 600))
     assert np.var(counts) == pytest.approx(3.0, rel=0.25)
 
 
@@ -126,74 +174,37 @@ def test_the_data_sheet_spreads_clutter_over_the_road_in_range():
     assert sheet.range_m == 80.0
 
 
+def assert_standard_normal(errors):
+    assert errors.mean(axis=-1) == pytest.approx(np.zeros(len(errors)), abs=4 / np.sqrt(errors.shape[1]))
+    assert (errors**2).mean(axis=-1) == pytest.approx(np.ones(len(errors)), abs=4 * np.sqrt(2 / errors.shape[1]))
+
+
 @pytest.mark.parametrize("profile", list(sensor_profiles))
 def test_told_to_report_exactly_a_sensor_reports_the_deviations_of_its_errors_in_plain_view(profile):
-    frame = frame_of((30, 0), (-40, 5), (8, -6))
-    seen = [look(frame, profile, seed=seed, **STEADY) for seed in range(800)]
-    for car in (1, 2, 3):
-        rows = np.array(
-            [
-                (d.lon_m[k], d.std_lon_m[k], d.lat_m[k], d.std_lat_m[k])
-                for d, k in ((s.scan.detections, s.truth_id.tolist().index(f"car{car}")) for s in seen)
-            ]
-        )
-        for error, std in ((rows[:, 0] - frame.lon_m[car], rows[:, 1]), (rows[:, 2] - frame.lat_m[car], rows[:, 3])):
-            mean_absolute = std.mean() * np.sqrt(2 / np.pi)
-            assert np.abs(error).mean() == pytest.approx(mean_absolute, rel=4 * 0.76 / np.sqrt(len(error)))
-            assert error.mean() == pytest.approx(0.0, abs=4 * std.mean() / np.sqrt(len(error)))
-
-
-def sizes_of_car(profile, frame, car, scans):
-    """Return rows of measured length, width and their reported deviations of one car, one row a scan that saw it."""
-    rows = []
-    for seed in range(scans):
-        seen = look(frame, profile, seed=seed, **STEADY)
-        sizes = seen.scan.detections.sizes
-        columns = np.stack([sizes.length_m, sizes.width_m, sizes.std_length_m, sizes.std_width_m], axis=-1)
-        rows.append(columns[seen.truth_id == f"car{car}"])
-    return np.concatenate(rows)
-
-
-def assert_errors_are_as_reported(rows, frame, car):
-    for measured, std, true in (
-        (rows[:, 0], rows[:, 2], frame.length_m[car]),
-        (rows[:, 1], rows[:, 3], frame.width_m[car]),
-    ):
-        z = (measured - true) / std
-        assert z.mean() == pytest.approx(0.0, abs=4 / np.sqrt(len(z)))
-        assert (z**2).mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(z)))
+    vehicle, errors = errors_in_plain_view(profile)
+    for some in (FAR[vehicle], ~FAR[vehicle]):
+        assert_standard_normal(errors[:2, some])
 
 
 @pytest.mark.parametrize("profile", ["lidar", "lidar-independent", "camera"])
 def test_sizes_are_off_by_the_reported_deviation_which_gives_no_true_size_away(profile):
-    settings = sensor_settings(profile, {})
-    frame = frame_of((30, 0), (-40, 5))
-    frame = replace(frame, length_m=np.array([4.7, 18.0, 4.1]), width_m=np.array([1.9, 2.5, 1.7]))
-    for car in (1, 2):
-        rows = sizes_of_car(profile, frame, car, 600)
-        assert len(rows) == 600
-        assert rows[:, 2] == pytest.approx(settings.std_length_m, abs=1e-4)
-        assert rows[:, 3] == pytest.approx(settings.std_width_m, abs=1e-4)
-        assert_errors_are_as_reported(rows, frame, car)
+    vehicle, errors = errors_in_plain_view(profile)
+    is_truck = PLAIN.length_m[vehicle] > 10.0
+    for some in (is_truck, ~is_truck):
+        assert_standard_normal(errors[2:, some])
 
 
 def test_sizes_of_a_partly_hidden_vehicle_are_noisier_by_the_same_factor_as_its_place():
-    frame = frame_of((20, 0), (40, 1.4))
-    fraction = look(frame).visible_fraction[2]
-    rows = sizes_of_car("lidar-independent", frame, 2, 1000)
+    seen, fraction, rows = partly_hidden()
+    widths = np.concatenate([s.scan.detections.sizes.width_m[r] for s, r in zip(seen, rows, strict=True)])
     factor = 1 + 2 * (0.7 - fraction) / 0.55
     std = factor * sensor_settings("lidar-independent", {}).std_width_m
-    assert np.std(rows[:, 1]) == pytest.approx(std, rel=4 / np.sqrt(2 * len(rows)))
+    assert np.std(widths) == pytest.approx(std, rel=4 / np.sqrt(2 * len(widths)))
 
 
 def test_length_and_width_err_independently_of_each_other_and_of_the_place():
-    frame = frame_of((30, 0))
-    rows = []
-    for seed in range(800):
-        d = look(frame, seed=seed, **SURE).scan.detections
-        rows.append((d.lon_m[0], d.lat_m[0], d.sizes.length_m[0], d.sizes.width_m[0]))
-    correlation = np.corrcoef(np.array(rows).T)
-    assert np.abs(correlation - np.eye(4)).max() < 4 / np.sqrt(800)
+    _, errors = errors_in_plain_view("lidar-independent")
+    assert np.abs(np.corrcoef(errors) - np.eye(4)).max() < 4 / np.sqrt(errors.shape[1])
 
 
 def test_a_radar_measures_no_sizes_and_clutter_looks_like_a_car_to_those_that_do():
@@ -239,22 +250,23 @@ def test_only_the_radar_measures_speed_and_not_across_its_line_of_sight():
 
 
 def test_speed_errors_have_the_reported_deviation_for_cars_that_drift_as_usual():
-    frame = frame_of((30, 25))
+    frame = frame_of((30, 25), (30, -25), (-30, 25), (-30, -25))
+    sensor, rng = build_sensor(sensor_settings("radar", STEADY)), np.random.default_rng(0)
     errors, stds = [], []
-    for seed in range(800):
-        drifting = replace(frame, lat_speed_mps=np.array([0.0, np.random.default_rng(seed).normal(0, 0.35)]))
-        detections = look(drifting, "radar", seed=seed + 9000, **STEADY).scan.detections
-        errors.append(detections.speed_mps[0] - 20.0)
-        stds.append(detections.std_speed_mps[0])
-    assert np.std(errors) == pytest.approx(stds[0], rel=0.1)
+    for k in range(200):
+        sideways = np.append(0.0, rng.normal(0, 0.35, 4))
+        detections = sensor.observe(replace(frame, episode=k, lat_speed_mps=sideways), ROAD, rng).scan.detections
+        errors.append(detections.speed_mps - 20.0)
+        stds.append(detections.std_speed_mps)
+    assert np.std(errors) == pytest.approx(np.mean(stds), rel=0.1)
 
 
 def test_the_order_of_the_detections_says_nothing_of_the_vehicles():
     frame = frame_of(*[(12.0 * k, 7.0 * (k % 2) - 3.5) for k in (-4, -3, -2, -1, 1, 2, 3, 4)])
-    first = [look(frame, seed=seed, clutter_per_scan=0.0).truth_id[0] for seed in range(400)]
+    first = [seen.truth_id[0] for seen in looks(frame, 300, clutter_per_scan=0.0)]
     seen_first = np.unique(first, return_counts=True)[1]
     assert len(seen_first) >= 6
-    assert seen_first.max() < 400 / 3
+    assert seen_first.max() < 300 / 3
 
 
 def test_the_same_stream_gives_the_same_observation_to_the_last_bit():

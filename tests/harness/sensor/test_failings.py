@@ -58,7 +58,7 @@ def test_a_chain_has_its_share_and_its_mean_run(share, run_s):
 
 
 def test_bursts_take_their_share_of_time_and_last_as_long_as_asked_for():
-    seen = film(frame_of(*AROUND), 700, **CALM, burst_share=0.15, burst_s=0.8)
+    seen = film(frame_of(*AROUND), 500, **CALM, burst_share=0.15, burst_s=0.8)
     missed = np.array([[name not in s.truth_id for name in NAMES] for s in seen])
     assert missed.mean() == pytest.approx(0.15, abs=0.04)
     lengths = np.concatenate([run_lengths(column) for column in missed.T])
@@ -83,7 +83,7 @@ def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
 
 def test_a_partly_hidden_or_distant_vehicle_is_missed_oftener():
     frame = frame_of((20, 0), (40, 1.4), (-30, 3.66), (-97, -3.66))
-    seen = film(frame, 700, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
+    seen = film(frame, 500, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
     missed = [np.mean([f"car{k}" not in s.truth_id for s in seen]) for k in range(1, 5)]
     assert missed[1] > missed[2]
     assert missed[3] > missed[2]
@@ -111,17 +111,17 @@ def test_false_objects_stay_for_their_mean_life_and_have_their_number():
         "detection_probability": 0.0,
         "clutter_per_scan": 0.0,
         "persistent_clutter": 6.0,
-        "persistent_clutter_s": 1.0,
+        "persistent_clutter_s": 0.5,
         "persistent_clutter_probability": 1.0,
         "persistent_clutter_moving": 0.0,
     }
-    seen = film(frame_of((30, 0)), 1500, **overrides)
+    seen = film(frame_of((30, 0)), 800, **overrides)
     numbers = np.array([len(s.truth_id) for s in seen], dtype=float)
     assert numbers.mean() == pytest.approx(6.0, rel=0.15)
     # The number present in an M/G/infinity queue is correlated as lives go on: exp(-lag / life).
-    for lag_s in (0.3, 1.0):
+    for lag_s in (0.2, 0.5):
         lag = int(lag_s / STEP_S)
-        assert np.corrcoef(numbers[lag:], numbers[:-lag])[0, 1] == pytest.approx(np.exp(-lag_s / 1.0), abs=0.15)
+        assert np.corrcoef(numbers[lag:], numbers[:-lag])[0, 1] == pytest.approx(np.exp(-lag_s / 0.5), abs=0.15)
     assert all(set(s.truth_id) <= {""} for s in seen)
 
 
@@ -147,7 +147,7 @@ def test_what_moves_among_false_objects_moves_with_the_traffic():
 def test_a_split_truck_gives_two_boxes_of_which_one_stands_for_it():
     frame = frame_of((30, 0))
     frame = replace(frame, length_m=np.array([4.7, 16.0]))
-    seen = film(frame, 600, **CALM, split_share=0.2, split_s=0.3)
+    seen = film(frame, 500, **CALM, split_share=0.2, split_s=0.3)
     double = np.array([len(s.truth_id) == 2 for s in seen])
     assert double.mean() == pytest.approx(0.2, abs=0.06)
     assert all(sorted(s.truth_id) in (["car1"], ["", "car1"]) for s in seen)
@@ -157,7 +157,7 @@ def test_a_split_truck_gives_two_boxes_of_which_one_stands_for_it():
 
 
 def test_two_cars_close_together_become_one_box_over_both_and_others_never_do():
-    close = film(frame_of((20, 2.5), (20, 5.4)), 600, **CALM, merged_share=0.3, merged_s=0.3, merged_gap_m=1.5)
+    close = film(frame_of((20, 2.5), (20, 5.4)), 500, **CALM, merged_share=0.3, merged_s=0.3, merged_gap_m=1.5)
     single = [s for s in close if len(s.truth_id) == 1]
     # Either of the two would merge with probability 0.3.
     assert len(single) / len(close) == pytest.approx(1 - 0.7**2, abs=0.08)

@@ -41,9 +41,10 @@ def test_a_card_names_the_best_size_and_the_limits(tmp_path):
 
 @pytest.mark.slow
 def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
-    for name, value in (("FOLLOWING_SAMPLES", 4000), ("SHORT_SAMPLES", 4000), ("ROLLOUTS", 20)):
+    for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
-    monkeypatch.setattr(train, "TUNING_RECORDINGS", 2)
+    for name, value in (("TRAINING_DURATION_S", 30.0), ("TUNING_DURATION_S", 30.0), ("TUNING_RECORDINGS", 2)):
+        monkeypatch.setattr(train, name, value)
     monkeypatch.setattr("harness.training.rival_fit.GENERATIONS", 1)
     plan = TrainingPlan("lane-keeping", 4, 1000, 3, 0, False, tmp_path / "cache", tmp_path / "models")
     said: list[str] = []
