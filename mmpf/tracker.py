@@ -11,6 +11,7 @@ from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
+from mmpf.compute.threads import one_blas_thread
 from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
@@ -68,6 +69,7 @@ class MixtureTracker:
         """The belief after the last scan."""
         return self._mixture
 
+    @one_blas_thread()
     def step(self, scan: Scan) -> Tracks:
         """Take in one scan and return the confirmed and tentative tracks after it.
 

@@ -9,7 +9,9 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from harness.bench.busy import busy_machine
 from harness.bench.measure import Contender, as_row, time_in_turns, warm_up
 from harness.bench.scene import bench_scene
 from harness.errors import InputError
@@ -40,6 +42,7 @@ class BenchPlan:
         steps: Scans of each scene.
         seed: Root of all randomness.
         budget_s: Processor time that each tracker has for each number of vehicles; a slower one drops out.
+        beside: Processes that spin beside the measurement, as on a busy machine.
     """
 
     vehicles: tuple[int, ...] = VEHICLES
@@ -48,6 +51,7 @@ class BenchPlan:
     steps: int = STEPS
     seed: int = 0
     budget_s: float = 10.0
+    beside: int = 0
 
     @property
     def contenders(self) -> list[Contender]:
@@ -86,7 +90,7 @@ def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, Any]:
         advance: Called after each scan of each scene.
 
     Returns:
-        ``rows``, ``gmm`` and ``slopes`` as plain values.
+        ``beside``, ``rows``, ``gmm`` and ``slopes`` as plain values.
 
     Raises:
         InputError: There is no such tracker or model, or it is none that can be timed.
@@ -97,10 +101,14 @@ def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, Any]:
     except (UnknownNameError, TypeError) as error:
         raise InputError(f"`trackers`: {error}") from None
     rows: list[dict[str, Any]] = []
-    for vehicles in plan.vehicles:
-        scene = bench_scene(vehicles, plan.steps, np.random.default_rng([plan.seed, vehicles]))
-        rows += [as_row(stepping, vehicles) for stepping in time_in_turns(contenders, scene, plan.budget_s, advance)]
-    return {"rows": rows, "gmm": time_mixtures(np.random.default_rng(plan.seed)), "slopes": slopes(rows)}
+    # As in a run: all trackers' matrix products are small, and one thread is the fastest on a busy machine.
+    with threadpool_limits(limits=1, user_api="blas"), busy_machine(plan.beside):
+        for vehicles in plan.vehicles:
+            scene = bench_scene(vehicles, plan.steps, np.random.default_rng([plan.seed, vehicles]))
+            done = time_in_turns(contenders, scene, plan.budget_s, advance)
+            rows += [as_row(stepping, vehicles) for stepping in done]
+        mixtures = time_mixtures(np.random.default_rng(plan.seed))
+    return {"beside": plan.beside, "rows": rows, "gmm": mixtures, "slopes": slopes(rows)}
 
 
 def slopes(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

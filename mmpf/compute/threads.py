@@ -1,14 +1,17 @@
-"""Compiled loops on several processor cores: each takes its share of the particles, so that results do not change."""
+"""On how many processor cores the filter works: on one, or on several that share the particles with equal results."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 
-from numba import config
+from threadpoolctl import ThreadpoolController
 
+VARIABLE = "MMPF_THREADS"
 MOST_THREADS = 4
 LEAST_SHARE = 4096
 
@@ -16,8 +19,8 @@ LEAST_SHARE = 4096
 def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, block: int = 1) -> None:
     """Call ``work(begin, end)`` for ranges that cover ``0 ... size``, on several cores where that pays.
 
-    There are as many shares as numba has threads (``NUMBA_NUM_THREADS``, by default the processor's cores), at most
-    four. The work on a range must depend on nothing outside it, and let go of the interpreter's lock.
+    There are at most ``threads()`` shares. The work on a range must depend on nothing outside it, and let go of the
+    interpreter's lock.
 
     Args:
         work: What is to be done.
@@ -26,7 +29,7 @@ def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, bl
         block: Shares begin at multiples of this: loops that work in blocks then meet the same blocks however many
             shares there are.
     """
-    shares = min(int(vars(config)["NUMBA_NUM_THREADS"]), MOST_THREADS, int(size * cost) // LEAST_SHARE)
+    shares = min(threads(), int(size * cost) // LEAST_SHARE)
     if shares <= 1:
         work(0, size)
         return
@@ -35,6 +38,35 @@ def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, bl
     work(bounds[0], bounds[1])
     for other in others:
         other.result()
+
+
+def threads() -> int:
+    """Return on how many threads the filter's own loops work: the variable ``MMPF_THREADS``, 1 to 4, by default 1.
+
+    A second one makes a step some per cent faster on an idle machine and slower on a busy one.
+    """
+    text = os.environ.get(VARIABLE, "1")
+    if not text.isdecimal() or int(text) < 1:
+        warnings.warn(f"{VARIABLE}={text} is no number from 1 to {MOST_THREADS}; one thread is used", stacklevel=2)
+        return 1
+    return min(int(text), MOST_THREADS)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep linear algebra libraries on one thread while the block runs, and leave them as they were.
+
+    The filter's matrix products are small: a second thread costs more than it gives, and where other processes hold the
+    cores each product waits for it.
+    """
+    with _libraries().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return those that are loaded by the filter's first step: finding them takes longer than a product."""
+    return ThreadpoolController()
 
 
 @cache

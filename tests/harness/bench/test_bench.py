@@ -2,11 +2,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.bench.bench import BenchPlan, contender_of, run_bench, slopes
+from harness.bench.busy import busy_machine
 from harness.bench.measure import SETTLING_STEPS, Contender, Stepping, as_row, time_in_turns
 from harness.bench.scene import bench_scene
 from harness.bench.written import plot
@@ -103,6 +105,21 @@ def test_names_stand_for_trackers_with_their_options():
 def test_what_can_not_be_timed_is_refused(name):
     with pytest.raises(InputError, match=r"`trackers?`"):
         run_bench(BenchPlan(vehicles=(3,), trackers=(name,), particles=20, steps=12), lambda: None)
+
+
+def test_processes_spin_beside_while_they_are_wanted_and_not_longer():
+    with busy_machine(2):
+        spinning = spinning_children()
+        assert len(spinning) == 2
+    assert not spinning_children()
+
+
+def spinning_children() -> list[str]:
+    """Return the children of this process that spin."""
+    children = [
+        child for task in Path("/proc/self/task").iterdir() for child in (task / "children").read_text().split()
+    ]
+    return [child for child in children if b"select.select" in Path(f"/proc/{child}/cmdline").read_bytes()]
 
 
 def test_impossible_numbers_of_vehicles_are_refused(capsys):
