@@ -269,6 +269,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                     quiet,
                     warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
                     tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+                    workers=None if values["scheduler"] is not None else values["workers"] or os.cpu_count() or 1,
                 ),
                 command=command,
             )

@@ -17,10 +17,12 @@ while not select.select([sys.stdin], [], [], 0)[0]:
 
 
 @contextmanager
-def busy_machine(processes: int) -> Iterator[None]:
-    """Let so many processes spin while the block runs."""
+def busy_machine(count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Let so many processes spin while the block runs; yields them."""
+    processes = []
     with ExitStack() as stack:
-        for _ in range(processes):
+        for _ in range(count):
             spinning = stack.enter_context(subprocess.Popen([sys.executable, "-c", SPINNING], stdin=subprocess.PIPE))
             stack.callback(spinning.kill)
-        yield
+            processes.append(spinning)
+        yield processes

@@ -66,8 +66,9 @@ def command(options: Options) -> None:
         budget_s=options["budget"],
         beside=options["beside"],
     )
-    with progress_bar("bench", len(plan.vehicles) * plan.steps, quiet) as advance:
-        result = without_nan(run_bench(plan, advance))
+    steps = len(plan.vehicles) * plan.steps
+    with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
+        result = without_nan(run_bench(plan, advance, lambda line: None if quiet else typer.echo(line, err=True)))
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     write_text(out / "bench.json", text)

@@ -98,7 +98,7 @@ def command(options: Options) -> None:
         first_step=options["step"],
         recordings=tuple(options["recordings"] or ()),
     )
-    with progress_bar("calibrate", request.runs(network), quiet) as advance:
+    with progress_bar("calibrate", request.runs(network), quiet, before="calibrate: the first simulations") as advance:
         result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))
     result.write(out, network if write else None)
     if options["json"]:

@@ -62,8 +62,13 @@ def command(options: Options) -> None:
         recordings=tuple(options["recordings"] or ()),
         workers=options["workers"],
     )
-    with progress_bar("fidelity", request.runs(network), quiet) as advance:
-        result = compare_traffic(network, request, advance)
+
+    def say(line: str) -> None:
+        if not quiet:
+            typer.echo(line, err=True)
+
+    with progress_bar("fidelity", request.runs(network), quiet, before="fidelity: the first simulations") as advance:
+        result = compare_traffic(network, request, advance, say)
     write_fidelity(result, out)
     if not quiet:
         print_fidelity(result)

@@ -153,7 +153,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
             out,
             lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
             resume=(out / RUNS).exists() or (out / "grid.json").exists(),
-            user=Telling(quiet),
+            user=Telling(quiet, workers=os.cpu_count() or 1),
             command="harness study ablation",
         )
         return pd.read_parquet(out / RUNS)
@@ -174,7 +174,8 @@ def _make_transfer(
     from harness.study.transfer.written import as_json, as_markdown, write_transfer  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
-    with progress_bar("study transfer", MODELS * TEST_SETS, quiet) as advance:
+    before = "study transfer: recording, reading and fitting"
+    with progress_bar("study transfer: predicting", MODELS * TEST_SETS, quiet, before) as advance:
         result = make_transfer_study(plan, network, say, advance)
     write_transfer(result, folder)
     return _Told(as_json(result), as_markdown(result))
@@ -185,8 +186,10 @@ def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callab
     from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
     from harness.writing.progress import progress_bar  # noqa: PLC0415
 
+    runs = plan.runs if plan.study in MODELS else 1
+    title = f"study {plan.study}"
     try:
-        with progress_bar(f"study {plan.study}", plan.runs if plan.study in MODELS else 1, quiet) as advance:
+        with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
             result, setting = make_study(plan, network, say, advance)
     except ValueError as error:
         raise InputError(f"`model_file` {plan.model_file}: {error}") from error

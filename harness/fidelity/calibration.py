@@ -21,7 +21,7 @@ from harness.fidelity.candidate import (
 from harness.fidelity.fields import read_fields
 from harness.fidelity.measured import MeasuredSite, measure, measure_vehicles, read_measured, write_measured
 from harness.fidelity.samples import VehicleStatistics, merged
-from harness.fidelity.simulate import RunJob, simulate_all
+from harness.fidelity.simulate import RunJob, say_roughly_all, simulate_all
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
@@ -150,6 +150,9 @@ def calibrate(
         trials.append(trial)
         say(_line(len(trials), trial))
 
+    together = len(request.seeds) * len(names)
+    runs, minutes = request.trials * together, request.duration_s / 60.0
+    say_roughly_all(say, runs, minutes, request.workers, together)
     found = search(network, site, first, request, keep, on_run)
     return CalibrationResult(site, tuple(trials), found, request.fields is not None or bool(request.recordings))
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.grid.cells import MISMATCH, RECORDING, Cell, Grid, distinct_trackers
+from harness.grid.expected import expected_s
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
 from harness.grid.pool import OnRow
@@ -21,6 +22,7 @@ from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.writing.files import save_figure, write_text
 from harness.writing.numbers import without_nan
 from harness.writing.progress import progress_bar
+from harness.writing.rough import say_roughly
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,12 +62,14 @@ class Telling:
     Attributes:
         quiet: Whether to leave out the progress bar.
         warn: Called with a line that should be read.
-        tell: Called with what was read of each file of recorded traffic.
+        tell: Called with what was read of each file of recorded traffic, and how long all will roughly take.
+        workers: How many runs are made at a time, for the guess of how long all take; None if that is unknown.
     """
 
     quiet: bool = True
     warn: Callable[[str], object] = str
     tell: Callable[[str], object] = str
+    workers: int | None = None
 
 
 def run_stress(
@@ -114,7 +118,10 @@ def run_stress(
         for name in (RUNS, SUMMARY, TABLE) if cells else ():
             (out / name).unlink(missing_ok=True)
         title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
-        with progress_bar(title, len(grid.runs) - len(done), user.quiet) as advance:
+        left = len(grid.runs) - len(done)
+        if user.workers is not None:
+            say_roughly(user.tell, expected_s(cells, user.workers), f"{left} runs, {user.workers} at a time")
+        with progress_bar(title, left, user.quiet, before=f"{title}: loading, warming up traffic") as advance:
 
             def keep(key: str, row: Row) -> None:
                 write_row(rows_folder, key, without_nan(row))

@@ -20,6 +20,7 @@ from harness.ends import told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
+from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
 from harness.running.follow import StageTimes, follow
 from harness.running.keeping import RunKeeper
 from harness.running.looks import Looks, Streams
@@ -28,7 +29,8 @@ from harness.running.open import OpenLooks, as_believed, check_tracker, open_loo
 from harness.running.watchers import Moment, MomentKeeper
 from harness.writing.files import write_text
 from harness.writing.numbers import as_json
-from harness.writing.progress import progress_bar
+from harness.writing.progress import progress_bar, working
+from harness.writing.rough import say_roughly
 from mmpf.road import Road
 from mmpf.scan import SensorModel
 
@@ -202,19 +204,26 @@ class _Attempt:
         """Do the whole run and return the metrics."""
         begin = perf_counter()
         write_config(self.config, self.folder / runfolder.CONFIG)
-        with self._timed("open"):
+        with self._timed("open"), working(_opening(self.config), quiet):
             looks = self.looks = open_looks(self.config)
-        if looks.report and not quiet:
-            sys.stderr.write(looks.report + "\n")
+
+        def say(line: str) -> None:
+            if line and not quiet:
+                sys.stderr.write(line + "\n")
+
+        say(looks.report)
+        expected_s = LOADING_S + expected_traffic_s(self.config) + expected_tracking_s(self.config)
+        say_roughly(say, expected_s, "this run")
         runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
         keeper = self.keeper = RunKeeper(self.folder, looks.road, self.config.seed, self._timed)
         with self._timed("loop"):
             self._loop(looks, keeper, quiet)
         # What was scored and written between two steps is in their own phases.
         self.wall_s["loop"] -= self.wall_s.get("score", 0.0) + self.wall_s.get("write", 0.0)
-        scores = keeper.finish()
+        with working("scoring", quiet):
+            scores = keeper.finish()
         if draw is not None:
-            with self._timed("draw"):
+            with self._timed("draw"), working("drawing", quiet):
                 draw.figures(self.folder / runfolder.FIGURES, self._pictured(looks, keeper, scores))
         metrics = assemble_metrics(
             self.config,
@@ -225,7 +234,8 @@ class _Attempt:
         write_text(self.folder / runfolder.METRICS, as_json(metrics))
         self.write_manifest(runfolder.COMPLETE, None, self.steps)
         if draw is not None:
-            draw.page(self.folder)
+            with working("writing the page", quiet):
+                draw.page(self.folder)
         return metrics
 
     def leave(self, status: str, problem: str) -> str:
@@ -255,7 +265,7 @@ class _Attempt:
 
     def _loop(self, looks: Looks, keeper: RunKeeper, quiet: bool) -> None:
         stream = Streams.from_seed(self.config.seed).tracker
-        with progress_bar("tracking", looks.expected_steps, quiet) as advance:
+        with progress_bar("tracking", looks.expected_steps, quiet, before="loading the tracker") as advance:
             watchers = (self.moment.watch, keeper.diagnostics.watch, keeper.particles.watch, lambda *_: advance())
             told = as_believed(looks, self.config)
             follow(told, tracker_builder(self.config), keeper.recorder, stream, watchers, self.times)
@@ -282,6 +292,10 @@ class _Attempt:
             yield
         finally:
             self.wall_s[phase] = self.wall_s.get(phase, 0.0) + perf_counter() - begin
+
+
+def _opening(config: RunConfig) -> str:
+    return "reading the recording" if config.replay is not None else "warming up traffic"
 
 
 @contextmanager

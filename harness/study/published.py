@@ -20,6 +20,7 @@ from harness.driving.scenarios import (
     scenarios,
 )
 from harness.errors import InputError
+from harness.study.expected import say_roughly_predicted
 from harness.study.rival_noise import at_their_best
 from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.truth.frame import STEP_S
@@ -106,6 +107,7 @@ def make_study(
     if plan.study not in MODELS:
         raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
     models = {name: _model(plan, name) for name in plan.model_names}
+    say_roughly_predicted(say, plan.recordings, plan.runs * plan.cases * plan.particles)
     cases = cases_of_plan(plan, network, say)
     result = run_study(
         plan.study,

@@ -33,6 +33,7 @@ from harness.training.driver_fit import (
 from harness.training.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
+from harness.writing.rough import say_roughly
 from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import SizeScore, sweep_sizes
 from mmpf.learning.recovery import RecoveryGains, recovery_samples
@@ -48,6 +49,8 @@ SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60,
 SWEEP_SAMPLES = 15_000
 SWEEP_ITERATIONS = 30
 HELD_OUT_SAMPLES = 20_000
+# Processor time of a recording, and of the fits.
+RECORDING_S, FITTING_S = 25.0, 600.0
 
 Say = Callable[[str], None]
 
@@ -100,6 +103,9 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING} or {LANE_CHANGE}")
     for_training = scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S)
     for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S)
+    recordings = len(for_training) + len(for_tuning)
+    what = f"{recordings} recordings, less if they are there already, and the fits"
+    say_roughly(say, RECORDING_S * recordings + FITTING_S, what)
     training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
     plan.out.mkdir(parents=True, exist_ok=True)
     if plan.case == LANE_CHANGE:

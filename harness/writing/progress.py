@@ -1,17 +1,24 @@
-"""The progress bar on stderr."""
+"""What goes on, on stderr: a bar where the steps are counted, a line where they are not."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 
 @contextmanager
-def progress_bar(title: str, total: int, quiet: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar with the remaining time while the block runs; yields what to call after each step."""
+def progress_bar(title: str, total: int, quiet: bool, before: str = "") -> Iterator[Callable[[], None]]:
+    """Show a bar with the remaining time while the block runs; yields what to call after each step.
+
+    Args:
+        title: What is done step by step.
+        total: Number of steps.
+        quiet: Whether to show nothing.
+        before: What is done before the first step is; the title if empty.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -22,5 +29,16 @@ def progress_bar(title: str, total: int, quiet: bool) -> Iterator[Callable[[], N
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), disable=quiet, transient=True) as bar:
-        task = bar.add_task(title, total=total)
-        yield lambda: bar.advance(task)
+        task = bar.add_task(before or title, total=total)
+
+        def advance() -> None:
+            bar.update(task, advance=1, description=title)
+
+        yield advance
+
+
+@contextmanager
+def working(what: str, quiet: bool) -> Iterator[None]:
+    """Show in a line that something goes on while the block runs; nothing where stderr is no terminal."""
+    with nullcontext() if quiet else Console(stderr=True).status(what):
+        yield

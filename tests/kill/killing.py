@@ -22,7 +22,7 @@ import pandas as pd
 REPOSITORY = Path(__file__).parents[2]
 RUN = ("run", "--duration", "2", "--particles", "50", "--seed", "3", "--quiet")
 STRESS = (
-    *("stress", "--densities", "20,40", "--seeds", "2", "--models", "cvm", "--particles", "50"),
+    *("stress", "--densities", "20,40", "--seeds", "2", "--models", "cvm,cam", "--particles", "50"),
     *("--duration", "1", "--quiet", "--resume"),
 )
 WORKERS = ("--workers", "2")
@@ -123,6 +123,7 @@ class _Killed:
         self.name, self.command = name, command
         self.whole, self.out = folder / f"whole-{name}", folder / f"killed-{name}"
         self.whole.parent.mkdir(exist_ok=True)
+        subprocess.run(self._words(folder / f"warm-{name}"), cwd=REPOSITORY, check=True)  # kernels compiled
         begin = time.monotonic()
         subprocess.run(self._words(self.whole), cwd=REPOSITORY, check=True)
         self.lasts_s = time.monotonic() - begin
@@ -168,8 +169,6 @@ class _Killed:
 
 class _KilledRun(_Killed):
     def __init__(self, folder: Path) -> None:
-        warm = [sys.executable, "-m", "harness", *RUN, "--out", str(folder / "warm")]
-        subprocess.run(warm, cwd=REPOSITORY, check=True)  # kernels compiled, for the grid too
         super().__init__(folder, "run", RUN)
 
     def finished(self) -> dict[str, bytes]:

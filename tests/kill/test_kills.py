@@ -16,7 +16,7 @@ REPOSITORY = Path(__file__).parents[2]
 
 @pytest.mark.slow
 def test_nothing_finished_is_lost_by_a_kill_and_what_is_taken_up_ends_as_if_it_never_was(tmp_path):
-    kills = kill_often(4, 7, tmp_path)
+    kills = kill_often(2, 7, tmp_path)
     assert not [kill.as_line() for kill in kills if kill.faults]
 
 

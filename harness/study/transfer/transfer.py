@@ -22,6 +22,7 @@ from harness.driving.scenarios import (
     scenarios,
 )
 from harness.driving.scores import HORIZONS_S, score
+from harness.study.expected import say_roughly_predicted
 from harness.study.study import COMPLETE, LABELS, score_row
 from harness.study.transfer.models import (
     COMPONENTS,
@@ -55,6 +56,8 @@ from mmpf.state import ACCEL, LON
 STUDY = "transfer"
 MODELS = 12
 TEST_SETS = 3
+FITTING_S = 150.0
+"""Processor time of all fits."""
 UP_TO_5_S = tuple(horizon for horizon in HORIZONS_S if horizon <= 5.0)
 BEYOND_5_S = tuple(horizon for horizon in HORIZONS_S if horizon > 5.0)
 
@@ -118,6 +121,8 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         InputError: Real recordings are missing or broken.
     """
     pairs_path, files = pairs_file(plan.real_data), snippet_files(plan.real_data)
+    recordings = plan.recordings + 2 * plan.training_recordings
+    say_roughly_predicted(say, recordings, MODELS * TEST_SETS * plan.cases * plan.particles, FITTING_S)
     training, held_out = split_pairs(pair_windows(pairs_path, STEPS, STEP_S), plan.seed)
     sets = [
         held_out_set(PAIRS, [(held_out, HORIZONS_S)]),
