@@ -155,7 +155,7 @@ def shadow_wrong_after(sightings: Sightings, sensor: SensorModel, options: Joint
     by_miss = (1.0 - plain_view) / np.maximum(1.0 - seen, 1e-3)
     after = sightings.shadow_wrong * (sightings.hit * by_hit + (1.0 - sightings.hit) * by_miss)
     forgotten = -np.expm1(-dt_s / options.shadow_wrong_s)
-    return np.clip(after + forgotten * (options.shadow_wrong - after), 0.0, 1.0)
+    return np.asarray(np.clip(after + forgotten * (options.shadow_wrong - after), 0.0, 1.0))
 
 
 def speed_log_odds(moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float) -> FloatArray:
