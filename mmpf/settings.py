@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic.fields import FieldInfo
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -26,7 +26,25 @@ UNITS_BY_ENDING = {
 }
 
 
-class Settings(BaseModel):
+class WithoutTruthValues(BaseModel):
+    """Refuses true and false where a number is asked for; pydantic would take them for 1 and 0."""
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_no_truth_value(cls, value: object, info: ValidationInfo) -> object:
+        annotation = cls.model_fields[str(info.field_name)].annotation
+        if isinstance(value, bool) and _is_number(annotation):
+            raise ValueError("input should be a number")
+        return value
+
+
+def _is_number(annotation: object) -> bool:
+    """Return whether a type is a number, or one of several of which none is a truth value."""
+    kinds = get_args(annotation) or (annotation,)
+    return bool not in kinds and any(kind in (int, float) or (get_args(kind) and _is_number(kind)) for kind in kinds)
+
+
+class Settings(WithoutTruthValues):
     """Base of all settings: frozen, a key that does not exist is an error, and each field says what it means."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)

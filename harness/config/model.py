@@ -7,11 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from harness.truth.network.demand import DEFAULT_DENSITY, DENSITY_RANGE
 from harness.truth.network.network import default_demand
 from mmpf.options import FilterOptions
+from mmpf.settings import WithoutTruthValues
 
 DEFAULT_TRACKER = "mmpf"
 # Letters take up to four of the 255 bytes that a name may have, and some mark a folder that is being written.
@@ -25,7 +26,7 @@ MMPF_DEFAULTS: dict[str, str | int] = {
 }
 
 
-class _Strict(BaseModel):
+class _Strict(WithoutTruthValues):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 

@@ -51,3 +51,22 @@ def test_settings_can_not_be_changed_nor_take_a_key_that_does_not_exist() -> Non
         Cart().wheels = 3
     with pytest.raises(ValidationError, match=r"front\.width_m"):
         Cart.model_validate({"front": {"width_m": 1.0}})
+
+
+class Lamp(Settings):
+    """A lamp."""
+
+    on: bool = False
+    """Whether it shines."""
+    bulbs: int | None = None
+    """How many."""
+    dimmed: bool | float = False
+    """Whether, or by how much."""
+
+
+@pytest.mark.parametrize("value", [True, False])
+def test_a_truth_value_is_no_number(value: bool) -> None:
+    for kind, name in ((Wheel, "radius_m"), (Wheel, "noise"), (Cart, "wheels"), (Lamp, "bulbs")):
+        with pytest.raises(ValidationError, match="should be a number"):
+            kind.model_validate({name: value})
+    assert Lamp.model_validate({"on": value, "dimmed": value}) == Lamp(on=value, dimmed=value)

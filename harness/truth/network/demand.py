@@ -10,16 +10,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from harness.errors import InputError
+from mmpf.settings import WithoutTruthValues
 
 DENSITY_RANGE = (5.0, 65.0)
 DEFAULT_DENSITY = 30.0
 ROUNDING = 4.0
 
 
-class Drivers(BaseModel):
+class Drivers(WithoutTruthValues):
     """Means and spreads that each driver's own style is drawn from: the table ``[drivers]`` of ``network.toml``.
 
     Attributes:

@@ -13,6 +13,7 @@ from harness.errors import InputError
 from harness.inputs import MOST_SETTINGS_BYTES, check_file
 from harness.truth.network.demand import DENSITY_RANGE, Drivers
 from harness.writing.problems import first_problem
+from mmpf.settings import WithoutTruthValues
 
 METADATA_FILE = "network.toml"
 # More than a lane can carry, and more than drivers differ.
@@ -22,7 +23,7 @@ HEADWAY_FACTORS = (0.2, 5.0)
 _File = TypeVar("_File", bound=BaseModel)
 
 
-class DemandFile(BaseModel):
+class DemandFile(WithoutTruthValues):
     """A named demand as ``network.toml`` gives it; what is left out follows from the density."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -55,7 +56,7 @@ class DemandFile(BaseModel):
         return self
 
 
-class NetworkFile(BaseModel):
+class NetworkFile(WithoutTruthValues):
     """The content of ``network.toml``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -73,7 +74,7 @@ class NetworkFile(BaseModel):
     default_demand: str | None = None
     calibration_file: str | None = None
     measured_file: str | None = None
-    demands: dict[str, DemandFile] = {}
+    demands: dict[str, DemandFile] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _section_is_ahead_of_the_start(self) -> NetworkFile:
@@ -82,7 +83,7 @@ class NetworkFile(BaseModel):
         return self
 
 
-class CalibrationFile(BaseModel):
+class CalibrationFile(WithoutTruthValues):
     """The outcome of a calibration, in a file of its own: it takes the place of what ``network.toml`` says."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -22,6 +22,7 @@ META_COLUMNS = ("id", "drivingDirection")
 RECORDING_COLUMNS = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 UPPER, LOWER = 1, 2
 BEYOND_VIEW_M = 1000.0
+LANE_WIDTHS_M = (1.5, 10.0)
 
 
 def recording_files(path: Path) -> tuple[Path, Path, Path]:
@@ -124,11 +125,17 @@ def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
     name = "lowerLaneMarkings" if direction == LOWER else "upperLaneMarkings"
     text = str(recording[name][0].as_py() or "")
     try:
-        markings = np.array([float(word) for word in text.split(";") if word.strip()])
+        markings = np.array([float(word) for word in text.split(";")])
     except ValueError:
         markings = np.zeros(0)
     if len(markings) < 2 or not np.all(np.abs(markings) < BEYOND_VIEW_M):
         raise InputError(f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them")
+    narrowest_m, widest_m = LANE_WIDTHS_M
+    width_m = np.diff(markings)
+    if not np.all((width_m >= narrowest_m) & (width_m <= widest_m)):
+        raise InputError(
+            f"{path}: {name} is {text!r}; from each marking to the next it must be {narrowest_m:g} to {widest_m:g} m"
+        )
     return markings
 
 

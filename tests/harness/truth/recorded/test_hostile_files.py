@@ -105,6 +105,15 @@ def test_a_frame_rate_is_a_cameras(rate, accepted, tmp_path):
             open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
 
 
+@pytest.mark.parametrize("markings", ["20;;23.75", "20;23.75;27.5;-1e2", "20;20", "20;900", "31.25;27.5;23.75;20"])
+def test_lane_markings_are_in_order_and_lanes_as_wide_as_lanes(markings, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_recordingMeta.csv"
+    meta.write_text(meta.read_text().replace("20.00;23.75;27.50;31.25", markings))
+    with pytest.raises(InputError, match=r"lowerLaneMarkings is '"):
+        open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+
+
 def test_good_files_of_all_formats_pass_the_limits(tmp_path):
     write_commonroad(tmp_path / "a", extra=standing("0"))
     write_fcd(tmp_path / "b")
