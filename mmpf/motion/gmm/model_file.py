@@ -25,6 +25,7 @@ MIXTURE_PARTS = ("weights", "means", "covariances", *Scaling._fields)
 
 # No fitted model comes near to these.
 MOST_ARRAYS, MOST_BYTES = 200, 64 * 1024 * 1024
+LARGEST = 1e6
 DAMAGE = (
     *(ValueError, EOFError, KeyError, AttributeError, TypeError, SyntaxError, OverflowError, NotImplementedError),
     *(RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error),
@@ -51,7 +52,8 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
         case: What the file must be for; it is stored as an entry's name, so that no other file passes for it.
 
     Raises:
-        ModelFileError: The file is missing, damaged, of another kind, or holds numbers that are not finite.
+        ModelFileError: The file is missing, damaged, of another kind, or holds numbers that are not finite
+            or beyond all measure.
     """
     try:
         if path.exists() and not path.is_file():
@@ -77,6 +79,8 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
             raise ModelFileError(f"model file {path}: {name} holds no numbers")
         if not np.isfinite(values).all():
             raise ModelFileError(f"model file {path}: {name} holds a number that is not finite")
+        if (np.abs(values) > LARGEST).any():
+            raise ModelFileError(f"model file {path}: {name} holds a number beyond {LARGEST:g}, which no driving has")
     return {name: values.astype(np.float64) for name, values in arrays.items()}
 
 
@@ -131,6 +135,8 @@ def mixture_from_arrays(path: Path, arrays: Mapping[str, FloatArray], prefix: st
         )
     if (part["input_scale"] <= 0).any() or (part["output_scale"] <= 0).any():
         raise ModelFileError(f"model file {path}: a scale of {prefix} is not positive")
+    if (part["input_low"] > part["input_high"]).any():
+        raise ModelFileError(f"model file {path}: {prefix}.input_low is above {prefix}.input_high")
     try:
         joint = ConditionalGmm(part["weights"], part["means"], part["covariances"], inputs)
     except ValueError as error:

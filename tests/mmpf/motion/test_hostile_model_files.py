@@ -4,11 +4,16 @@ import io
 import os
 import time
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import mmpf
 from mmpf.motion.gmm.model_file import MOST_ARRAYS, ModelFileError, load_arrays
+from mmpf.motion.learned.driver import load_driver_model
+
+KEEPING = Path(mmpf.__file__).parent / "models" / "lane_keeping.npz"
 
 
 def header(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
@@ -51,3 +56,22 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(ModelFileError, match="ordinary"):
         load_arrays(tmp_path / "pipe", "test")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("following.output_scale", 1e300, "beyond 1e"),
+        ("following.input_low", 1e4, "input_low is above"),
+        ("following.output_scale", -1.0, "not positive"),
+    ],
+)
+def test_numbers_that_no_driving_has_are_refused(name, change, words, tmp_path):
+    with np.load(KEEPING) as stored:
+        arrays = {entry: stored[entry] for entry in stored.files}
+    path = tmp_path / "model.npz"
+    np.savez(path, **{**arrays, name: change * (np.abs(arrays[name]) + 1.0)})
+    with pytest.raises(ModelFileError, match=words):
+        load_driver_model(path)
+    np.savez(path, **arrays)
+    assert load_driver_model(path)
