@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -123,12 +123,16 @@ class Comparison:
     """A comparison of b with a.
 
     Attributes:
+        outcome: ``worse``, ``no worse`` or ``undecided``, over all metrics that are judged.
         regression: Whether anything is worse by more than the tolerance.
+        reasons: Why it is undecided, a sentence each.
         notes: What a reader must know beside.
         verdicts: One row for each tracker and metric: both values, the difference with its interval, the verdict.
     """
 
+    outcome: str
     regression: bool
+    reasons: tuple[str, ...]
     notes: tuple[str, ...]
     verdicts: pd.DataFrame
 
@@ -178,13 +182,22 @@ def stress(*, quiet: bool = True, **options: Unpack[GridOptions]) -> Grid:
     return Grid(make_grid(options, _call("stress", options), quiet).folder)
 
 
-def compare(a: Run | Grid | Path | str, b: Run | Grid | Path | str, *, tolerance: float = 0.02) -> Comparison:
-    """Tell whether b is better or worse than a, metric by metric.
+def compare(
+    a: Run | Grid | Path | str,
+    b: Run | Grid | Path | str,
+    *,
+    tolerance: float = 0.02,
+    time_tolerance: float = 0.25,
+    primary: Sequence[str] | None = None,
+) -> Comparison:
+    """Tell whether b is worse than a, no worse, or whether that stays undecided.
 
     Args:
         a: A run, a stress test, or the folder of one; one tracker of a stress test as ``FOLDER@LABEL``.
         b: Likewise.
-        tolerance: A worse value is a regression if the difference exceeds this share of a.
+        tolerance: Share of a's value by which b may be worse.
+        time_tolerance: Likewise of the time of a step, which is judged between trackers of one stress test.
+        primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost and same identity.
 
     Raises:
         InputError: A folder is not there, or the two have nothing in common that could be compared.
@@ -193,10 +206,13 @@ def compare(a: Run | Grid | Path | str, b: Run | Grid | Path | str, *, tolerance
 
     from harness.comparison.compare import compare as compare_sources  # noqa: PLC0415
     from harness.comparison.sources import open_source  # noqa: PLC0415
+    from harness.comparison.verdicts import PRIMARY, Rules  # noqa: PLC0415
 
     first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
-    compared = compare_sources(open_source(first, "a"), open_source(second, "b"), tolerance)
-    return Comparison(compared.regression, compared.notes, pd.DataFrame(compared.as_table()["verdicts"]))
+    rules = Rules(tolerance, time_tolerance, PRIMARY if primary is None else tuple(primary))
+    compared = compare_sources(open_source(first, "a"), open_source(second, "b"), rules)
+    verdicts = pd.DataFrame(compared.as_table()["verdicts"])
+    return Comparison(compared.outcome, compared.regression, compared.reasons, compared.notes, verdicts)
 
 
 def make_run(options: Mapping[str, object], command: str, quiet: bool) -> FinishedRun:

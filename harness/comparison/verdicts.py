@@ -1,50 +1,83 @@
-"""From two arms' values to a verdict on each metric, at most 5 % false alarms over all of them together."""
+"""From a difference and its uncertainty to a verdict on each metric that was named beforehand.
+
+A verdict is one of three: worse; no worse than the tolerance, shown by an interval that lies within it; undecided. The
+tests of worse and better share one level of 5 % by Holm's method; that of no worse needs no such correction, since all
+metrics have to pass it.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from harness.comparison.effects import LEVEL, Effect
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import Interval, PairedDifference, paired_difference, resampled_means
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray
 
-LEVEL = 0.05
-DRAWS = 10_000
-BETTER, WORSE, SAME, UNTESTED, UNDECIDED = "better", "worse", "no difference", "not tested", "undecided"
-# So large a share of the first arm's values may be without one in the second before nothing is concluded from the rest.
-TOLERATED_LOSS = 0.05
-
-
-def compared_quantities() -> list[Quantity]:
-    """Return what verdicts are given on: hidden vehicles first, then errors, then what becomes of tracks, the rest."""
-    return [quantity for quantity in quantities("hidden", "mae", "hidden_outcomes", "occlusion") if quantity.compared]
+BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"
+PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent")
+STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
+TOLERANCE, TIME_TOLERANCE = 0.02, 0.25
+FEWEST_EQUAL = 8
+"""Units of which all may have the same difference before that is taken for certain."""
 
 
 @dataclass(frozen=True)
-class Arms:
-    """The values of one metric in both arms.
+class Rules:
+    """What is judged, and how much worse is put up with.
+
+    Attributes:
+        tolerance: Share of a's value by which b may be worse.
+        time_tolerance: Likewise of the time of a step.
+        primary: Keys of the metrics that get a verdict; the others are described.
+    """
+
+    tolerance: float = TOLERANCE
+    time_tolerance: float = TIME_TOLERANCE
+    primary: tuple[str, ...] = PRIMARY
+
+    def judges(self, quantity: Quantity) -> bool:
+        """Return whether a metric gets a verdict."""
+        return quantity.key in (*self.primary, STEP_TIME.key)
+
+    def margin(self, quantity: Quantity, a: float) -> float:
+        """Return by how much b may be worse."""
+        return (self.time_tolerance if quantity.key == STEP_TIME.key else self.tolerance) * abs(a)
+
+
+def compared_quantities(primary: Sequence[str] = PRIMARY) -> list[Quantity]:
+    """Return what is compared: what gets a verdict, then hidden vehicles, errors, what becomes of tracks, the rest."""
+    every = [quantity for quantity in quantities("hidden", "mae", "hidden_outcomes", "occlusion") if quantity.compared]
+    order = {key: place for place, key in enumerate(primary)}
+    return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The difference of one metric.
 
     Attributes:
         label: What is compared: tracker and model.
-        quantity: What the values are of.
-        a: Values of the first arm, shape (n,).
-        b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
-        strata: Setting of each value of a and of b, each of shape (n,): densities and the like are kept apart; None
-            where a and b are paired, that is were made on the same traffic and detections.
-        testable: Whether a test makes sense; a single value of each arm can't be tested.
+        quantity: The metric.
+        a: Mean of the first arm.
+        b: Mean of the second.
+        effect: The difference with its uncertainty.
+        pairs: Number of pairs, or of values of the smaller arm where not paired.
+        same: Whether every value of b is that of a.
+        wanting: What is missing for a verdict, in words; empty where nothing is.
     """
 
     label: str
     quantity: Quantity
-    a: FloatArray
-    b: FloatArray
-    strata: tuple[IntArray, IntArray] | None = None
-    testable: bool = True
+    a: float
+    b: float
+    effect: Effect
+    pairs: int
+    same: bool
+    wanting: str = ""
 
 
 @dataclass(frozen=True)
@@ -54,53 +87,108 @@ class Verdict:
     Attributes:
         label: What is compared: tracker and model.
         metric: Key of the metric.
+        primary: Whether it gets a verdict; others are described.
         a: Mean of the first arm.
         b: Mean of the second.
         difference: b minus a.
-        ci95: Bootstrap interval of the difference.
-        p: p value of no difference, corrected for the number of metrics and trackers by Holm's method.
+        ci95: Its 95 % interval; nan where nothing is known of its scatter.
+        p: p value of no difference, corrected for the number of verdicts by Holm's method; nan without a test.
         pairs: Number of pairs, or of values of the smaller arm where not paired.
-        verdict: ``better``, ``worse``, ``no difference``, ``not tested`` or ``undecided``, of b.
-        regression: Whether b is worse by more than the tolerance.
+        units: Number of independent units: seeds, or the vehicles' effective number.
+        margin: By how much b may be worse.
+        verdict: Of b: ``worse``, ``no worse``, ``better`` (which is no worse too), ``undecided``; ``not tested`` where
+            it is only described.
+        regression: Whether the verdict is worse.
+        more_units: How many more units would decide what is undecided, if all else stays; None where unknown.
         wanting: What is missing for a verdict, in words; empty where nothing is.
     """
 
     label: str
     metric: str
+    primary: bool
     a: float
     b: float
     difference: float
     ci95: tuple[float, float]
     p: float
     pairs: int
+    units: float
+    margin: float
     verdict: str
     regression: bool
+    more_units: int | None = None
     wanting: str = ""
 
 
-def judge(arms: Sequence[Arms], tolerance: float = 0.0, draws: int = DRAWS) -> list[Verdict]:
-    """Give a verdict on every metric.
-
-    Paired arms are tested by flipping the signs of the differences, others by exchanging values between the arms within
-    each setting; both are exact, so that with Holm's correction the probability of any false verdict is at most 5 %.
+def judge(measured: Sequence[Measured], rules: Rules | None = None) -> list[Verdict]:
+    """Give a verdict on every metric that is judged, and describe the others.
 
     Args:
-        arms: The values.
-        tolerance: A worse value is a regression if the difference exceeds this share of a.
-        draws: Number of resamples, and of permutations where they are too many to try all.
+        measured: The differences.
+        rules: What is judged, and how much worse is put up with; None for the usual.
+
+    Returns:
+        A verdict each, in their order. The probability that any of them is worse or better though nothing differs is
+        at most 5 %, half of it each.
     """
-    compared = [_cleaned(arm) for arm in arms]
-    differences = [_difference(arm, draws) for arm in compared]
-    corrected = holm(np.array([difference.p for difference in differences]))
-    verdicts = [
-        _verdict(arm, difference, p, tolerance)
-        for arm, difference, p in zip(compared, differences, corrected.tolist(), strict=True)
-    ]
-    tests = int(np.isfinite(corrected).sum())
+    rules = rules or Rules()
+    # Equal bytes are no sample: nothing has changed, however few runs there are.
+    identical = all(each.same for each in measured if each.pairs)
+    tested = [each if rules.judges(each.quantity) and not _unknown(each, identical) else None for each in measured]
+    corrected = holm(np.array([np.nan if each is None else 1.0 if identical else each.effect.p for each in tested]))
+    tests = max(1, int(np.isfinite(corrected).sum()))
     return [
-        _undecided(verdict, _wanting(arm, left, verdict, tests, tolerance))
-        for verdict, arm, left in zip(verdicts, arms, compared, strict=True)
+        _verdict(each, rules, p, tests, _unknown(each, identical))
+        for each, p in zip(measured, corrected.tolist(), strict=True)
     ]
+
+
+def _unknown(measured: Measured, identical: bool) -> str:
+    """Return why a difference's scatter is not known; empty where it is."""
+    if identical or not measured.pairs:
+        return ""
+    if not np.isfinite(measured.effect.se):
+        return "a single unit tells nothing of the scatter"
+    if measured.effect.se == 0.0 and measured.effect.units < FEWEST_EQUAL:
+        return f"all {measured.pairs} differences are equal, which tells nothing of their scatter"
+    return ""
+
+
+def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: str) -> Verdict:
+    effect, primary = measured.effect, rules.judges(measured.quantity)
+    margin = rules.margin(measured.quantity, measured.a)
+    sign = -1.0 if measured.quantity.higher_is_better else 1.0
+    worsening = sign * effect.difference
+    worst = max(sign * end for end in effect.ci95) if measured.effect.se > 0.0 else worsening
+    word, wanting = UNTESTED, measured.wanting
+    if primary and (measured.pairs or wanting):
+        word, wanting = UNDECIDED, wanting or unknown
+        if p <= LEVEL and worsening > margin:
+            word = WORSE
+        elif not wanting and p <= LEVEL and worsening < 0.0:
+            word = BETTER
+        elif not wanting and worst <= margin:
+            word = NO_WORSE
+    elif wanting:
+        word = UNDECIDED
+    more = effect.units_to_decide(margin, tests, worsening) if word == UNDECIDED and not wanting else None
+    return Verdict(
+        label=measured.label,
+        metric=measured.quantity.key,
+        primary=primary,
+        a=measured.a,
+        b=measured.b,
+        difference=effect.difference,
+        ci95=(np.nan, np.nan) if unknown else effect.ci95,
+        p=p,
+        pairs=measured.pairs,
+        units=effect.units,
+        margin=margin,
+        verdict=word,
+        regression=word == WORSE,
+        more_units=None if more is None else max(1, int(np.ceil(more - effect.units))),
+        wanting=wanting,
+    )
 
 
 def holm(p: FloatArray) -> FloatArray:
@@ -115,118 +203,3 @@ def holm(p: FloatArray) -> FloatArray:
     corrected = np.full(len(p), np.nan)
     corrected[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
     return corrected
-
-
-def fewest_pairs(tests: int) -> int:
-    """Return how many pairs the sign-flip test needs before any verdict can fall, given the number of tests."""
-    return int(np.ceil(1.0 + np.log2(tests / LEVEL)))
-
-
-def _undecided(verdict: Verdict, wanting: str) -> Verdict:
-    """Return the verdict with what is missing for it; a regression that shows all the same stays one."""
-    if not wanting:
-        return verdict
-    single = verdict.verdict == UNTESTED and np.isfinite(verdict.difference)
-    return replace(verdict, verdict=verdict.verdict if verdict.regression or single else UNDECIDED, wanting=wanting)
-
-
-def _wanting(given: Arms, left: Arms, verdict: Verdict, tests: int, tolerance: float) -> str:
-    """Return why the values allow no verdict; empty where they do, or where the first arm has none either."""
-    a, b = np.isfinite(given.a), np.isfinite(given.b)
-    if not a.any():
-        return ""
-    if not b.any():
-        return "b has no value of it"
-    lost = int((a & ~b).sum()) if given.strata is None else max(0, int((~b).sum()) - int((~a).sum()))
-    if lost > TOLERATED_LOSS * a.sum():
-        return f"b lacks {lost} of the {int(a.sum())} values that a has"
-    if not given.testable:
-        # One value a side can't be tested, but may not pass where it looks worse either.
-        worsening = verdict.difference if not given.quantity.higher_is_better else -verdict.difference
-        return "b is worse in a single run, which can't be tested" if worsening > tolerance * abs(verdict.a) else ""
-    if _smallest_p(left) * max(tests, 1) > LEVEL:
-        return f"{verdict.pairs} {'pairs are' if given.strata is None else 'runs of an arm are'} too few"
-    return ""
-
-
-def _smallest_p(arms: Arms) -> float:
-    """Return the smallest p value that the test of so many values can give."""
-    if arms.strata is None:
-        return 2.0 ** (1 - len(arms.a)) if len(arms.a) else 1.0
-    ways = 1.0
-    for stratum in np.intersect1d(*arms.strata):
-        of_a, of_b = (int((strata == stratum).sum()) for strata in arms.strata)
-        ways *= math.comb(of_a + of_b, of_a)
-    return min(1.0, 2.0 / ways)
-
-
-def unpaired_difference(
-    a: FloatArray, b: FloatArray, stratum_a: IntArray, stratum_b: IntArray, rng: np.random.Generator, draws: int = DRAWS
-) -> PairedDifference:
-    """Compare two arms that ran on different seeds, by exchanging values between them within each setting.
-
-    The statistic is the mean over settings of the difference of the arms' means.
-
-    Args:
-        a: Values of the first arm, shape (n,).
-        b: Values of the second, shape (m,).
-        stratum_a: Setting of each value of a, shape (n,).
-        stratum_b: Setting of each value of b, shape (m,).
-        rng: Source of the permutations and resamples.
-        draws: Number of each.
-
-    Returns:
-        The difference; nan where no setting is in both arms.
-    """
-    permuted, resampled, observed = np.zeros(draws), np.zeros(draws), 0.0
-    common = np.intersect1d(stratum_a, stratum_b)
-    for stratum in common:
-        left, right = a[stratum_a == stratum], b[stratum_b == stratum]
-        observed += float(right.mean() - left.mean())
-        pool = np.tile(np.concatenate([left, right]), (draws, 1))
-        mixed = rng.permuted(pool, axis=1)
-        permuted += mixed[:, len(left) :].mean(axis=1) - mixed[:, : len(left)].mean(axis=1)
-        resampled += resampled_means(right, rng, draws) - resampled_means(left, rng, draws)
-    if not len(common):
-        return PairedDifference(np.nan, Interval(np.nan, np.nan), np.nan)
-    low, high = np.quantile(resampled, (0.025, 0.975)) / len(common)
-    extreme = np.count_nonzero(np.abs(permuted) >= abs(observed) * (1.0 - 1e-12))
-    return PairedDifference(observed / len(common), Interval(float(low), float(high)), (extreme + 1) / (draws + 1))
-
-
-def _cleaned(arms: Arms) -> Arms:
-    """Leave out values that are nan, with their partners where paired."""
-    a, b = np.isfinite(arms.a), np.isfinite(arms.b)
-    if arms.strata is None:
-        return replace(arms, a=arms.a[a & b], b=arms.b[a & b])
-    return replace(arms, a=arms.a[a], b=arms.b[b], strata=(arms.strata[0][a], arms.strata[1][b]))
-
-
-def _difference(arms: Arms, draws: int) -> PairedDifference:
-    rng = np.random.default_rng(0)
-    if not arms.testable:
-        mean = float(arms.b.mean() - arms.a.mean()) if len(arms.a) and len(arms.b) else np.nan
-        return PairedDifference(mean, Interval(np.nan, np.nan), np.nan)
-    if arms.strata is None:
-        return paired_difference(arms.a, arms.b, rng, draws=draws)
-    return unpaired_difference(arms.a, arms.b, *arms.strata, rng, draws)
-
-
-def _verdict(arms: Arms, difference: PairedDifference, p: float, tolerance: float) -> Verdict:
-    a, b = (float(values.mean()) if len(values) else np.nan for values in (arms.a, arms.b))
-    word = UNTESTED
-    if np.isfinite(p):
-        improved = (difference.difference > 0.0) == arms.quantity.higher_is_better
-        word = SAME if p > LEVEL else BETTER if improved else WORSE
-    return Verdict(
-        label=arms.label,
-        metric=arms.quantity.key,
-        a=a,
-        b=b,
-        difference=difference.difference,
-        ci95=(difference.interval.low, difference.interval.high),
-        p=p,
-        pairs=min(len(arms.a), len(arms.b)),
-        verdict=word,
-        regression=word == WORSE and abs(difference.difference) > tolerance * abs(a),
-    )

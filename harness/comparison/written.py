@@ -9,23 +9,29 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import BETTER, WORSE, Verdict, compared_quantities
+from harness.comparison.verdicts import BETTER, NO_WORSE, STEP_TIME, UNDECIDED, WORSE, Verdict, compared_quantities
+from harness.comparison.why import CAUSES, KINDS, Why, link_to
+from harness.scoring.quantity import Quantity
 from harness.writing.markdown import markdown_table
 
-COLOURS = {BETTER: "bold blue", WORSE: "bold red"}
+COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")
+MOST_MOMENTS = 50
 
 
 def conclusion(comparison: Comparison) -> str:
-    """Return the outcome in a sentence."""
-    counts = {word: sum(verdict.verdict == word for verdict in comparison.verdicts) for word in (BETTER, WORSE)}
-    regressions = sum(verdict.regression for verdict in comparison.verdicts)
-    found = f"{counts[BETTER]} metrics better, {counts[WORSE]} worse, of {len(comparison.verdicts)}"
-    if regressions:
-        return f"Regression: {found}; {regressions} beyond the tolerance of {100 * comparison.tolerance:g} %."
-    if comparison.reasons:
-        return f"Undecided for want of data: {found}. {' '.join(comparison.reasons)}"
-    return f"No regression: {found}."
+    """Return the outcome in a sentence or two."""
+    outcome, judged = comparison.outcome, comparison.primary
+    counts = [
+        f"{sum(verdict.verdict == word for verdict in judged)} {word}" for word in (WORSE, UNDECIDED, NO_WORSE, BETTER)
+    ]
+    found = f"of {len(judged)} verdicts {', '.join(counts)}"
+    if outcome == WORSE:
+        worse = ", ".join(f"{_label(verdict)}{_percent(verdict)}" for verdict in judged if verdict.regression)
+        return f"Worse: b is worse in {worse}; {found}."
+    if outcome == UNDECIDED:
+        return f"Undecided: {found}. {' '.join(comparison.reasons)}"
+    return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %; {found}."
 
 
 def as_markdown(comparison: Comparison) -> str:
@@ -34,6 +40,8 @@ def as_markdown(comparison: Comparison) -> str:
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
         verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
         lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
+    if comparison.why is not None:
+        lines += _why(comparison.why)
     return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
 
 
@@ -42,16 +50,19 @@ def print_comparison(comparison: Comparison) -> None:
     parts: list[Table | Text] = [Text(f"\na: {comparison.a}\nb: {comparison.b}")]
     labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts)
     parts += [_screen_table(comparison, label) for label in labels]
+    if comparison.why is not None:
+        parts.append(_screen_causes(comparison.why))
     parts += [Text(note) for note in comparison.notes]
-    style = "bold red" if comparison.regression else "bold yellow" if comparison.reasons else "bold"
+    style = COLOURS[comparison.outcome]
     Console(stderr=True, highlight=False).print(Group(*parts, Text(conclusion(comparison), style=style)))
 
 
 EXPLANATION = (
-    "Differences are b minus a, with bootstrap intervals; p is that of an exact permutation test, corrected for the "
-    "number of metrics and trackers by Holm's method, so that any false verdict has a probability of at most 5 %."
+    "Differences are b minus a with Student's 95 % intervals over seeds, or over vehicles where there is one seed. "
+    "*Worse*: p, corrected for the number of verdicts by Holm's method, is at most 0.05, and the difference exceeds "
+    "the tolerance. *No worse*: the whole interval lies within the tolerance; *better*: moreover p is at most 0.05. "
+    "*Undecided*: neither. Metrics that were not named beforehand are described, not tested."
 )
-REGRESSION = ", regression"
 
 
 def _screen_table(comparison: Comparison, label: str) -> Table:
@@ -66,13 +77,49 @@ def _screen_table(comparison: Comparison, label: str) -> Table:
     return table
 
 
+def _screen_causes(why: Why) -> Table:
+    heading, *rows = _causes(why)
+    table = Table(title="why", box=None, title_justify="left", padding=(0, 2, 0, 0))
+    for place, name in enumerate(heading):
+        table.add_column(name, justify="right" if place else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _causes(why: Why) -> list[list[str]]:
+    """Return the table of causes with its heading: one line for each kind and run, which its causes sum up to."""
+    counts = why.counts()
+    lines = [["", *CAUSES, "all"]]
+    for kind in KINDS:
+        for side, of_side in counts.items():
+            lines.append([f"{kind}, {side}", *map(str, of_side[kind].values()), str(sum(of_side[kind].values()))])
+    return lines
+
+
+def _why(why: Why) -> list[str]:
+    """Return causes and moments as Markdown; each moment leads into the run's replay."""
+    heading, *rows = _causes(why)
+    lines = ["### Why", "", *markdown_table(heading, rows), ""]
+    for side, found, folder in (("a", why.a, why.folder_a), ("b", why.b, why.folder_b)):
+        moments = [
+            [f"[{each.time_s:.1f} s]({link_to(folder, each)})", each.kind, each.cause, each.vehicle_id]
+            for each in found[:MOST_MOMENTS]
+        ]
+        more = f", the first {MOST_MOMENTS} of {len(found)}" if len(found) > MOST_MOMENTS else ""
+        if moments:
+            lines += [f"Moments of {side}{more}:", ""]
+            lines += [*markdown_table(("moment", "what", "cause", "vehicle"), moments), ""]
+    return lines
+
+
 def _marked_cells(verdict: Verdict) -> list[str]:
     *cells, word = _cells(verdict)
     return [*cells, f"**{word}**" if verdict.verdict in COLOURS else word]
 
 
 def _cells(verdict: Verdict) -> list[str]:
-    quantity = next(each for each in compared_quantities() if each.key == verdict.metric)
+    quantity = _quantity(verdict)
     decimals = quantity.decimals + 1
     low, high = (_number(end, decimals, True) for end in verdict.ci95)
     return [
@@ -83,8 +130,16 @@ def _cells(verdict: Verdict) -> list[str]:
         "-" if math.isnan(verdict.ci95[0]) else f"{low} to {high}",
         "-" if math.isnan(verdict.p) else f"{verdict.p:.3f}",
         str(verdict.pairs),
-        verdict.verdict + (REGRESSION if verdict.regression else ""),
+        verdict.verdict,
     ]
+
+
+def _quantity(verdict: Verdict) -> Quantity:
+    return next(each for each in (*compared_quantities(), STEP_TIME) if each.key == verdict.metric)
+
+
+def _label(verdict: Verdict) -> str:
+    return _quantity(verdict).label.rpartition(",")[0]
 
 
 def _number(value: float, decimals: int, signed: bool = False) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from harness.grid.cells import DEMAND, DENSITY, MISMATCH, RECORDING, SEED
 from harness.grid.rows import column_of
+from harness.scoring.statistics import few_groups_ci
 from harness.sensor.profiles import SensorSettings
 from mmpf.compute.arrays import FloatArray
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 AS_IS = "as is"
 HOTA, SWITCHES, COVERAGE = "mot.hota", "mot.id_switches", "calibration.coverage95.lon"
-RESAMPLES = 2000
 
 
 def mismatches(sensor: SensorSettings) -> dict[str, tuple[str, ...]]:
@@ -51,7 +51,7 @@ class Cost:
         mismatch: The mismatch.
         hota: HOTA in sight, percent.
         hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs.
-        hota_loss_ci95: Its 95 % bootstrap interval over the runs.
+        hota_loss_ci95: Its 95 % interval over the runs, Student's.
         id_switches: Identity switches a run.
         coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
@@ -130,9 +130,8 @@ def _mean(values: FloatArray) -> float:
 def _interval(values: FloatArray) -> tuple[float, float]:
     if len(values) < 2:
         return float("nan"), float("nan")
-    chosen = np.random.default_rng(0).integers(0, len(values), (RESAMPLES, len(values)))
-    low, high = np.quantile(values[chosen].mean(axis=1), (0.025, 0.975))
-    return float(low), float(high)
+    interval = few_groups_ci(values, np.ones(len(values)))
+    return interval.low, interval.high
 
 
 def _percent(share: float) -> str:

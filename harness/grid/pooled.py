@@ -13,14 +13,11 @@ from harness.grid.rows import column_of
 from harness.grid.summary import labelled, summed_by, sums_and_weights
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import cluster_bootstrap
+from harness.scoring.statistics import few_groups_ci
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-DRAWS = 2000
 
 
 def pooled_quantities() -> list[Quantity]:
@@ -182,10 +179,10 @@ def _followed(runs: pd.DataFrame, number: str) -> float | None:
 
 
 def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[float, float] | None]:
-    """Return the ratio of the totals and its bootstrap interval over files."""
+    """Return the ratio of the totals and Student's interval of it over files."""
     total = float(counts.sum())
     if total <= 0.0:
         return None, None
-    interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
+    interval = few_groups_ci(sums, counts)
     ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
     return float(sums.sum()) / total, ends

@@ -23,7 +23,7 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
         f"# {TITLE}",
         "",
         "Every vehicle that carries the sensor is an episode of its own; all trackers saw the same detections. Means "
-        "over all samples of all files, with 95 % bootstrap intervals over files.",
+        "over all samples of all files, with Student's 95 % intervals over files.",
         "",
         *_score_table(pooled),
         "",

@@ -11,7 +11,7 @@ import numpy as np
 from harness.grid import common_steps
 from harness.grid.rows import column_of
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import cluster_bootstrap
+from harness.scoring.statistics import few_groups_ci
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Point:
         value: Where on that axis, a number or a demand's name.
         metric: Key of the quantity.
         mean: Mean over seeds; None without a sample. Errors are pooled by their samples, shares by their events.
-        ci95: Bootstrap interval over seeds; None with fewer than two seeds.
+        ci95: Student's interval over seeds; None with fewer than two seeds.
         seeds: Number of seeds with a sample.
         n: Samples or events behind it; of a ratio, what it is a ratio of, summed.
     """
@@ -147,14 +147,17 @@ def breaks(table: pd.DataFrame) -> list[Break]:
 def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: pd.DataFrame) -> Point:
     sums, counts = summed_by("seed", runs, *sums_and_weights(runs, quantity))
     total = float(counts.sum())
-    interval = cluster_bootstrap(sums[:, None], counts[:, None], np.random.default_rng(0), draws=DRAWS)[0]
+    interval = few_groups_ci(sums, counts)
+    # Student's interval knows no bounds; what is never negative, or a share, has them.
+    low = max(interval.low, 0.0) if (sums >= 0.0).all() else interval.low
+    high = min(interval.high, 100.0) if quantity.label.endswith("%") else interval.high
     return Point(
         label=label,
         axis=axis,
         value=value,
         metric=quantity.key,
         mean=float(sums.sum()) / total if total > 0.0 else None,
-        ci95=(interval.low, interval.high) if np.isfinite(interval.low) else None,
+        ci95=(low, high) if np.isfinite(interval.low) else None,
         seeds=int(np.count_nonzero(counts)),
         n=round(total),
     )

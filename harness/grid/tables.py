@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
-    lines = [f"# {title}", "", "Means over seeds with 95 % bootstrap intervals over seeds.", ""]
+    lines = [f"# {title}", "", "Means over seeds with Student's 95 % intervals over seeds.", ""]
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [f"## Over {axis}", ""]
         for heading, columns in _themes():

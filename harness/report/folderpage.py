@@ -10,7 +10,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
 
-from harness.comparison.verdicts import BETTER, SAME, UNTESTED, WORSE
+from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.errors import InputError
 from harness.report.page import PageFigure, embedded, page_of, render, write_run_page
 from harness.report.tables import html_table
@@ -21,7 +21,7 @@ from harness.writing.files import write_text
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
-STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", SAME: "same", UNTESTED: "same"}
+STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", NO_WORSE: "same", UNDECIDED: "same", UNTESTED: "same"}
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 

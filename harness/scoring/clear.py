@@ -44,18 +44,39 @@ def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearSco
     """
     truths, tracks = len(sequence.truth_step), len(sequence.track_step)
     scan = _scan_numbers(sequence)
-    order = np.lexsort((sequence.truth_step, sequence.truth_identity))
-    track_row = _match(sequence, threshold, _row_one_scan_before(sequence, scan, order))[order]
-    matched = track_row >= 0
-    identity = sequence.truth_identity[order][matched]
-    track = sequence.track_identity[track_row[matched]]
-    again = identity[1:] == identity[:-1]
-    switches = int((again & (track[1:] != track[:-1])).sum())
-    fragmentations = int((again & (np.diff(scan[order][matched]) > 1)).sum())
-    matches = int(matched.sum())
+    found = clear_matches(sequence, threshold)
+    again = np.diff(sequence.truth_identity[found.truth]) == 0
+    switches = len(found.switches(sequence))
+    fragmentations = int((again & (np.diff(scan[found.truth]) > 1)).sum())
+    matches = len(found.truth)
     false_tracks = tracks - matches
     mota = _mota(matches, truths - matches, false_tracks, switches)
     return ClearScores(mota, matches, truths - matches, false_tracks, switches, fragmentations)
+
+
+@dataclass(frozen=True)
+class ClearMatches:
+    """The matches of CLEAR, each vehicle's in the order of time, vehicle after vehicle; arrays of shape (matches,).
+
+    Attributes:
+        truth: Truth row of each match.
+        track: Track row of each match.
+    """
+
+    truth: IntArray
+    track: IntArray
+
+    def switches(self, sequence: MotSequence) -> IntArray:
+        """Return the matches that are to another track than the vehicle's match before, shape (switches,)."""
+        again = np.diff(sequence.truth_identity[self.truth]) == 0
+        return np.flatnonzero(again & (np.diff(sequence.track_identity[self.track]) != 0)) + 1
+
+
+def clear_matches(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearMatches:
+    """Match a sequence as CLEAR does."""
+    order = np.lexsort((sequence.truth_step, sequence.truth_identity))
+    track_row = _match(sequence, threshold, _row_one_scan_before(sequence, _scan_numbers(sequence), order))[order]
+    return ClearMatches(order[track_row >= 0], track_row[track_row >= 0])
 
 
 def clear_of_parts(parts: Sequence[ClearScores]) -> ClearScores:

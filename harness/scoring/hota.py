@@ -63,11 +63,34 @@ def hota_of_parts(parts: Sequence[HotaPart]) -> HotaScores:
     return HotaScores(float(np.sqrt(deta * assa).mean()), float(deta.mean()), float(assa.mean()))
 
 
+@dataclass(frozen=True)
+class HotaCouples:
+    """What each couple of a truth identity and a track identity that were ever near counts.
+
+    Attributes:
+        truth: Truth identity of each couple, shape (couples,).
+        track: Its track identity, same shape.
+        matches: Its matches at each threshold, shape (couples, thresholds).
+        association: Their association score, same shape.
+    """
+
+    truth: IntArray
+    track: IntArray
+    matches: FloatArray
+    association: FloatArray
+
+
 def measure_hota(sequence: MotSequence) -> HotaPart:
     """Count in a part of a sequence that shares no identity with the others."""
-    truths, tracks = len(sequence.truth_step), len(sequence.track_step)
+    truths, tracks, couples = len(sequence.truth_step), len(sequence.track_step), hota_couples(sequence)
+    return HotaPart(truths, tracks, couples.matches.sum(axis=0), (couples.matches * couples.association).sum(axis=0))
+
+
+def hota_couples(sequence: MotSequence) -> HotaCouples:
+    """Count for each couple of identities."""
     if not len(sequence.pair_truth):
-        return HotaPart(truths, tracks, np.zeros(len(THRESHOLDS)), np.zeros(len(THRESHOLDS)))
+        none, nothing = np.zeros(0, dtype=np.int64), np.zeros((0, len(THRESHOLDS)))
+        return HotaCouples(none, none, nothing, nothing)
     truth_count = np.bincount(sequence.truth_identity)
     track_count = np.bincount(sequence.track_identity)
     truth_identity = sequence.truth_identity[sequence.pair_truth]
@@ -80,7 +103,7 @@ def measure_hota(sequence: MotSequence) -> HotaPart:
     chosen = best_assignment(sequence.pair_truth, sequence.pair_track, alignment[member] * sequence.pair_similarity)
     matches = _matches_by_threshold(sequence.pair_similarity[chosen], member[chosen], len(couple))
     association = matches / np.maximum(1.0, longest[:, None] - matches)
-    return HotaPart(truths, tracks, matches.sum(axis=0), (matches * association).sum(axis=0))
+    return HotaCouples(couple // len(track_count), couple % len(track_count), matches, association)
 
 
 def _shared_similarity(sequence: MotSequence) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from mmpf.compute.arrays import FloatArray, IntArray
 
@@ -122,51 +123,25 @@ def cluster_bootstrap(
     return intervals
 
 
-@dataclass(frozen=True)
-class PairedDifference:
-    """Difference of two arms over the same seeds or vehicles.
+def few_groups_ci(sums: FloatArray, counts: FloatArray, level: float = 0.95) -> Interval:
+    """Return Student's interval of a mean over few independent groups, such as seeds, by the ratio of their totals.
 
-    Attributes:
-        difference: Mean of b minus a.
-        interval: Bootstrap interval of that mean.
-        p: Two-sided p value of the sign-flip test of no difference.
-    """
-
-    difference: float
-    interval: Interval
-    p: float
-
-
-def paired_difference(
-    a: FloatArray, b: FloatArray, rng: np.random.Generator, level: float = 0.95, draws: int = 10_000
-) -> PairedDifference:
-    """Compare two arms that ran over the same seeds.
-
-    The p value is that of the sign-flip permutation test of the mean (exact up to 12 pairs, by ``draws`` random flips
-    beyond); it assumes only that under no difference b - a is symmetric about 0.
+    A percentile bootstrap over few groups is too narrow: it covers 74 % of 95 % with three of them.
 
     Args:
-        a: Values of the first arm, shape (n,).
-        b: Values of the second arm, shape (n,), in the same order. Pairs with a nan are left out.
-        rng: Source of the resamples.
-        level: Coverage of the interval.
-        draws: Number of resamples.
+        sums: Sum of the values of each group, shape (groups,).
+        counts: Number of values, or weight, behind each sum, same shape; groups of none count nothing.
+        level: Coverage.
 
     Returns:
-        The difference; all nan without a pair.
+        The interval; nan bounds with fewer than two groups.
     """
-    difference = b - a
-    difference = difference[np.isfinite(difference)]
-    n = len(difference)
-    if n == 0:
-        return PairedDifference(np.nan, Interval(np.nan, np.nan), np.nan)
-    mean = float(difference.mean())
-    interval = bootstrap_ci(difference, rng, level=level, draws=draws)
-    if n <= 12:
-        flips = 1.0 - 2.0 * ((np.arange(2**n)[:, None] >> np.arange(n)) & 1)
-        extra = 0
-    else:
-        flips = rng.choice((-1.0, 1.0), size=(draws, n))
-        extra = 1
-    as_extreme = np.abs(flips @ difference) >= abs(difference.sum()) * (1.0 - 1e-12)
-    return PairedDifference(mean, interval, float((as_extreme.sum() + extra) / (len(flips) + extra)))
+    known = counts > 0.0
+    sums, counts = sums[known], counts[known]
+    groups, total = len(sums), float(counts.sum())
+    if groups < 2:
+        return Interval(np.nan, np.nan)
+    mean = float(sums.sum()) / total
+    residual = (sums - mean * counts) / total
+    half = float(special.stdtrit(groups - 1, 0.5 + 0.5 * level) * np.sqrt(groups / (groups - 1) * (residual**2).sum()))
+    return Interval(mean - half, mean + half)

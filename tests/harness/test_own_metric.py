@@ -10,7 +10,7 @@ import pytest
 
 from harness.comparison.compare import compare
 from harness.comparison.sources import open_source
-from harness.comparison.verdicts import BETTER, UNTESTED, WORSE
+from harness.comparison.verdicts import BETTER, UNTESTED, WORSE, Rules
 from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
 from harness.grid.ablation import ablated_quantities
@@ -70,7 +70,7 @@ def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a
     (fewer / "grid.json").write_text('{"vary": []}')
     for factor, word in ((0.5, WORSE), (2.0, BETTER)):
         rows.assign(**{"toy.tracks": factor * rows["toy.tracks"]}).to_parquet(fewer / "runs.parquet")
-        comparison = compare(grid, open_source(str(fewer), "compare"), 0.02)
+        comparison = compare(grid, open_source(str(fewer), "compare"), Rules(primary=("toy.tracks",)))
         assert {each.metric: each.verdict for each in comparison.verdicts}["toy.tracks"] == word
     assert "| tracks a step |" in as_markdown(comparison)
 
@@ -80,7 +80,7 @@ def test_runs_made_before_it_are_compared_without_it(tmp_path):
     folder = run_stress(request, tmp_path / "grid", InProcess()).folder
     pd.read_parquet(folder / "runs.parquet").drop(columns="toy.tracks").to_parquet(folder / "runs.parquet")
     source = open_source(str(folder), "compare")
-    comparison = compare(source, source, 0.02)
+    comparison = compare(source, source)
     assert {each.metric: each.verdict for each in comparison.verdicts}["toy.tracks"] == UNTESTED
 
 

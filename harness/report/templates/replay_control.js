@@ -170,6 +170,16 @@ function fillVehicleList() {
   for (const [name, vehicle] of byName) list.add(new Option(name, String(vehicle)));
 }
 
+/* A link to a moment: report.html#t=12.3&vehicle=car.4 */
+function openMoment() {
+  const wanted = new URLSearchParams(location.hash.slice(1));
+  if (!wanted.has("t")) return;
+  if (wanted.has("vehicle")) follow(data.vehicles.names.indexOf(wanted.get("vehicle")));
+  const time = Math.min(Number(wanted.get("t")) || 0, data.time_s[steps - 1]);
+  seek(data.time_s.findIndex((moment) => moment >= time - 1e-6));
+  element("replay").scrollIntoView({ block: "start" });
+}
+
 function start() {
   element("scrub").max = String(steps - 1);
   fillVehicleList();
@@ -182,6 +192,8 @@ function start() {
     width = canvas.clientWidth;
   }).observe(canvas);
   fit();
+  openMoment();
+  window.addEventListener("hashchange", openMoment);
 }
 
 /* What tests and other scripts on the page may ask. */

@@ -1,0 +1,160 @@
+"""How large a difference is and how sure: estimates with the number of independent units that they rest on.
+
+What is independent decides the width of an interval: seeds, not the runs of one seed at several densities; groups of
+vehicles that drive together, not vehicles. All intervals are Student's, with as many degrees of freedom as there are
+units less one: with three seeds 4.3 standard errors to either side, where a percentile bootstrap takes 1.6 of them and
+covers 74 % of what it says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from mmpf.compute.arrays import FloatArray, IntArray
+
+LEVEL = 0.05
+POWER = 0.8
+MOST_UNITS = 10_000
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A difference b minus a.
+
+    Attributes:
+        difference: The estimate; nan where there is nothing to estimate it from.
+        se: Its standard error; nan where the units are too few to tell.
+        units: Number of independent units behind it; not whole where it is an effective number.
+    """
+
+    difference: float
+    se: float
+    units: float
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """The 95 % interval; nan where the scatter is not known."""
+        half = _quantile(LEVEL, self.units) * self.se if np.isfinite(self.se) else np.nan
+        return self.difference - half, self.difference + half
+
+    @property
+    def p(self) -> float:
+        """Two-sided p value of no difference; nan where the scatter is not known."""
+        if not np.isfinite(self.se):
+            return np.nan
+        if self.se == 0.0:
+            return 1.0 if self.difference == 0.0 else 0.0
+        return float(2.0 * special.stdtr(self.units - 1.0, -abs(self.difference) / self.se))
+
+    def units_to_decide(self, margin: float, tests: int, worsening: float) -> int | None:
+        """Return how many units would decide whether b is worse, in four cases of five if all else stays.
+
+        Args:
+            margin: By how much b may be worse.
+            tests: Number of tests that the level is shared by.
+            worsening: The difference, positive where b is worse.
+
+        Returns:
+            That number; None where the scatter is not known or the difference lies so close to the margin that more
+            than ten thousand would be needed.
+        """
+        if not np.isfinite(self.se):
+            return None
+        sd = self.se * np.sqrt(self.units)
+        away, level = (worsening, LEVEL / tests) if worsening > margin else (margin - worsening, LEVEL)
+        if away <= 0.0:
+            return None
+        units = np.unique(np.geomspace(max(self.units + 1.0, 3.0), MOST_UNITS, 200).astype(np.int64))
+        reached = special.stdtrit(units - 1.0, 1.0 - 0.5 * level) + special.ndtri(POWER)
+        enough = np.flatnonzero(reached * sd <= away * np.sqrt(units))
+        return int(units[enough[0]]) if len(enough) else None
+
+
+NOTHING = Effect(np.nan, np.nan, 0.0)
+
+
+def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArray) -> Effect:
+    """Return the mean of b - a over pairs, whose errors are shared within a unit (a seed) and none between units.
+
+    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval.
+
+    Args:
+        a: Values of the first arm, shape (n,).
+        b: Values of the second on the same traffic, shape (n,).
+        stratum: Setting of each pair, such as its density, shape (n,).
+        unit: Independent unit of each pair, shape (n,).
+    """
+    if not len(a):
+        return NOTHING
+    return Effect(float((b - a).mean()), *_scatter(b - a, np.full(len(a), 1.0 / len(a)), stratum, unit))
+
+
+def unpaired_effect(
+    a: FloatArray, b: FloatArray, strata: tuple[IntArray, IntArray], units: tuple[IntArray, IntArray]
+) -> Effect:
+    """Return the mean over strata of the difference of both arms' means, which ran on different seeds (Welch 1947).
+
+    Args:
+        a: Values of the first arm, shape (n,).
+        b: Values of the second, shape (m,).
+        strata: Setting of each value of a, shape (n,), and of b, shape (m,); only common ones count.
+        units: Independent unit of each value, same shapes.
+    """
+    common = np.intersect1d(*strata)
+    if not len(common):
+        return NOTHING
+    means, parts = [], []
+    for every, settings, names in ((a, strata[0], units[0]), (b, strata[1], units[1])):
+        kept = np.isin(settings, common)
+        values, stratum, unit = every[kept], settings[kept], names[kept]
+        place = np.searchsorted(common, stratum)
+        weight = 1.0 / (np.bincount(place)[place] * len(common))
+        means.append(float((weight * values).sum()))
+        parts.append(_scatter(values, weight, stratum, unit))
+    variance = sum(se**2 for se, _ in parts)
+    degrees = sum(se**4 / (units - 1.0) for se, units in parts if units > 1.0)
+    freedom = variance**2 / degrees if degrees > 0.0 else min(units for _, units in parts) - 1.0
+    return Effect(means[1] - means[0], float(np.sqrt(variance)), freedom + 1.0)
+
+
+def neighbours_effect(difference: float, influence: FloatArray, closeness: FloatArray) -> Effect:
+    """Return a difference over vehicles of one run, of which those that drive together are not independent.
+
+    The variance is the sum of all products of two vehicles' influences, each weighted by how close the two are (Conley
+    1999): a vehicle counts in full with itself, and half with a vehicle of closeness one half.
+
+    Args:
+        difference: The estimate.
+        influence: What each vehicle adds to it, of mean 0, shape (n,).
+        closeness: Symmetric, 1 on the diagonal, down to 0 for vehicles that never meet, shape (n, n).
+    """
+    n = len(influence)
+    # As many independent ones would leave a mean as uncertain as these n do that go in company. The second factor is
+    # for the kernel's own loss: vehicles that are not quite alike count less than they should.
+    effective = n**2 / closeness.sum() if n else 0.0
+    if effective <= 1.5:
+        return Effect(difference, np.nan, effective)
+    variance = max(float(influence @ closeness @ influence), float(influence @ influence))
+    return Effect(difference, float(np.sqrt(variance) * effective / (effective - 1.0)), effective)
+
+
+def _scatter(values: FloatArray, weight: FloatArray, stratum: IntArray, unit: IntArray) -> tuple[float, float]:
+    """Return the standard error of a weighted sum of values and the number of units that it rests on."""
+    names, unit = np.unique(unit, return_inverse=True)
+    units = len(names)
+    if units < 2:
+        return np.nan, float(units)
+    place = np.unique(stratum, return_inverse=True)[1]
+    number = np.bincount(place)
+    mean = np.bincount(place, weights=values) / number
+    # A setting with a single run has no scatter of its own; its runs are held against all.
+    centre = np.where(number.min() > 1, mean[place], values @ weight / weight.sum())
+    by_unit = np.bincount(unit, weights=weight * (values - centre))
+    return float(np.sqrt(units / (units - 1.0) * (by_unit**2).sum())), float(units)
+
+
+def _quantile(level: float, units: float) -> float:
+    return float(special.stdtrit(max(units - 1.0, 0.5), 1.0 - 0.5 * level))

@@ -1,0 +1,35 @@
+"""What scoring finds out about a run, made anew from the tables of its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.runfolder import folder as runfolder
+from harness.runfolder.checks import sound_tables
+from harness.scoring.evidence import Evidence, gather
+from harness.scoring.settings import ScoringSettings
+
+COMPARE = "compare"
+PLACE = ("step", "lon_m", "lat_m")
+SPEED = ("speed_mps", "lat_speed_mps")
+TRUTH_COLUMNS = (*PLACE, *SPEED, "time_s", "vehicle_id", "is_ego", "in_range", "state")
+TRACK_COLUMNS = (*PLACE, *SPEED, "track_id", "state", "std_lon_m", "std_lat_m", "std_speed_mps")
+
+
+def evidence_of(folder: Path) -> Evidence:
+    """Return what scoring finds out about a run.
+
+    Args:
+        folder: The folder of a finished run.
+
+    Raises:
+        InputError: A table is missing or broken.
+    """
+    with sound_tables(folder, COMPARE):
+        return gather(
+            runfolder.read_table(folder, runfolder.TRUTH, COMPARE, TRUTH_COLUMNS),
+            runfolder.read_table(folder, runfolder.DETECTIONS, COMPARE, (*PLACE, "truth_id")),
+            runfolder.read_table(folder, runfolder.TRACKS, COMPARE, TRACK_COLUMNS),
+            ScoringSettings(),
+            0,
+        )

@@ -1,0 +1,156 @@
+"""Two single runs on the same traffic, compared vehicle by vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.comparison.arms import lost_values
+from harness.comparison.effects import Effect, neighbours_effect
+from harness.comparison.evidence import COMPARE, evidence_of
+from harness.comparison.sources import Source
+from harness.comparison.vehicles import (
+    ByVehicle,
+    closeness,
+    hidden_cost_by_vehicle,
+    hota_by_vehicle,
+    ratio_by_vehicle,
+    same_identity_by_vehicle,
+)
+from harness.comparison.verdicts import Measured, Rules, compared_quantities
+from harness.comparison.why import Why, failures
+from harness.errors import InputError
+from harness.grid.rows import column_of
+from harness.runfolder import folder as runfolder
+from harness.scoring.errors import scored_rows
+from harness.scoring.evidence import Evidence
+from harness.scoring.paired import KEYS, paired_errors
+from harness.scoring.quantity import Quantity
+from mmpf.compute.arrays import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ERROR_COLUMNS = {"lon_m": "lon_error_m", "lat_m": "lat_error_m", "speed_mps": "speed_error_mps"}
+FOLLOWED = "hidden_outcomes.tracked_percent"
+BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
+    "mot.hota": hota_by_vehicle,
+    "hidden.hidden_cost_m": hidden_cost_by_vehicle,
+    "occlusion.same_id_percent": same_identity_by_vehicle,
+}
+
+
+@dataclass(frozen=True)
+class SingleRuns:
+    """What two single runs on the same traffic tell.
+
+    Attributes:
+        measured: The differences.
+        why: What their failures come from.
+    """
+
+    measured: list[Measured]
+    why: Why
+
+
+def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
+    """Compare two single runs, vehicle by vehicle.
+
+    Mean absolute errors are over the steps at which both follow a vehicle. Scores of a whole run that no vehicle has of
+    its own have no interval.
+
+    Raises:
+        InputError: They are on different traffic.
+    """
+    _check_same_traffic(a, b)
+    first, second = evidence_of(a.folder), evidence_of(b.folder)
+    truth = first.rows.truth
+    vehicles = int(truth.vehicle.max(initial=-1)) + 1
+    near = closeness(truth, vehicles)
+    pairs = _common_errors(first, second)
+    label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
+
+    def measured(quantity: Quantity) -> Measured:
+        whole = [column_of(side.rows, quantity.key) for side in (a, b)]
+        wanting = lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True)
+        if wanting:
+            return Measured(label, quantity, float(whole[0][0]), np.nan, Effect(np.nan, np.nan, 0.0), 0, False, wanting)
+        if quantity.key in BY_VEHICLE:
+            sides = [BY_VEHICLE[quantity.key](evidence, vehicles) for evidence in (first, second)]
+            return _of_sides(label, quantity, sides, near)
+        table, state, *name = quantity.key.split(".")
+        if table == "mae" and name[0] in ERROR_COLUMNS:
+            return _of_sides(label, quantity, _errors(pairs, state, ERROR_COLUMNS[name[0]], vehicles), near)
+        effect = Effect(float(whole[1][0] - whole[0][0]), np.nan, 1.0)
+        number = int(np.isfinite(effect.difference))
+        return Measured(
+            label, quantity, float(whole[0][0]), float(whole[1][0]), effect, number, effect.difference == 0.0
+        )
+
+    why = Why(tuple(failures(first)), tuple(failures(second)), str(a.folder), str(b.folder))
+    return SingleRuns([measured(quantity) for quantity in compared_quantities(rules.primary)], why)
+
+
+def notes_of(a: Source, b: Source) -> list[str]:
+    """Return what has to be known of such a comparison."""
+    notes = [
+        "One seed: vehicles are paired, so this tells nothing of other traffic. Vehicles that drive within 100 m of "
+        "each other count as partly the same one, so intervals rest on fewer vehicles than there are."
+    ]
+    shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
+    if np.isfinite(shares).all():
+        notes.append(
+            "Errors of hidden vehicles are over the vehicle-steps that both follow; of all of them a follows "
+            f"{shares[0]:.0f} %, b {shares[1]:.0f} %."
+        )
+    return notes
+
+
+def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: FloatArray) -> Measured:
+    a, b = sides
+    counted = (a.counts > 0.0) | (b.counts > 0.0)
+    difference = b.value - a.value
+    influence = (b.influence - a.influence)[counted]
+    others = np.concatenate([b.others, -a.others])
+    effect = neighbours_effect(difference, influence, near[np.ix_(counted, counted)])
+    variance = effect.se**2 + float(others @ others)
+    same = difference == 0.0 and not influence.any() and not others.any()
+    return Measured(
+        label=label,
+        quantity=quantity,
+        a=a.value,
+        b=b.value,
+        effect=Effect(difference, float(np.sqrt(variance)), effect.units),
+        pairs=int(counted.sum()),
+        same=same,
+    )
+
+
+def _errors(pairs: pd.DataFrame, state: str, column: str, vehicles: int) -> list[ByVehicle]:
+    rows = pairs[pairs["state"] == state]
+    vehicle = rows["vehicle"].to_numpy(dtype=np.int64)
+    return [
+        ratio_by_vehicle(rows[f"{column}_{side}"].abs().to_numpy(dtype=np.float64), vehicle, vehicles)
+        for side in ("a", "b")
+    ]
+
+
+def _common_errors(a: Evidence, b: Evidence) -> pd.DataFrame:
+    """Return the errors of both on the steps that both follow, with a column ``vehicle``, its code in the truth."""
+    keys = list(KEYS)
+    codes = a.rows.truth.vehicle[scored_rows(a.rows, a.history, a.settings)]
+    known = a.error_table[keys].assign(vehicle=codes)
+    return paired_errors(a.error_table, b.error_table).merge(known, on=keys)
+
+
+def _check_same_traffic(a: Source, b: Source) -> None:
+    places = ["step", "vehicle_id", "lon_m", "lat_m"]
+    first, second = (runfolder.read_table(side.folder, runfolder.TRUTH, COMPARE, places)[places] for side in (a, b))
+    if not first.equals(second):
+        raise InputError(
+            f"compare: {a.name} and {b.name} are single runs on different traffic, which tells nothing; make the "
+            f"second with `replay` {a.folder}, or compare grids of several seeds"
+        )

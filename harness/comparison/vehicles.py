@@ -1,0 +1,137 @@
+"""Two runs on the same traffic: what each vehicle adds to their difference, and which vehicles go in company.
+
+A run's metric is a ratio of sums over vehicles, or a smooth function of such sums, so each vehicle's share of its
+uncertainty is its influence: the derivative along that vehicle's own sums. Vehicles near each other see the same lorry
+go by and swap their tracks with one another, so they are no independent samples; how close two are is told by the time
+that they drive near each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from harness.scoring.evidence import Evidence
+from harness.scoring.hota import hota_couples, hota_of_parts, measure_hota
+from harness.scoring.rows import TruthRows
+from harness.scoring.sequence import select_in_sight
+from mmpf.compute.arrays import FloatArray, IntArray
+
+REACH_M = 100.0
+"""Distance along the road from which two vehicles have nothing to do with each other."""
+
+
+@dataclass(frozen=True)
+class ByVehicle:
+    """A metric of a run, and each vehicle's part in it.
+
+    Attributes:
+        value: The metric; nan where nothing can be told.
+        influence: By vehicle code, of mean 0, shape (vehicles,); 0 of vehicles that it is not over.
+        counts: Whether the metric is over the vehicle, shape (vehicles,).
+        others: Influence of what belongs to no vehicle, such as tracks that never met one, shape (k,).
+    """
+
+    value: float
+    influence: FloatArray
+    counts: FloatArray
+    others: FloatArray
+
+
+def closeness(truth: TruthRows, vehicles: int) -> FloatArray:
+    """Return how close each two vehicles are, shape (vehicles, vehicles): 1 with itself, 0 with one never met.
+
+    At a step it falls along the road from 1 at the same place to 0 at ``REACH_M``; over a run it is the sum over common
+    steps divided by the geometric mean of both vehicles' numbers of steps, so that the matrix is positive semidefinite.
+    """
+    total = np.zeros((vehicles, vehicles))
+    rows = np.flatnonzero(truth.in_range)
+    rows = rows[np.argsort(truth.step[rows], kind="stable")]
+    for at_step in np.split(rows, np.flatnonzero(np.diff(truth.step[rows])) + 1):
+        lon_m, vehicle = truth.lon_m[at_step], truth.vehicle[at_step]
+        total[np.ix_(vehicle, vehicle)] += np.maximum(0.0, 1.0 - np.abs(lon_m[:, None] - lon_m) / REACH_M)
+    steps = np.sqrt(np.maximum(np.diagonal(total), 1.0))
+    near = total / np.outer(steps, steps)
+    np.fill_diagonal(near, 1.0)
+    return np.asarray(near)
+
+
+def ratio_by_vehicle(values: FloatArray, vehicle: IntArray, vehicles: int, scale: float = 1.0) -> ByVehicle:
+    """Return a mean over rows as one over vehicles.
+
+    Args:
+        values: Value of each row, shape (n,).
+        vehicle: Vehicle of each row, from 0, shape (n,).
+        vehicles: Number of all vehicles.
+        scale: What the mean is multiplied by.
+    """
+    counts = np.bincount(vehicle, minlength=vehicles).astype(np.float64)
+    sums = scale * np.bincount(vehicle, weights=values, minlength=vehicles)
+    total = counts.sum()
+    if not total:
+        return ByVehicle(np.nan, np.zeros(vehicles), counts, np.zeros(0))
+    mean = float(sums.sum() / total)
+    return ByVehicle(mean, (sums - mean * counts) / total, counts, np.zeros(0))
+
+
+def hidden_cost_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
+    """Return the hidden cost."""
+    hidden = evidence.following.hidden
+    return ratio_by_vehicle(evidence.following.distance_m[hidden], evidence.rows.truth.vehicle[hidden], vehicles)
+
+
+def same_identity_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
+    """Return the share of occlusions after which a vehicle has its old track, in percent."""
+    events = evidence.events
+    vehicle = evidence.rows.truth.vehicle[events.onset_row]
+    return ratio_by_vehicle(events.same_id.astype(np.float64), vehicle, vehicles, 100.0)
+
+
+def hota_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
+    """Return HOTA in sight in percent; a track counts with the vehicle that it was most often matched to."""
+    sequence, truth = evidence.in_sight, evidence.rows.truth
+    selected = select_in_sight(evidence.rows, evidence.history, evidence.pairs, evidence.settings).truth
+    vehicle_of = np.zeros(int(sequence.truth_identity.max(initial=-1)) + 1, dtype=np.int64)
+    vehicle_of[sequence.truth_identity] = truth.vehicle[selected]
+    couples = hota_couples(sequence)
+    track_rows = np.bincount(sequence.track_identity)
+    # One more unit for each track, of which those that never met a vehicle are kept.
+    unit_of_track = vehicles + np.arange(len(track_rows))
+    strongest = np.argsort(couples.matches[:, 0], kind="stable") if len(couples.truth) else couples.truth
+    unit_of_track[couples.track[strongest]] = vehicle_of[couples.truth[strongest]]
+    units = vehicles + len(track_rows)
+
+    def by_unit(weights: FloatArray) -> FloatArray:
+        place = vehicle_of[couples.truth]
+        grouping = sparse.csr_array((np.ones(len(place)), (place, np.arange(len(place)))), shape=(units, len(place)))
+        return np.asarray(grouping @ weights)
+
+    truths = np.bincount(vehicle_of[sequence.truth_identity], minlength=units).astype(np.float64)
+    tracks = np.bincount(unit_of_track, weights=track_rows, minlength=units).astype(np.float64)
+    matched, associated = by_unit(couples.matches), by_unit(couples.matches * couples.association)
+    value = 100.0 * hota_of_parts([measure_hota(sequence)]).hota if truths.sum() else np.nan
+    influence = 100.0 * _hota_influence(truths, tracks, matched, associated)
+    return ByVehicle(value, influence[:vehicles], truths[:vehicles], influence[vehicles:][tracks[vehicles:] > 0.0])
+
+
+def _hota_influence(truths: FloatArray, tracks: FloatArray, matched: FloatArray, associated: FloatArray) -> FloatArray:
+    """Return the derivative of HOTA along each unit's sums, shape (units,).
+
+    Args:
+        truths: Truth rows of each unit, shape (units,).
+        tracks: Track rows, same shape.
+        matched: Matches at each threshold, shape (units, thresholds).
+        associated: Sum of their association scores, same shape.
+    """
+    every, rows = matched.sum(axis=0), truths + tracks
+    union = rows.sum() - every
+    found = (every > 0.0) & (union > 0.0)
+    if not found.any():
+        return np.zeros(len(truths))
+    every, union, matched, associated = every[found], union[found], matched[:, found], associated[:, found]
+    hota = np.sqrt(every / union * associated.sum(axis=0) / every)
+    # HOTA = sqrt(associated / union) at each threshold, of which both are sums over units.
+    part = associated / associated.sum(axis=0) - (rows[:, None] - matched) / union
+    return np.asarray((0.5 * hota * part).sum(axis=1) / len(found))

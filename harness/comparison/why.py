@@ -1,0 +1,200 @@
+"""Why two runs on the same detections differ: each identity switch and each lost track with its cause.
+
+Causes are told from what every tracker reports, tracks and nothing of its insides, so rivals are judged alike:
+
+- *merge*: the vehicle's track ended beside another one that went on.
+- *death*: it ended with nobody near.
+- *association*: it lives and is on another vehicle, or an older track of another one took its place.
+- *birth*: it lives on nothing, and a track that is younger than its last match took its place in plain sight.
+- *re-identification*: it lives on nothing, and the vehicle came back from out of sight under another name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from urllib.parse import quote
+
+import numpy as np
+
+from harness.scoring.clear import clear_matches
+from harness.scoring.errors import LOST, scored_rows
+from harness.scoring.evidence import Evidence
+from harness.scoring.matching import find_track_rows
+from harness.scoring.sequence import select_in_sight
+from harness.scoring.settings import TIME_TOLERANCE_S
+from harness.sensor.observation import HIDDEN
+from mmpf.compute.arrays import IntArray
+
+BIRTH, ASSOCIATION, MERGE, REIDENTIFICATION, DEATH = "birth", "association", "merge", "re-identification", "death"
+CAUSES = (BIRTH, ASSOCIATION, MERGE, REIDENTIFICATION, DEATH)
+SWITCH, LOSS = "identity switch", "lost track"
+KINDS = (SWITCH, LOSS)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failure of a tracker.
+
+    Attributes:
+        kind: ``identity switch`` or ``lost track``.
+        cause: One of ``CAUSES``.
+        vehicle_id: The vehicle.
+        time_s: When: that of the first match to the new track, or that at which the old one was gone.
+        before: The track that the vehicle had, by the tracker's own number.
+        after: The track that it has now, -1 if none.
+    """
+
+    kind: str
+    cause: str
+    vehicle_id: str
+    time_s: float
+    before: int
+    after: int
+
+
+def failures(evidence: Evidence) -> list[Failure]:
+    """Return all identity switches in sight and all lost tracks of hidden vehicles, in the order of time.
+
+    The switches are those that ``mot.id_switches`` counts. A track is lost once for each time that its vehicle is
+    hidden and the track that held it is no longer reported.
+    """
+    tracks = _Tracks(evidence)
+    found = [*_switches(evidence, tracks), *_losses(evidence, tracks)]
+    return sorted(found, key=lambda failure: (failure.time_s, failure.kind, failure.vehicle_id))
+
+
+def counted(found: Sequence[Failure]) -> dict[str, dict[str, int]]:
+    """Return the number of failures by kind and cause, zeros too."""
+    return {
+        kind: {cause: sum((each.kind, each.cause) == (kind, cause) for each in found) for cause in CAUSES}
+        for kind in KINDS
+    }
+
+
+class _Tracks:
+    """The reported tracks of a run: when each began and ended; and the vehicles' names."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self.evidence = evidence
+        self.rows = evidence.rows.tracks
+        kept = scored_rows(evidence.rows, evidence.history, evidence.settings)
+        codes, first = np.unique(evidence.rows.truth.vehicle[kept], return_index=True)
+        names = evidence.error_table["vehicle_id"].astype(str).to_numpy()[first]
+        self.name = dict(zip(codes.tolist(), names.tolist(), strict=True))
+        count = int(self.rows.track.max(initial=-1)) + 1
+        places = np.arange(len(self.rows))
+        self.first, self.last = np.full(count, -1), np.full(count, -1)
+        # Rows are sorted by step, so what is written last is a track's last row.
+        self.first[self.rows.track[::-1]], self.last[self.rows.track] = places[::-1], places
+
+    def row_at(self, track: int, step: int) -> int:
+        """Return a track's row at a step, -1 where it is not reported."""
+        return int(find_track_rows(self.evidence.rows, np.array([step]), np.array([track]))[0])
+
+    def end_of(self, track: int) -> str:
+        """Return why a track ended: beside another that was there then and went on, or not."""
+        rows, settings, row = self.rows, self.evidence.settings, int(self.last[track])
+        near = np.flatnonzero(rows.step == rows.step[row])
+        close = np.abs(rows.lon_m[near] - rows.lon_m[row]) <= settings.gate_lon_m
+        close &= np.abs(rows.lat_m[near] - rows.lat_m[row]) <= settings.gate_lat_m
+        goes_on = rows.step[self.last[rows.track[near]]] > rows.step[row]
+        return MERGE if (close & goes_on & (near != row)).any() else DEATH
+
+
+def _switches(evidence: Evidence, tracks: _Tracks) -> Iterator[Failure]:
+    sequence, truth, rows = evidence.in_sight, evidence.rows.truth, evidence.rows.tracks
+    chosen = select_in_sight(evidence.rows, evidence.history, evidence.pairs, evidence.settings)
+    truth_rows, track_rows = np.flatnonzero(chosen.truth), np.flatnonzero(chosen.tracks)
+    matches = clear_matches(sequence)
+    for place in matches.switches(sequence):
+        old_row, new_row = (int(track_rows[matches.track[at]]) for at in (place - 1, place))
+        last, now = (int(truth_rows[matches.truth[at]]) for at in (place - 1, place))
+        yield Failure(
+            SWITCH,
+            _cause_of_switch(evidence, tracks, (last, now), (old_row, new_row)),
+            tracks.name[int(truth.vehicle[now])],
+            float(truth.time_s[now]),
+            int(rows.track_id[old_row]),
+            int(rows.track_id[new_row]),
+        )
+
+
+def _cause_of_switch(evidence: Evidence, tracks: _Tracks, vehicle: tuple[int, int], track: tuple[int, int]) -> str:
+    """Return the cause of a switch.
+
+    Args:
+        evidence: The run.
+        tracks: Its tracks.
+        vehicle: Truth rows of the last match to the old track and of the first to the new one.
+        track: Track rows of both.
+    """
+    truth, rows = evidence.rows.truth, evidence.rows.tracks
+    last, now = vehicle
+    old, new = (int(rows.track[row]) for row in track)
+    there = tracks.row_at(old, int(truth.step[now]))
+    if there < 0:
+        return tracks.end_of(old)
+    on = int(evidence.matching.truth_row[there])
+    if on >= 0 and truth.vehicle[on] != truth.vehicle[now]:
+        return ASSOCIATION
+    if _longest_gap_s(evidence, last, now) > evidence.settings.in_sight_s + TIME_TOLERANCE_S:
+        return REIDENTIFICATION
+    return BIRTH if rows.step[tracks.first[new]] > truth.step[last] else ASSOCIATION
+
+
+def _longest_gap_s(evidence: Evidence, last: int, now: int) -> float:
+    """Return for how long the vehicle went undetected at most between two of its rows, the second's end included."""
+    return float(evidence.history.since_s[last : now + 1].max())
+
+
+def _losses(evidence: Evidence, tracks: _Tracks) -> Iterator[Failure]:
+    rows, truth = evidence.rows, evidence.rows.truth
+    kept = scored_rows(rows, evidence.history, evidence.settings)
+    lost = np.zeros(len(truth), dtype=bool)
+    lost[kept[(evidence.errors.outcome == LOST) & (evidence.errors.state == HIDDEN)]] = True
+    for begin in _beginnings(lost, truth.vehicle, evidence.matching.holder):
+        holder = int(evidence.matching.holder[begin])
+        yield Failure(
+            LOSS,
+            tracks.end_of(holder),
+            tracks.name[int(truth.vehicle[begin])],
+            float(truth.time_s[begin]),
+            int(rows.tracks.track_id[tracks.last[holder]]),
+            -1,
+        )
+
+
+def _beginnings(lost: np.ndarray, vehicle: IntArray, holder: IntArray) -> IntArray:
+    """Return the first row of each time that a vehicle's track is lost; another holder is another loss."""
+    where = np.flatnonzero(lost)
+    first = np.ones(len(where), dtype=bool)
+    first[1:] = (vehicle[where[1:]] != vehicle[where[:-1]]) | (holder[where[1:]] != holder[where[:-1]])
+    return where[first]
+
+
+@dataclass(frozen=True)
+class Why:
+    """What the failures of both runs come from.
+
+    Attributes:
+        a: Failures of the first run.
+        b: Failures of the second.
+        folder_a: Folder of the first, where its replay lies.
+        folder_b: Folder of the second.
+    """
+
+    a: tuple[Failure, ...]
+    b: tuple[Failure, ...]
+    folder_a: str
+    folder_b: str
+
+    def counts(self) -> dict[str, dict[str, dict[str, int]]]:
+        """Return the number of failures by run, kind and cause."""
+        return {"a": counted(self.a), "b": counted(self.b)}
+
+
+def link_to(folder: str, failure: Failure) -> str:
+    """Return the address of the moment in the run's replay, a second before it."""
+    vehicle = quote(failure.vehicle_id, safe="")
+    return f"{folder}/report.html#t={max(0.0, failure.time_s - 1.0):.1f}&vehicle={vehicle}"

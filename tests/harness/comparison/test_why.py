@@ -1,0 +1,113 @@
+"""Every switch and every lost track has one cause, and the causes add up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.comparison.why import (
+    ASSOCIATION,
+    BIRTH,
+    DEATH,
+    LOSS,
+    MERGE,
+    REIDENTIFICATION,
+    SWITCH,
+    Failure,
+    Why,
+    counted,
+    failures,
+    link_to,
+)
+from harness.scoring.evidence import gather
+from harness.scoring.metrics import score_metrics
+from harness.scoring.settings import ScoringSettings
+
+STEPS = 60
+Spans = list[tuple[int, int, int, float]]
+"""Tracks as (number, first step, last step, lane they are on)."""
+
+
+def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[Failure]:
+    """Return the failures over two cars in lanes 0 and 4 m, of which the first is hidden for a time."""
+    truth, detections = [], []
+    for step in range(STEPS):
+        for name, lat_m in (("ego", 8.0), ("one", 0.0), ("two", 4.0)):
+            hidden = name == "one" and unseen is not None and unseen[0] <= step <= unseen[1]
+            place = {"step": step, "time_s": 0.1 * step, "lon_m": 2.0 * step, "lat_m": lat_m, "speed_mps": 20.0}
+            state = "hidden" if hidden else "visible"
+            truth.append(
+                {**place, "lat_speed_mps": 0.0, "vehicle_id": name, "is_ego": name == "ego", "in_range": True}
+                | {"state": state}
+            )
+            if name != "ego" and not hidden:
+                detections.append({**place, "truth_id": name})
+    rows = [
+        {
+            "step": step, "time_s": 0.1 * step, "track_id": number, "lon_m": 2.0 * step, "lat_m": lane,
+            "state": "confirmed", "speed_mps": 20.0, "lat_speed_mps": 0.0,
+            "std_lon_m": 0.1, "std_lat_m": 0.1, "std_speed_mps": 0.1,
+        }
+        for number, first, last, lane in tracks for step in range(first, last + 1)
+    ]  # fmt: skip
+    evidence = gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(rows), ScoringSettings(), 0)
+    found = failures(evidence)
+    metrics = score_metrics(evidence)
+    assert sum(each.kind == SWITCH for each in found) == metrics["mot"]["id_switches"]
+    losses = evidence.error_table[(evidence.error_table["outcome"] == "lost")]
+    assert sum(each.kind == LOSS for each in found) == len(losses["vehicle_id"].unique())
+    return found
+
+
+TWO = (2, 0, STEPS - 1, 4.0)
+
+
+def causes(found: list[Failure]) -> list[tuple[str, str]]:
+    return [(each.kind, each.cause) for each in found]
+
+
+def test_a_perfect_tracker_fails_nowhere():
+    assert scene([(1, 0, STEPS - 1, 0.0), TWO]) == []
+
+
+def test_a_track_that_ends_with_nobody_near_died():
+    (found,) = scene([(1, 0, 29, 0.0), (3, 31, STEPS - 1, 0.0), TWO])
+    assert (found.kind, found.cause, found.vehicle_id, found.before, found.after) == (SWITCH, DEATH, "one", 1, 3)
+    assert found.time_s == pytest.approx(3.1)
+
+
+def test_a_track_that_ends_beside_another_that_goes_on_was_merged():
+    assert causes(scene([(1, 0, 29, 0.0), (3, 20, STEPS - 1, 0.6), TWO])) == [(SWITCH, MERGE)]
+
+
+def test_a_second_track_beside_a_living_one_was_born_without_need():
+    # The old one drifts off onto nothing while the new one is on the vehicle.
+    tracks = [(1, 0, 29, 0.0), (1, 30, STEPS - 1, -9.0), (3, 30, STEPS - 1, 0.0), TWO]
+    assert causes(scene(tracks)) == [(SWITCH, BIRTH)]
+
+
+def test_tracks_that_change_places_are_a_fault_of_association():
+    tracks = [(1, 0, 29, 0.0), (2, 0, 29, 4.0), (1, 30, STEPS - 1, 4.0), (2, 30, STEPS - 1, 0.0)]
+    assert causes(scene(tracks)) == [(SWITCH, ASSOCIATION)] * 2
+
+
+def test_a_vehicle_that_comes_back_under_another_name_was_not_known_again():
+    tracks = [(1, 0, 19, 0.0), (1, 20, STEPS - 1, -9.0), (3, 35, STEPS - 1, 0.0), TWO]
+    assert causes(scene(tracks, unseen=(20, 33))) == [(SWITCH, REIDENTIFICATION)]
+
+
+def test_a_track_that_ends_while_its_vehicle_is_hidden_is_lost_and_then_switched():
+    tracks = [(1, 0, 25, 0.0), (3, 35, STEPS - 1, 0.0), TWO]
+    assert causes(scene(tracks, unseen=(20, 33))) == [(LOSS, DEATH), (SWITCH, DEATH)]
+
+
+def test_the_table_sums_to_the_total_and_links_to_the_moment():
+    rng = np.random.default_rng(1)
+    found = scene([(int(number), 6 * place, 6 * place + 5, 0.0) for place, number in enumerate(rng.permutation(10))])
+    counts = counted(found)
+    assert sum(sum(of_kind.values()) for of_kind in counts.values()) == len(found)
+    assert Why(tuple(found), (), "results/a b", "b").counts()["a"] == counts
+    assert link_to("results/a", Failure(SWITCH, DEATH, "flow 3.4", 3.1, 1, 2)) == (
+        "results/a/report.html#t=2.1&vehicle=flow%203.4"
+    )
