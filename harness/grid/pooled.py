@@ -184,5 +184,7 @@ def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[fl
     if total <= 0.0:
         return None, None
     interval = few_groups_ci(sums, counts)
-    ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
+    # Student's interval knows no bounds; what is never negative has one.
+    low = max(interval.low, 0.0) if (sums >= 0.0).all() else interval.low
+    ends = (low, interval.high) if np.isfinite(interval.low) else None
     return float(sums.sum()) / total, ends

@@ -35,5 +35,6 @@ def test_losses_are_paired_run_by_run():
     assert usual.hota_loss == 0.0
     assert bursts.hota_loss == pytest.approx(np.mean([2.0, 3.0, 4.0]))
     low, high = bursts.hota_loss_ci95
-    assert 2.0 <= low < 3.0 < high <= 4.0
+    # Three runs with a standard deviation of 1: 4.303 standard errors of 1 / sqrt(3) to either side.
+    assert (low, high) == pytest.approx((3.0 - 4.303 / 3**0.5, 3.0 + 4.303 / 3**0.5), abs=1e-3)
     assert "| a | bursts | 73.7 | 3.0 [" in costs_markdown([usual, bursts], [])

@@ -49,7 +49,9 @@ def test_scores_are_weighted_by_the_samples_of_each_file():
     pooled = pool_files(pd.DataFrame([row("a", hota=(80.0, 100)), row("b", hota=(90.0, 300))]))
     hota = mean_of(pooled, "hota")
     assert hota.mean == pytest.approx(87.5)
-    assert 80.0 <= hota.ci95[0] < hota.ci95[1] <= 90.0
+    # Of two files the t distribution has one degree of freedom: 12.7 standard errors to either side.
+    assert hota.ci95[0] < 80.0
+    assert hota.ci95[1] > 90.0
 
 
 def test_identity_switches_are_summed_and_told_per_vehicle_minute():
@@ -66,7 +68,7 @@ def test_the_ratio_to_coasting_is_that_of_all_errors_together():
     assert overall.to_s is None
     assert overall.lon_m == pytest.approx((10 + 120) / 40)
     assert overall.ratio == pytest.approx((10 + 120) / (20 + 60))
-    assert 0.5 <= overall.ratio_ci95[0] < overall.ratio < overall.ratio_ci95[1] <= 2.0
+    assert 0.0 <= overall.ratio_ci95[0] < overall.ratio < overall.ratio_ci95[1]
 
 
 def test_the_error_of_hidden_vehicles_has_the_followed_share_beside_it():

@@ -109,7 +109,7 @@ def test_the_ratio_to_coasting_is_that_of_all_errors_together_with_an_interval_o
     table = pd.DataFrame([rows(20, 0, 10, **against(1.0, 2.0, 30)), rows(20, 1, 10, **against(6.0, 4.0, 10))])
     ratio = curve(table, "against_coasting.hidden.ratio")[20]
     assert ratio.mean == pytest.approx((30 + 60) / (60 + 40))
-    assert 0.5 <= ratio.ci95[0] < ratio.mean < ratio.ci95[1] <= 1.5
+    assert 0.0 <= ratio.ci95[0] < ratio.mean < ratio.ci95[1]
 
 
 def test_identities_by_time_hidden_switches_and_the_error_after_two_seconds_have_intervals_over_seeds():
