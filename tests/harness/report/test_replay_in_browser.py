@@ -150,6 +150,15 @@ def test_a_failure_of_the_gallery_is_watched_in_the_replay(page):
     assert 20 <= asked(page, "step") < 40
 
 
+def test_a_link_leads_to_a_moment_and_its_vehicle(page, address):
+    for time, step in (("1.5", 15), ("99", None)):
+        page.get("about:blank")
+        page.get(f"{address}#t={time}&vehicle=far")
+        last = page.execute_script("return Number(document.getElementById('scrub').max)")
+        assert asked(page, "step") == (last if step is None else step)
+        assert asked(page, "followed") == "far"
+
+
 def test_a_layer_can_be_hidden(page):
     def shot() -> str:
         return page.execute_script("return document.getElementById('road').toDataURL()")
