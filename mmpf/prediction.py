@@ -58,8 +58,27 @@ def bootstrap_proposal(
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Draw from the motion model itself, so that the ratio in equation (10) is one; see ``Proposal``."""
-    state, latents = motion.propagate(state, latents, surroundings, dt_s, rng)
-    return state, latents, np.zeros(state.shape[1])
+    moved, carried = _checked(motion, motion.propagate(state, latents, surroundings, dt_s, rng), state, latents)
+    return moved, carried, np.zeros(state.shape[1])
+
+
+def _checked(
+    motion: MotionModel, moved: object, state: FloatArray, latents: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a motion model returned, if the filter can go on with it.
+
+    Raises:
+        ValueError: It can't; the message says what is wrong with it.
+    """
+    if not isinstance(moved, tuple) or len(moved) != 2:
+        raise ValueError(f"motion model {motion.name}: propagate returned {type(moved).__name__}, not (state, latents)")
+    for name, values, before in (("state", moved[0], state), ("latents", moved[1], latents)):
+        if np.shape(values) != before.shape:
+            shapes = f"{np.shape(values)}, not {before.shape}"
+            raise ValueError(f"motion model {motion.name}: propagate returned {name} of shape {shapes}")
+    if not np.isfinite(moved[0].sum()):
+        raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")
+    return moved[0], moved[1]
 
 
 def prior_update(

@@ -15,8 +15,7 @@ from typing import Any
 
 from harness.errors import InputError
 
-KEYS = ("name", "model")
-OPTIONS = {"name": "tracker", "model": "model"}
+OPTIONS = {("tracker", "name"): "tracker", ("tracker", "model"): "model", ("sensor", "profile"): "sensor"}
 
 
 def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: Path) -> None:
@@ -30,17 +29,16 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
     Raises:
         InputError: Such a module would be imported.
     """
-    theirs, ours = (table.get("tracker", {}) for table in (in_file, chosen))
-    if not isinstance(theirs, Mapping) or not isinstance(ours, Mapping):
-        return
-    for key in KEYS:
-        name = theirs.get(key)
-        if key in ours or not isinstance(name, str) or ":" not in name or is_installed(name):
+    for (table, key), option in OPTIONS.items():
+        theirs, ours = (values.get(table, {}) for values in (in_file, chosen))
+        if not isinstance(theirs, Mapping) or not isinstance(ours, Mapping) or key in ours:
             continue
-        raise InputError(
-            f"`config`: {file} names {name}, which is no installed module, and importing it would run it; if you trust "
-            f"it, give it yourself as `{OPTIONS[key]}`"
-        )
+        name = theirs.get(key)
+        if isinstance(name, str) and ":" in name and not is_installed(name):
+            raise InputError(
+                f"`config`: {file} names {name}, which is no installed module, and importing it would run it; if you "
+                f"trust it, give it yourself as `{option}`"
+            )
 
 
 def is_installed(name: str) -> bool:

@@ -10,11 +10,13 @@ from time import perf_counter
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from harness.errors import RunError
 from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.looks import Looks, Streams
 from harness.running.memory import keep_freed_memory
 from harness.sensor.observation import Look, Observation
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
+from harness.trackers.wellformed import fault_of
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
@@ -108,11 +110,20 @@ class _EpisodeTrackers:
         """Give the tracker one scan and make its identities unique over the run."""
         scan = _as_believed(observation.scan, self.looks.noise_factor)
         tracks = step_tracker(self.tracker, scan, observation.truth_id)
+        self._check(tracks, scan)
         if not len(tracks):
             return tracks
         unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
         self.first_free_id = max(self.first_free_id, int(unique.track_id.max()) + 1)
         return unique
+
+    def _check(self, tracks: object, scan: Scan) -> None:
+        fault = fault_of(tracks)
+        if fault is not None:
+            raise RunError(
+                f"the tracker {type(self.tracker).__name__} returned at {scan.time_s:g} s what can't be scored: "
+                f"{fault}; check_tracker tells more (docs/plug-in-a-tracker.md)"
+            )
 
     def _fresh_tracker(self, stream: np.random.SeedSequence) -> AnyTracker:
         looks, rng = self.looks, np.random.default_rng(stream)
@@ -123,7 +134,9 @@ class _EpisodeTrackers:
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
             scan = replace(observation.scan, time_s=observation.scan.time_s + step * self.looks.step_s)
-            step_tracker(rehearsal, _as_believed(scan, self.looks.noise_factor), observation.truth_id)
+            tracks = step_tracker(rehearsal, _as_believed(scan, self.looks.noise_factor), observation.truth_id)
+            if fault_of(tracks) is not None:
+                return  # told of the first step that counts
 
 
 def _as_believed(scan: Scan, noise_factor: float) -> Scan:

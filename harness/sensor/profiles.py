@@ -138,7 +138,7 @@ class SensorSettings(WithoutTruthValues):
         return self
 
 
-sensor_profiles: Registry[Callable[[], SensorSettings]] = Registry("sensor")
+sensor_profiles: Registry[Callable[[], SensorSettings]] = Registry("sensor", "harness.sensors")
 
 
 def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSettings:
@@ -155,6 +155,8 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
         settings = sensor_profiles[profile]()
     except UnknownNameError as error:
         raise InputError(f"`sensor`: {error}") from None
+    if not isinstance(settings, SensorSettings):
+        raise InputError(f"`sensor` {profile}: it returned {type(settings).__name__}, not SensorSettings")
     try:
         return SensorSettings.model_validate({**settings.model_dump(), **overrides})
     except ValidationError as error:

@@ -99,9 +99,13 @@ def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options:
     else:
         factory = maker
     try:
-        return factory(setting, options)
+        tracker = factory(setting, options)
     except ValidationError as error:
         raise InputError(_first_option_error(str(maker), error)) from None
+    if not callable(getattr(tracker, "step", getattr(tracker, "step_associated", None))):
+        name = maker if isinstance(maker, str) else getattr(maker, "__name__", "factory")
+        raise InputError(f"`tracker` {name}: it returned {type(tracker).__name__}, which has no method step(scan)")
+    return tracker
 
 
 def _over(base: Mapping[str, object], above: Mapping[str, object]) -> dict[str, object]:

@@ -10,11 +10,16 @@ import pytest
 
 import harness
 from harness.cli import run_command_line
+from harness.config.layers import resolve_run_config
+from harness.errors import RunError
+from harness.running.run import run
+from harness.sensor.profiles import sensor_settings
 from harness.settings import all_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
-from mmpf import SensorModel, highway, motion_model, motion_models
+from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model, motion_models
 from mmpf.registry import UnknownNameError
+from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 EXAMPLE = Path(__file__).parents[1] / "plugin_example"
 
@@ -30,6 +35,13 @@ def install(folder: Path, name: str, entry_points: dict[str, dict[str, str]]) ->
         for line in (f"[{group}]", *(f"{key} = {value}" for key, value in points.items()))
     ]
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+def returning(what: str) -> str:
+    """Return the source of a tracker whose step returns an expression."""
+    return (
+        f"class Odd:\n    def step(self, scan):\n        return {what}\ndef make(setting, options):\n    return Odd()"
+    )
 
 
 @pytest.fixture
@@ -64,6 +76,52 @@ def test_a_motion_model_that_no_package_declares_is_named_by_its_place(example):
     assert motion_model("plugin_example:Standstill").name == "standstill"
     with pytest.raises(UnknownNameError, match="nowhere_at_all"):
         motion_model("nowhere_at_all:Model")
+
+
+@pytest.mark.parametrize("name", ["far-sighted", "plugin_example:far_sighted"])
+def test_a_sensor_of_another_package_is_found_by_its_name_or_its_place(example, name):
+    assert sensor_settings(name, {}).range_m == 250.0
+    assert sensor_settings(name, {"range_m": 90.0}).range_m == 90.0
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ("def make(setting, options): return 5", "it returned int, which has no method step(scan)"),
+        (returning("None"), "step returned NoneType, not Tracks"),
+        (returning("dataclasses.replace(Tracks.none(), track_id=np.arange(3))"), "lon_m has shape (0,), track_id (3,)"),
+        (returning("dataclasses.replace(Tracks.none(), lon_m=[])"), "lon_m is list, not an array"),
+    ],
+)
+def test_a_tracker_that_returns_nonsense_is_told_what_is_wrong_with_it(written, told, tmp_path, monkeypatch):
+    (tmp_path / "odd_tracker.py").write_text(
+        f"import dataclasses\nimport numpy as np\nfrom mmpf import Tracks\n{written}\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "odd_tracker", raising=False)
+    config = resolve_run_config(options={"tracker": "odd_tracker:make", "duration": 1.0})
+    with pytest.raises((harness.InputError, RunError)) as error:
+        run(config, out=tmp_path / "run", open_looks=looking_at(SteadyTraffic()))
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [
+        ("lambda *_: None", "state of shape (), not (6, "),
+        ("lambda state, *_: state[:4]", "state of shape (4, "),
+        ("lambda state, *_: state * np.nan", "a state that is not finite"),
+    ],
+)
+def test_a_motion_model_that_returns_nonsense_is_told_what_is_wrong_with_it(step, told, setting):
+    model = Memoryless("odd", eval(step))
+    tracker = MixtureTracker(setting.road, setting.sensor, model, setting.rng)
+    first, second, *_ = looking_at(SteadyTraffic(steps=3))(resolve_run_config(options={}))
+    tracker.step(first.observation.scan)
+    with pytest.raises(ValueError, match=r"^motion model odd: propagate returned") as error:
+        tracker.step(second.observation.scan)
+    assert told in str(error.value)
 
 
 def test_an_unknown_name_is_answered_with_the_plug_ins_too(example, setting):

@@ -1,4 +1,4 @@
-"""A tracker that reports what it is shown, and a motion model in which nothing moves."""
+"""A tracker that reports what it is shown, a motion model in which nothing moves, and a sensor that sees far."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from harness.sensor.profiles import SensorSettings
 from harness.trackers.protocol import TrackerSetting
 from mmpf import Scan, Surroundings, Tracks
 
@@ -56,3 +57,8 @@ class Standstill:
         rng: np.random.Generator,
     ) -> tuple[np.ndarray, np.ndarray]:
         return state.copy(), latents
+
+
+def far_sighted() -> SensorSettings:
+    """Return a sensor that sees 250 m far."""
+    return SensorSettings(range_m=250.0)
