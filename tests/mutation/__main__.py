@@ -41,6 +41,7 @@ pytest_add_cli_args_test_selection =
 pytest_add_cli_args =
     -p
     no:cacheprovider
+    --hypothesis-seed=0
 on_dependency_change = ignore
 """
 NO_MUTANT = "no mutant has this name"
@@ -63,7 +64,8 @@ def main() -> int:
         names = sorted(outcomes(folder))
         sample = sorted(random.Random(chosen.seed).sample(names, min(chosen.sample, len(names))))
         say(f"{len(sample)} of {len(names)} mutants, seed {chosen.seed}")
-        mutmut(folder, sample)
+        if not mutmut(folder, sample):
+            return 1
         tell(folder, sample, rooms)
     return 0
 
@@ -81,12 +83,13 @@ def copy_to(folder: Path, rooms: Sequence[str]) -> None:
     (folder / "setup.cfg").write_text(SETTINGS.format(only=only, tests=tests))
 
 
-def mutmut(folder: Path, names: Sequence[str]) -> None:
-    """Run mutants by name."""
+def mutmut(folder: Path, names: Sequence[str]) -> bool:
+    """Run mutants by name, and return whether that went well; what went wrong is printed."""
     words = [sys.executable, "-m", "mutmut", "run", "--max-children", "2", *names]
     ended = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     if ended.returncode and NO_MUTANT not in names:
         say(ended.stdout[-3000:] + ended.stderr[-3000:])
+    return ended.returncode == 0
 
 
 def outcomes(folder: Path) -> dict[str, int | None]:

@@ -56,6 +56,17 @@ def test_a_long_text_that_a_dictionary_repeats_is_never_unpacked(tmp_path):
         read_table(tmp_path, "truth.parquet", "folder", ())
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e300])
+@pytest.mark.parametrize(("table", "column"), [("tracks", "track_id"), ("detections", "lon_m"), ("truth", "time_s")])
+def test_identities_times_and_places_that_none_can_have_are_refused(table, column, value, scene, capsys):
+    path = scene / f"{table}.parquet"
+    rows = pd.read_parquet(path)
+    rows[column] = rows[column].astype("float64").where(rows.index != 3, value)
+    rows.to_parquet(path)
+    for words in (["report", "{run}"], *(["export", "{run}", "--to", to, "--out", "{out}"] for to in ("csv", "fcd"))):
+        assert f"{column} holds a number that none can be" in told(words, scene, capsys)
+
+
 CHANGES = {
     "an unknown state": lambda truth: truth.assign(state="flying"),
     "texts for numbers": lambda truth: truth.assign(lon_m="far"),
