@@ -151,9 +151,9 @@ def test_a_failure_of_the_gallery_is_watched_in_the_replay(page):
 
 
 def test_a_link_leads_to_a_moment_and_its_vehicle(page, address):
-    for time, step in (("1.5", 15), ("99", None)):
+    for moment, step in (("1.5", 15), ("99", None)):
         page.get("about:blank")
-        page.get(f"{address}#t={time}&vehicle=far")
+        page.get(f"{address}#t={moment}&vehicle=far")
         last = page.execute_script("return Number(document.getElementById('scrub').max)")
         assert asked(page, "step") == (last if step is None else step)
         assert asked(page, "followed") == "far"
