@@ -186,10 +186,12 @@ class RunConfig(_Strict):
         demand = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
         if traffic.recording is not None and self.replay is not None:
             road = "" if traffic.net == "recording" else f" on {traffic.net}"
-            recorded = f"{Path(self.replay).stem}{road}, ego {traffic.recording.ego}"
-            return ", ".join(part for part in (recorded, tracker.name, tracker.model, tracker.update) if part)
-        parts = [traffic.net, demand, tracker.name, tracker.model, tracker.update]
-        return ", ".join(part for part in parts if part)
+            where = f"recording {Path(self.replay).stem}{road}, seen from vehicle {traffic.recording.ego}"
+        else:
+            where = f"traffic on {traffic.net}" + (f", {demand}" if demand else "")
+        model = f" with the motion model {tracker.model}" if tracker.model else ""
+        rule = " and the paper's update rule" if tracker.update == "max_likelihood" else ""
+        return f"{tracker.name}{model}{rule}: {where}"
 
     def default_folder_name(self) -> str:
         """Return a name for the run's folder that tells its main settings."""

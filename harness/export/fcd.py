@@ -18,6 +18,7 @@ NOT_IN_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0
 def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``fcd.xml``: position of the front bumper in the plane, angle clockwise from north, speed along the body.
 
+    ``lane`` and ``pos`` are those of the road as one edge, ``road``, so that SUMO's plotting scripts find the vehicles.
     ``length`` and ``width`` stand beside SUMO's own attributes, since readers need them to find a vehicle's centre.
     """
     path = folder / FILE
@@ -41,6 +42,7 @@ def _lines(run: RecordedRun) -> list[str]:
             centre_y + 0.5 * length * np.sin(heading),
             (90.0 - np.degrees(heading)) % 360.0,
             np.maximum(speed / np.cos(in_lane), 0.0),
+            floats(truth, "lon_m") + 0.5 * length,
             lat_speed,
             accel,
             length,
@@ -49,12 +51,14 @@ def _lines(run: RecordedRun) -> list[str]:
         axis=-1,
     )
     pattern = (
-        '        <vehicle id=%s x="%.4f" y="%.4f" angle="%.4f" speed="%.4f" speedLat="%.4f" acceleration="%.4f" '
-        'length="%.3f" width="%.3f"/>'
+        '        <vehicle id=%s x="%.4f" y="%.4f" angle="%.4f" type="car" speed="%.4f" pos="%.4f" lane="road_%d" '
+        'speedLat="%.4f" acceleration="%.4f" length="%.3f" width="%.3f"/>'
     )
+    # SUMO counts lanes from the right, from zero.
+    lane = np.maximum(len(run.road.lanes) - truth["lane"].to_numpy(np.int64), 0)
     vehicles = [
-        pattern % (quoteattr(_in_xml(name)), *row)
-        for name, row in zip(truth["vehicle_id"], numbers.tolist(), strict=True)
+        pattern % (quoteattr(_in_xml(name)), *row[:4], row[4], number, *row[5:])
+        for name, row, number in zip(truth["vehicle_id"], numbers.tolist(), lane.tolist(), strict=True)
     ]
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<fcd-export>"]
     times = truth["time_s"].to_numpy(np.float64)

@@ -108,7 +108,5 @@ def _exporter(name: str) -> Exporter:
     except ModuleNotFoundError as error:
         if chosen.extra is None:
             raise
-        raise InputError(
-            f"`to`: {name} needs {error.name}; install it with: pip install 'mmpf-harness[{chosen.extra}]'"
-        ) from None
+        raise InputError(f"`to`: {name} needs {error.name}; install it with: pip install '.[{chosen.extra}]'") from None
     return exporter

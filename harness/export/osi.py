@@ -1,7 +1,8 @@
 """A run as ASAM OSI traces: the ground truth, and as sensor data the sensor's detections and the tracker's tracks.
 
 Sensor data is in the frame of the ego, whose origin is declared to be the middle of its box (``bbcenter_to_rear`` is
-zero), since nothing is known of its axles. Numbers of vehicles are those of ``vehicles.csv``.
+zero), since nothing is known of its axles. Detections have their measured sizes, tracks a usual car's; velocities of
+tracks are over ground, in the axes of that frame. Numbers of vehicles are those of ``vehicles.csv``.
 """
 
 from __future__ import annotations
@@ -88,6 +89,7 @@ def _sensor_data(
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     ego_x, ego_y, ego_heading = run.in_plane(egos)
     x, y, heading = run.in_plane(table)
+    along = run.road.heading_at(floats(table, "lon_m"))
     rows_of = _steps(table)
     columns = {str(name): table[name].tolist() for name in table}
     for k, (step, time_s) in enumerate(zip(egos["step"].tolist(), egos["time_s"].tolist(), strict=True)):
@@ -101,11 +103,21 @@ def _sensor_data(
         for i in range(rows.start, rows.stop):
             dx, dy = x[i] - ego_x[k], y[i] - ego_y[k]
             found = message.moving_object.add()
-            size = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
             turned = heading[i] - ego_heading[k]
-            _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, turned, size)
+            _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, turned, _size(columns, i))
+            if "lat_speed_mps" in columns:
+                speed, lat_speed = float(columns["speed_mps"][i]), float(columns["lat_speed_mps"][i])
+                turn = along[i] - ego_heading[k]
+                found.base.velocity.x = speed * np.cos(turn) - lat_speed * np.sin(turn)
+                found.base.velocity.y = speed * np.sin(turn) + lat_speed * np.cos(turn)
             describe(found, columns, i, numbers)
         yield message
+
+
+def _size(columns: Columns, row: int) -> tuple[float, float]:
+    """Return the measured length and width, or a usual car's where there are none."""
+    measured = [float(columns[name][row]) if name in columns else np.nan for name in ("length_m", "width_m")]
+    return (measured[0], measured[1]) if np.isfinite(measured).all() else (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 
 
 def _describe_detection(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401

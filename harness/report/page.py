@@ -51,6 +51,9 @@ class PageFigure:
     description: str
 
 
+AFTERWARDS_S = 0.5
+
+
 @dataclass(frozen=True)
 class Strip:
     """One strip of the failure gallery.
@@ -60,12 +63,14 @@ class Strip:
         sentence: What happened.
         vehicle_id: The vehicle.
         time_s: When it was last seen.
+        until_s: Half a second after it was seen again.
     """
 
     source: str
     sentence: str
     vehicle_id: str
     time_s: float
+    until_s: float
 
 
 def write_run_page(folder: Path, parameter: str = "folder") -> Path:
@@ -153,7 +158,9 @@ def _strips(run: RecordedRun) -> list[Strip]:
     times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
 
     def strip(picture: Path, event: OcclusionEvent) -> Strip:
-        return Strip(embedded(picture), event.sentence(), event.vehicle_id, float(times[event.from_step]))
+        hidden_s = event.duration_s + AFTERWARDS_S
+        begin_s = float(times[event.from_step])
+        return Strip(embedded(picture), event.sentence(), event.vehicle_id, begin_s, begin_s + hidden_s)
 
     return [strip(picture, event) for picture, event in zip(pictures, events, strict=True)]
 

@@ -138,7 +138,7 @@ def _import_entry(name: str, entry: _Entry) -> None:
             raise
         package, extra = entry.needs
         raise InputError(
-            f"`tracker` {name} needs {package}, which is not installed: pip install 'mmpf-harness[{extra}]'"
+            f"`tracker` {name} needs {package}, which is not installed: pip install '.[{extra}]'"
         ) from None
 
 

@@ -13,15 +13,39 @@ function seek(step) {
   redraw();
 }
 
-function setPlaying(playing) {
+function setPlaying(playing, until = Infinity) {
   view.playing = playing && steps > 1;
+  view.until = until;
   if (view.playing && view.step >= steps - 1) view.step = 0;
   element("play").textContent = view.playing ? "❚❚ Pause" : "▶ Play";
   element("play").setAttribute("aria-pressed", String(view.playing));
   view.clock = performance.now();
   view.left = 0;
   if (view.playing) requestAnimationFrame(tick);
+  else rememberMoment();
   redraw();
+}
+
+/* The address tells the moment and the vehicle, so that it can be sent to somebody else. */
+function rememberMoment() {
+  const name = view.followed < 0 ? "" : `&vehicle=${encodeURIComponent(data.vehicles.names[view.followed])}`;
+  history.replaceState(null, "", `#t=${data.time_s[view.step].toFixed(1)}${name}`);
+}
+
+const stepAt = (time) => {
+  const found = data.time_s.findIndex((moment) => moment >= time - 1e-6);
+  return found < 0 ? steps - 1 : found;
+};
+
+/* Goes to the moment that the address tells (report.html#t=12.3&vehicle=car.4), or else to the worst failure. */
+function openAtMoment() {
+  const told = new URLSearchParams(location.hash.slice(1)), worst = document.querySelector("button[data-vehicle]");
+  const time = told.has("t") ? Number(told.get("t")) : worst ? Number(worst.dataset.time) : 0;
+  const vehicle = told.has("t") ? told.get("vehicle") : worst && worst.dataset.vehicle;
+  const number = data.vehicles.names.indexOf(vehicle);
+  if (number >= 0 || told.has("t")) follow(number);
+  seek(Number.isFinite(time) ? stepAt(time) : 0);
+  if (told.has("t")) element("replay").scrollIntoView({ block: "start" });
 }
 
 function tick(now) {
@@ -33,13 +57,13 @@ function tick(now) {
     view.left -= ahead * stepS;
     seek(view.step + ahead);
   }
-  if (view.step >= steps - 1) setPlaying(false);
+  if (view.step >= Math.min(steps - 1, view.until)) setPlaying(false);
   else requestAnimationFrame(tick);
 }
 
 function follow(vehicle) {
   view.followed = vehicle;
-  view.pan = 0;
+  view.pan = view.across = 0;
   course = vehicle >= 0 ? courseOf(vehicle) : null;
   element("course").hidden = !course;
   element("follow").value = String(vehicle);
@@ -55,7 +79,7 @@ function zoom(factor) {
 function fit() {
   const whole = canvas.clientWidth / (2 * data.range_m + 10);
   view.scale = Math.max(whole, Math.min(8.5, canvas.clientWidth / 70));
-  view.pan = 0;
+  view.pan = view.across = 0;
   redraw();
 }
 
@@ -75,7 +99,7 @@ function vehicleAt(x, y) {
 function listenToPointer() {
   let from = null;
   canvas.addEventListener("pointerdown", (event) => {
-    from = { x: event.offsetX, y: event.offsetY, pan: view.pan, moved: false };
+    from = { x: event.offsetX, y: event.offsetY, pan: view.pan, across: view.across, moved: false };
     canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -85,9 +109,10 @@ function listenToPointer() {
       canvas.title = over >= 0 ? data.vehicles.names[over] : "";
       return;
     }
-    if (Math.abs(event.offsetX - from.x) > 5) from.moved = true;
+    if (Math.hypot(event.offsetX - from.x, event.offsetY - from.y) > 5) from.moved = true;
     if (from.moved) {
       view.pan = from.pan - (event.offsetX - from.x) / view.scale;
+      view.across = from.across + (event.offsetY - from.y) / view.scale;
       redraw();
     }
   });
@@ -114,25 +139,35 @@ function listenToPointer() {
   });
 }
 
+function toggleFullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else element("replay").requestFullscreen();
+}
+
 function listenToKeys() {
   const actions = {
     " ": () => setPlaying(!view.playing),
     ArrowRight: (event) => seek(view.step + (event.shiftKey ? Math.round(1 / stepS) : 1)),
     ArrowLeft: (event) => seek(view.step - (event.shiftKey ? Math.round(1 / stepS) : 1)),
     ArrowUp: () => zoom(1.25), ArrowDown: () => zoom(0.8), "+": () => zoom(1.25), "-": () => zoom(0.8),
-    Home: () => seek(0), End: () => seek(steps - 1), Escape: () => follow(-1),
+    Home: () => seek(0), End: () => seek(steps - 1), Escape: () => follow(-1), f: toggleFullScreen,
+  };
+  /* What a control does with a key itself; every other key works there too. */
+  const takes = (control, key) => {
+    if (control.tagName === "SELECT") return key.length === 1 || key.startsWith("Arrow") || key === "Home" || key === "End";
+    if (control.id === "scrub") return key !== " " && key !== "f" && key !== "Escape";
+    return key === " " || key === "Enter";
   };
   element("replay").addEventListener("keydown", (event) => {
     const control = event.target.closest("input, select, button, summary");
-    const taken = control && (control.id !== "scrub" || event.key !== " ");
-    if (taken || event.ctrlKey || event.metaKey || event.altKey || !actions[event.key]) return;
+    if ((control && takes(control, event.key)) || event.ctrlKey || event.metaKey || event.altKey || !actions[event.key]) return;
     event.preventDefault();
     actions[event.key](event);
   });
   document.addEventListener("keydown", (event) => {
     const free = event.target === document.body || event.target === document.documentElement;
     if (!free || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (![" ", "ArrowLeft", "ArrowRight"].includes(event.key)) return;
+    if (![" ", "ArrowLeft", "ArrowRight", "f"].includes(event.key)) return;
     event.preventDefault();
     actions[event.key](event);
   });
@@ -143,10 +178,12 @@ function listenToControls() {
   element("back").addEventListener("click", () => seek(view.step - 1));
   element("ahead").addEventListener("click", () => seek(view.step + 1));
   element("scrub").addEventListener("input", (event) => seek(Number(event.target.value)));
+  element("scrub").addEventListener("change", rememberMoment);
   element("speed").addEventListener("change", (event) => { view.speed = Number(event.target.value); });
   element("nearer").addEventListener("click", () => zoom(1.25));
   element("further").addEventListener("click", () => zoom(0.8));
   element("fit").addEventListener("click", fit);
+  element("full").addEventListener("click", toggleFullScreen);
   element("follow").addEventListener("change", (event) => follow(Number(event.target.value)));
   for (const box of document.querySelectorAll("#replay input[data-layer]")) {
     box.checked = shown[box.dataset.layer];
@@ -155,10 +192,10 @@ function listenToControls() {
   for (const button of document.querySelectorAll("button[data-vehicle]")) {
     button.addEventListener("click", () => {
       follow(data.vehicles.names.indexOf(button.dataset.vehicle));
-      seek(data.time_s.findIndex((time) => time >= Number(button.dataset.time) - 1e-6));
+      seek(stepAt(Number(button.dataset.time)));
       element("replay").scrollIntoView({ block: "start" });
       canvas.focus({ preventScroll: true });
-      setPlaying(true);
+      setPlaying(true, stepAt(Number(button.dataset.until)));
     });
   }
 }
@@ -168,16 +205,6 @@ function fillVehicleList() {
   const byName = data.vehicles.names.map((name, vehicle) => [name, vehicle]);
   byName.sort((a, b) => a[0].localeCompare(b[0], "en", { numeric: true }));
   for (const [name, vehicle] of byName) list.add(new Option(name, String(vehicle)));
-}
-
-/* A link to a moment: report.html#t=12.3&vehicle=car.4 */
-function openMoment() {
-  const wanted = new URLSearchParams(location.hash.slice(1));
-  if (!wanted.has("t")) return;
-  if (wanted.has("vehicle")) follow(data.vehicles.names.indexOf(wanted.get("vehicle")));
-  const time = Math.min(Number(wanted.get("t")) || 0, data.time_s[steps - 1]);
-  seek(data.time_s.findIndex((moment) => moment >= time - 1e-6));
-  element("replay").scrollIntoView({ block: "start" });
 }
 
 function start() {
@@ -192,8 +219,8 @@ function start() {
     width = canvas.clientWidth;
   }).observe(canvas);
   fit();
-  openMoment();
-  window.addEventListener("hashchange", openMoment);
+  openAtMoment();
+  window.addEventListener("hashchange", () => { if (location.hash.includes("t=")) openAtMoment(); });
 }
 
 /* What tests and other scripts on the page may ask. */

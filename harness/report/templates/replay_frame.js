@@ -13,7 +13,7 @@ const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2;
 const steps = data.time_s.length;
 const stepS = steps > 1 ? (data.time_s[steps - 1] - data.time_s[0]) / (steps - 1) : 0.1;
 const road = openRoad(data.road);
-const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, followed: -1, clock: 0, left: 0 };
+const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, across: 0, until: Infinity, followed: -1, clock: 0, left: 0 };
 const shown = { vehicles: true, shadows: true, detections: true, tracks: true, tentative: false, numbers: true,
   particles: false };
 
@@ -57,7 +57,7 @@ function openRoad(fields) {
 function makeCamera() {
   const row = rowOf(view.followed, view.step), ego = egoRow(view.step);
   const lon = data.truth.lon[row >= 0 ? row : ego] + view.pan;
-  const [cx, cy] = road.plane(lon, road.middle), turn = road.heading(lon);
+  const [cx, cy] = road.plane(lon, road.middle + view.across), turn = road.heading(lon);
   const cos = Math.cos(turn), sin = Math.sin(turn);
   const width = canvas.clientWidth, height = canvas.clientHeight, scale = view.scale;
   return {

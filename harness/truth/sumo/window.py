@@ -34,7 +34,7 @@ SKY_BLUE, YELLOW = (86, 180, 233), (255, 255, 0)
 SHOWN_AROUND_EGO_M = 60.0
 # SUMO indents the further lines of a message.
 FIRST_ERROR = re.compile(r"^Error: (.*(?:\n .*)*)", re.MULTILINE)
-INSTALL = "pip install 'mmpf-harness[networks]'"
+INSTALL = "pip install '.[networks]'"
 
 
 def check_window() -> Path:

@@ -73,6 +73,14 @@ def test_sumo_reads_the_floating_car_data(bent):
         assert float(vehicle.width) == row["width_m"]
 
 
+def test_floating_car_data_tells_lane_and_place_to_sumos_plotting_scripts(bent):
+    (path,) = export_run(bent, "fcd")
+    vehicles = [line for line in path.read_text().splitlines() if "<vehicle " in line]
+    assert vehicles
+    for name in ("type", "pos", "lane"):
+        assert all(f' {name}="' in line for line in vehicles), name
+
+
 def test_the_harness_reads_its_own_floating_car_data(tmp_path):
     fcd = pytest.importorskip("harness.truth.recorded.fcd")
     from harness.truth.network.network import load_network  # noqa: PLC0415
@@ -154,8 +162,15 @@ def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
     lon, lat = run.road.to_road(np.array([x]), np.array([y]))
     row = run.tracks[(run.tracks["step"] == step) & (run.tracks["track_id"] == 2)].iloc[0]
     assert (lon[0], lat[0]) == pytest.approx((row["lon_m"], row["lat_m"]), abs=1e-6)
+    turn = run.road.heading_at(lon)[0] - yaw
+    speed = (row["speed_mps"], row["lat_speed_mps"])
+    assert held.base.velocity.x == pytest.approx(speed[0] * np.cos(turn) - speed[1] * np.sin(turn), abs=1e-6)
+    assert held.base.velocity.y == pytest.approx(speed[0] * np.sin(turn) + speed[1] * np.cos(turn), abs=1e-6)
     assert held.header.MeasurementState.Name(held.header.measurement_state) == "MEASUREMENT_STATE_PREDICTED"
     (seen,) = detections[step].moving_object
+    measured = run.detections[run.detections["step"] == step].iloc[0]
+    sizes = (seen.base.dimension.length, seen.base.dimension.width)
+    assert sizes == pytest.approx((measured.get("length_m", 4.7), measured.get("width_m", 1.9)))
     near = {v.id.value: v for v in truths[step].moving_object}[seen.header.ground_truth_id[0].value]
     assert np.hypot(near.base.position.x - host.base.position.x, near.base.position.y - host.base.position.y) < 16.0
 

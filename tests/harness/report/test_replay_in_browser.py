@@ -48,7 +48,8 @@ def address(tmp_path_factory) -> str:
 @pytest.fixture
 def page(browser, address) -> webdriver.Chrome:
     browser.set_window_size(*DESK)
-    browser.get(address)
+    browser.get("about:blank")
+    browser.get(f"{address}#t=0")
     return browser
 
 
@@ -151,9 +152,9 @@ def test_a_failure_of_the_gallery_is_watched_in_the_replay(page):
 
 
 def test_a_link_leads_to_a_moment_and_its_vehicle(page, address):
-    for moment, step in (("1.5", 15), ("99", None)):
+    for moment_s, step in (("1.5", 15), ("99", None)):
         page.get("about:blank")
-        page.get(f"{address}#t={moment}&vehicle=far")
+        page.get(f"{address}#t={moment_s}&vehicle=far")
         last = page.execute_script("return Number(document.getElementById('scrub').max)")
         assert asked(page, "step") == (last if step is None else step)
         assert asked(page, "followed") == "far"
