@@ -98,14 +98,23 @@ def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
 
 
 def test_verdicts_in_tables_are_told_in_words_and_in_colour():
-    rows = ["**better**", "**worse**", "**worse, regression**", "no difference", "not tested", "worse than ever"]
+    rows = [
+        "**better**",
+        "**worse**",
+        "**worse, regression**",
+        "no worse",
+        "undecided",
+        "not tested",
+        "worse than ever",
+    ]
     page = text_page("# Better?\n\n| b is |\n|---|\n" + "\n".join(f"| {row} |" for row in rows) + "\n\nbetter\n")
     cells = re.findall(r"<td(?: class=\"verdict (\w+)\")?>(?:<strong>)?([^<]+)", page)
     assert cells == [
         ("better", "better"),
         ("worse", "worse"),
         ("worse", "worse, regression"),
-        ("same", "no difference"),
+        ("same", "no worse"),
+        ("same", "undecided"),
         ("same", "not tested"),
         ("", "worse than ever"),
     ]
