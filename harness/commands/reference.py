@@ -23,7 +23,12 @@ class Options(TypedDict):
 
     name: Annotated[str | None, Option("Which; without it, all are listed.", metavar="NAME", is_argument=True)]
     check: Annotated[
-        bool, Option("Make it aside, and tell where it differs from the committed one: exit code 1.", default=False)
+        bool,
+        Option(
+            "Make it aside, and tell where it differs from the committed one: exit code 1. On another kind of "
+            "processor only traffic and detections are held together.",
+            default=False,
+        ),
     ]
     out: Annotated[Path | None, Option("A trial: write here, and leave the committed one; the tree need not be clean.")]
     workers: Annotated[int | None, Option("Worker processes. (default: one per core)", least=1)]
@@ -57,13 +62,17 @@ def command(options: Options) -> int:
         _execute(words, out, options["workers"], options["quiet"], root)
 
     if options["check"]:
-        from harness.reference.differing import differences, told  # noqa: PLC0415
+        from harness.reference.differing import differences, made_here, told  # noqa: PLC0415
 
         committed = root / FOLDER / name
         with tempfile.TemporaryDirectory() as made:
             execute(list(reference.words), Path(made) / name)
-            found = differences(committed, Path(made) / name)
-        typer.echo(told(found, committed) if found else f"{name}: remade, and the same", err=True)
+            same_kind = made_here(committed)
+            found = differences(committed, Path(made) / name, not same_kind)
+        same = (
+            "the same" if same_kind else "the same traffic and detections; scores belong to another kind of processor"
+        )
+        typer.echo(told(found, committed) if found else f"{name}: remade, and {same}", err=True)
         return WORSE if found else DONE
     if options["out"] is not None:
         out = options["out"].absolute()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+import platform
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +17,18 @@ from harness.runfolder import folder as runfolder
 TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
 TABLE, NUMBERS = "runs.parquet", ("results.json", "fidelity.json")
 MOST_TOLD = 5
+WORLD = (
+    "net",
+    "density",
+    "seed",
+    "succeeded",
+    "traffic.",
+    "detection_noise.",
+    "occlusion.events",
+    "mot.truth_n",
+    "hidden.n",
+)
+"""Columns that traffic and detections alone decide, which are the same on every processor."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +49,14 @@ class Difference:
         return f"{self.place}: committed {self.committed}, remade {self.remade}"
 
 
-def differences(committed: Path, remade: Path) -> list[Difference]:
+def differences(committed: Path, remade: Path, world_only: bool = False) -> list[Difference]:
     """Return every value that differs between two folders of one reference.
+
+    Args:
+        committed: Folder of the first.
+        remade: Folder of the second.
+        world_only: Whether only what traffic and detections decide is held together: on another kind of processor
+            tracks and scores differ by what rounding grows to.
 
     Raises:
         InputError: The committed one has no table.
@@ -48,6 +68,7 @@ def differences(committed: Path, remade: Path) -> list[Difference]:
         Difference(f"{name}, {place}", *values)
         for name in names
         for place, values in _differing(_read(committed / name), _read(remade / name))
+        if not world_only or place.partition(", ")[2].startswith(WORLD)
     ]
 
 
@@ -56,6 +77,26 @@ def told(found: list[Difference], committed: Path) -> str:
     more = f"\n  and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
     lines = "\n".join(f"  {each}" for each in found[:MOST_TOLD])
     return f"{len(found)} values differ from {committed}{_made_on(committed)}:\n{lines}{more}"
+
+
+def made_here(folder: Path) -> bool:
+    """Return whether a reference was made on a processor of this machine's kind."""
+    try:
+        manifest = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
+        return bool(manifest["machine"]["kind"] == processor_kind())
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def processor_kind() -> str:
+    """Return a digest of what the processor can do, by which libraries choose their kernels."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    told = {line.partition(":")[0].strip(): line.partition(":")[2].strip() for line in reversed(lines)}
+    able = " ".join(sorted((told.get("flags") or told.get("Features") or "").split()))
+    return hashlib.sha256(f"{told.get('model name')} {platform.machine()} {able}".encode()).hexdigest()[:16]
 
 
 def _made_on(folder: Path) -> str:

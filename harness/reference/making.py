@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from harness.errors import InputError
+from harness.reference.differing import processor_kind
 from harness.reference.registry import FOLDER, Reference
 from harness.reference.tree import changes, revision, sources_of, tracked
 from harness.runfolder import folder as runfolder
@@ -90,5 +91,6 @@ def _tell_command(kept: Path, reference: Reference, made_of: str) -> None:
         write_manifest(path, RunFacts(runfolder.COMPLETE, command, 0, 0))
     manifest = json.loads(path.read_text(encoding="utf-8"))
     # The sources were found unchanged; other references that wait to be committed are no change of theirs.
+    manifest.setdefault("machine", {})["kind"] = processor_kind()
     manifest |= {"command": command, "that_runs": reference.command, "git_revision": made_of}
     write_text(path, json.dumps(manifest, indent=2) + "\n")

@@ -12,7 +12,7 @@ import pytest
 
 from harness.commands.reference import made_as_listed
 from harness.errors import InputError
-from harness.reference.differing import differences
+from harness.reference.differing import differences, made_here
 from harness.reference.making import make_reference
 from harness.reference.registry import FOLDER, Reference, reference_named, references
 
@@ -101,6 +101,18 @@ def test_only_times_may_differ_between_two_makings(tmp_path: Path) -> None:
     assert not differences(tmp_path / "a", tmp_path / "b")
     (found,) = differences(tmp_path / "a", tmp_path / "c")
     assert str(found) == "runs.parquet, row 0, mot.hota: committed 90.0, remade 90.5"
+
+
+def test_on_another_kind_of_processor_only_traffic_and_detections_have_to_be_the_same(tmp_path: Path) -> None:
+    for name, hota, flow in (("a", 90.0, 1.0), ("b", 90.5, 1.0), ("c", 90.0, 2.0)):
+        (tmp_path / name).mkdir()
+        pd.DataFrame({"mot.hota": [hota], "traffic.flow_veh_per_h": [flow]}).to_parquet(
+            tmp_path / name / "runs.parquet"
+        )
+    assert not differences(tmp_path / "a", tmp_path / "b", world_only=True)
+    assert len(differences(tmp_path / "a", tmp_path / "c", world_only=True)) == 1
+    (tmp_path / "a" / "manifest.json").write_text(json.dumps({"machine": {"kind": "another"}}))
+    assert not made_here(tmp_path / "a")
 
 
 def test_a_table_that_was_not_made_differs_whole(tmp_path: Path) -> None:
