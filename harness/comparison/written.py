@@ -9,7 +9,16 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import BETTER, NO_WORSE, STEP_TIME, UNDECIDED, WORSE, Verdict, compared_quantities
+from harness.comparison.verdicts import (
+    BETTER,
+    NO_WORSE,
+    STEP_TIME,
+    UNDECIDED,
+    UNTESTED,
+    WORSE,
+    Verdict,
+    compared_quantities,
+)
 from harness.comparison.why import CAUSES, KINDS, Why, link_to
 from harness.scoring.quantity import Quantity
 from harness.writing.markdown import markdown_table
@@ -67,13 +76,18 @@ EXPLANATION = (
 
 def _screen_table(comparison: Comparison, label: str) -> Table:
     """Return what fits 80 columns: all but p and the number of pairs."""
-    table = Table(title=label, box=None, title_justify="left", padding=(0, 2, 0, 0))
-    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "b is")):
-        table.add_column(heading, justify="left" if place in (0, 5) else "right", no_wrap=True)
+    rows = []
     for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label):
         name, a, b, _, interval, *_ = _cells(verdict)
-        word = Text(verdict.verdict, style=COLOURS.get(verdict.verdict, ""))
-        table.add_row(name.rpartition(",")[0] or name, a, b, _percent(verdict).strip(" ()"), interval, word)
+        word = verdict.verdict if verdict.verdict != UNTESTED else ""
+        rows.append((name.rpartition(",")[0] or name, a, b, _percent(verdict).strip(" ()"), interval, word))
+    table = Table(title=label, box=None, title_justify="left", padding=(0, 2, 0, 0))
+    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "b is")):
+        # Of what does not fit, names give way, never numbers.
+        width = max((len(row[place]) for row in rows), default=0) if place else None
+        table.add_column(heading, justify="left" if place in (0, 5) else "right", no_wrap=True, min_width=width)
+    for *cells, word in rows:
+        table.add_row(*cells, Text(word, style=COLOURS.get(word, "")))
     return table
 
 
