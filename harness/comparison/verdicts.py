@@ -21,8 +21,8 @@ BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "n
 PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent")
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
 TOLERANCE, TIME_TOLERANCE = 0.02, 0.25
-FEWEST_EQUAL = 8
-"""Units of which all may have the same difference before that is taken for certain."""
+FEWEST_EQUAL, FEWEST_SHIFTED = 8, 3
+"""Units that may all show no difference, or one and the same other, before that is taken for certain."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,8 @@ def _unknown(measured: Measured, identical: bool) -> str:
         return ""
     if not np.isfinite(measured.effect.se):
         return "a single unit tells nothing of the scatter"
-    if measured.effect.se == 0.0 and measured.effect.units < FEWEST_EQUAL:
+    fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
+    if measured.effect.se == 0.0 and measured.effect.units < fewest:
         return f"all {measured.pairs} differences are equal, which tells nothing of their scatter"
     return ""
 

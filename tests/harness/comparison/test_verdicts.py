@@ -113,6 +113,12 @@ def test_differences_that_are_all_equal_pass_for_certain_only_where_there_are_ma
         assert score.verdict == word
 
 
+def test_a_score_that_falls_from_all_to_nothing_in_each_of_three_runs_is_worse():
+    full, wobble = np.full(3, 100.0), np.full(3, 10.0) + WOBBLE[:3]
+    score, _ = judged(arms(SCORE, full, np.zeros(3)), arms(ERROR, wobble, wobble[::-1].copy()))
+    assert score.verdict == WORSE
+
+
 def test_pairs_with_a_missing_half_are_left_out_and_too_many_of_them_leave_it_undecided():
     a = np.full(8, 100.0)
     b = np.where(np.arange(8) < 2, np.nan, a + WOBBLE)
