@@ -135,7 +135,7 @@ def neighbours_effect(difference: float, influence: FloatArray, closeness: Float
     # As many independent ones would leave a mean as uncertain as these n do that go in company. The second factor is
     # for the kernel's own loss: vehicles that are not quite alike count less than they should.
     effective = n**2 / closeness.sum() if n else 0.0
-    if effective <= 1.5:
+    if effective <= 2.0:
         return Effect(difference, np.nan, effective)
     variance = max(float(influence @ closeness @ influence), float(influence @ influence))
     return Effect(difference, float(np.sqrt(variance) * effective / (effective - 1.0)), effective)

@@ -148,7 +148,7 @@ def _unknown(measured: Measured, identical: bool) -> str:
     if identical or not measured.pairs:
         return ""
     if not np.isfinite(measured.effect.se):
-        return "a single unit tells nothing of the scatter"
+        return "too few independent units to tell the scatter"
     fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
     if measured.effect.se == 0.0 and measured.effect.units < fewest:
         return f"all {measured.pairs} differences are equal, which tells nothing of their scatter"
