@@ -125,6 +125,10 @@ class JointNoise(Settings):
     """Whether it is; without, detections are believed as they report themselves."""
     memory_s: Positive = 2.0
     """Innovations count for about so long."""
+    smallest_std_m: NotNegative = 0.04
+    """No detection is taken as more exact than that: however exact a range, where a partly seen vehicle's centre lies
+    is not.
+    """
     followed_drift: Probability = 0.7
     """Share of the drifting noise that the filter takes for motion."""
 

@@ -13,6 +13,7 @@ from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
 from mmpf.compute.threads import one_blas_thread
 from mmpf.joint.ghosts import first_log_odds
+from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
@@ -81,6 +82,8 @@ class MixtureTracker:
                 as it was.
         """
         check_scan(scan, None if self._previous is None else self._previous.time_s)
+        if self._options.update == "joint":
+            scan = no_more_exact(scan, self._options.joint.noise.smallest_std_m)
         clock = Stopwatch()
         if self._previous is None:
             self._mixture = self._initialise(scan)

@@ -15,11 +15,22 @@ from mmpf.cloud.mixture import Components
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.joint_options import JointNoise
+from mmpf.scan import Scan
 from mmpf.state import LAT, LON
 from mmpf.update import Situation
 
 FACTOR_BOUNDS = (0.4, 3.0)
 LARGEST_SURPRISE = 9.0
+
+
+def no_more_exact(scan: Scan, smallest_std_m: float) -> Scan:
+    """Return the scan with no position's deviation below the smallest, in metres; itself where there is none."""
+    detections = scan.detections
+    if min(detections.std_lon_m.min(initial=np.inf), detections.std_lat_m.min(initial=np.inf)) >= smallest_std_m:
+        return scan
+    std_lon_m = np.maximum(detections.std_lon_m, smallest_std_m)
+    std_lat_m = np.maximum(detections.std_lat_m, smallest_std_m)
+    return replace(scan, detections=replace(detections, std_lon_m=std_lon_m, std_lat_m=std_lat_m))
 
 
 def with_innovations(

@@ -9,7 +9,7 @@ import pytest
 
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import component_moments
-from mmpf.joint.noise import FACTOR_BOUNDS, common_factor, with_innovations
+from mmpf.joint.noise import FACTOR_BOUNDS, common_factor, no_more_exact, with_innovations
 from mmpf.joint_options import JointNoise
 from mmpf.update import Situation
 from tests.mmpf.scenes import belief_of, detections_at, spot
@@ -75,3 +75,12 @@ def test_a_new_component_begins_with_what_the_confirmed_ones_have_learned() -> N
     columns = {"noise_factor": [1.0, 2.0, 3.0], "confirmed": [True, True, False]}
     assert common_factor(belief_of([spot(0.0, 5.0)] * 3, **columns).components) == pytest.approx(np.sqrt(2.5))
     assert common_factor(belief_of([]).components) == 1.0
+
+
+def test_no_detection_is_taken_as_more_exact_than_the_smallest_deviation() -> None:
+    scan = situation_with([(30.0, 5.0), (50.0, 5.0)]).scan
+    exact = replace(scan, detections=replace(scan.detections, std_lon_m=np.array([1e-3, 0.3])))
+    assert no_more_exact(exact, 0.04).detections.std_lon_m == pytest.approx([0.04, 0.3])
+    assert no_more_exact(exact, 0.04).detections.std_lat_m is not exact.detections.std_lat_m
+    assert no_more_exact(scan, 0.04) is scan
+    assert no_more_exact(exact, 0.0) is exact
