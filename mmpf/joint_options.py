@@ -110,7 +110,7 @@ class JointRegularity(Settings):
     """
     shadow_wrong_s: Positive = 2.0
     """What detections have said of that is forgotten over this time."""
-    miss_credit: NotNegative = 0.25
+    largest_miss_log_odds: NotNegative = 0.25
     """Log odds that a miss in shadow adds at most, since a shadow may lie on a false object too."""
     gap_credit: Probability = 0.5
     """Share of the log odds of a false object's misses that a vehicle gets back when it is seen again."""

@@ -138,7 +138,9 @@ def regularity_log_odds(
     in_view = np.clip((1.0 - sightings.not_seen) / sightings.in_plain_view(sensor), 0.0, 1.0)
     seen = seen - regularity.gap_credit * in_view**2 * missed_scans * np.log(1.0 - false.seen_probability)
     missed = np.log(np.maximum(1.0 - vehicle_seen, 1e-3) / (1.0 - false.seen_probability))
-    return np.asarray(sightings.hit * seen + (1.0 - sightings.hit) * np.minimum(missed, regularity.miss_credit))
+    return np.asarray(
+        sightings.hit * seen + (1.0 - sightings.hit) * np.minimum(missed, regularity.largest_miss_log_odds)
+    )
 
 
 def shadow_wrong_after(sightings: Sightings, sensor: SensorModel, options: JointRegularity, dt_s: float) -> FloatArray:

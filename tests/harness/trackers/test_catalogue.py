@@ -68,7 +68,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones():
 def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delitem(sys.modules, "harness.trackers.stonesoup.trackers", raising=False)
     monkeypatch.setitem(sys.modules, "stonesoup.dataassociator.neighbour", None)
-    with pytest.raises(InputError, match=r"pip install 'mmpf-harness\[baselines\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[baselines\]'"):
         build_tracker("stonesoup-gnn", setting(), {})
 
 

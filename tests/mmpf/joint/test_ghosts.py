@@ -126,9 +126,9 @@ def test_detected_as_often_as_a_false_object_it_becomes_one() -> None:
 
 @given(st.floats(0.0, 1.0), st.floats(0.02, 0.95), st.floats(0.0, 0.95))
 def test_a_miss_says_little_for_a_vehicle_however_deep_the_shadow(wrong: float, detected: float, run: float) -> None:
-    assert sighted(0.0, detected=detected, run=run, shadow_wrong=wrong) <= REGULARITY.miss_credit
+    assert sighted(0.0, detected=detected, run=run, shadow_wrong=wrong) <= REGULARITY.largest_miss_log_odds
     deep = sighted(0.0, detected=0.02, shadow_wrong=0.0)
-    assert deep == REGULARITY.miss_credit
+    assert deep == REGULARITY.largest_miss_log_odds
 
 
 def filtered(hits: list[bool], detected: float) -> tuple[float, list[float]]:
