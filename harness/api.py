@@ -271,6 +271,10 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
         request = request_of(values)
         if values["scheduler"] is not None and values["workers"] is not None:
             raise InputError("`workers`: the cluster has its own workers; leave it out with `scheduler`")
+        if values["keep"] not in (None, "runs"):
+            raise InputError(f"`keep` {values['keep']}: only runs can be kept; for example `keep` runs")
+        if values["scheduler"] is not None and values["keep"] is not None:
+            raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
         from harness.grid.stress import Telling, run_stress  # noqa: PLC0415
         from harness.report.folderpage import write_page  # noqa: PLC0415
 
@@ -281,6 +285,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 execute,
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
+                keep_runs=values["keep"] is not None,
                 user=Telling(
                     quiet,
                     warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
@@ -289,6 +294,10 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 ),
                 command=command,
             )
+        if values["keep"] is not None:
+            from harness.report.keptpages import write_kept_pages  # noqa: PLC0415
+
+            write_kept_pages(finished.folder, quiet)
         write_page(finished.folder)
         return finished
 

@@ -50,7 +50,10 @@ class Options(TypedDict):
     ]
     allow_undecided: Annotated[bool, Option("Exit code 0, not 3, where it stays undecided.", default=False)]
     markdown: Annotated[Path | None, Option("Write the tables to this Markdown file.")]
-    html: Annotated[Path | None, Option("Write them as a page to this file.")]
+    html: Annotated[
+        Path | None,
+        Option("Write them as a page to this file, two runs on the same detections side by side."),
+    ]
     json: Annotated[bool, Option("Print the result as JSON on stdout.", default=False)]
     quiet: Annotated[bool, Option("No progress bar and no tables.", default=False)]
 
@@ -89,10 +92,9 @@ def command(options: Options) -> int:
 
         _write(markdown, as_markdown(comparison), "markdown")
     if html is not None:
-        from harness.comparison.written import as_markdown  # noqa: PLC0415
-        from harness.report.folderpage import text_page  # noqa: PLC0415
+        from harness.report.comparisonpage import comparison_page  # noqa: PLC0415
 
-        _write(html, text_page(as_markdown(comparison)), "html")
+        _write(html, comparison_page(comparison), "html")
     if options["json"]:
         typer.echo(json.dumps(comparison.as_table(), indent=2))
     undecided = DONE if options["allow_undecided"] else UNDECIDED

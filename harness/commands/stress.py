@@ -25,7 +25,8 @@ def command(options: Options) -> None:
 
     Truth and detections of one density and seed are made once, for all
     trackers. Leaves runs.parquet (one row per run, failed ones too),
-    summary.json, table.md and figures. Exit code 3 if a run failed.
+    summary.json, table.md, figures and a page that leads from each cell to
+    its runs. Exit code 3 if a run failed.
     Recorded traffic gives one table over all files instead of curves.
     --mismatch makes every run again with the noise believed half and twice
     as large, 30 % of detections missed, five times the clutter, noise that
@@ -37,6 +38,7 @@ def command(options: Options) -> None:
       python -m harness stress --trackers mmpf,mmpf+update=max_likelihood,stonesoup-jpda
       python -m harness stress --densities 30 --vary sensor.range_m=40:160:20
       python -m harness stress --densities 20,40 --duration 20 --resume
+      python -m harness stress --densities 20,45 --seeds 3 --keep runs
       python -m harness stress --densities 20,45 --mismatch --trackers mmpf,stonesoup-jpda
       python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
       python -m harness stress --scheduler tcp://host:8786

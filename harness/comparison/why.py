@@ -196,5 +196,10 @@ class Why:
 
 def link_to(folder: str, failure: Failure) -> str:
     """Return the address of the moment in the run's replay, a second before it."""
+    return f"{folder}/report.html{moment_of(failure)}"
+
+
+def moment_of(failure: Failure) -> str:
+    """Return what the address of a replay ends in where it shows the failure, from a second before it."""
     vehicle = quote(failure.vehicle_id, safe="")
-    return f"{folder}/report.html#t={max(0.0, failure.time_s - 1.0):.1f}&vehicle={vehicle}"
+    return f"#t={max(0.0, failure.time_s - 1.0):.1f}&vehicle={vehicle}"

@@ -19,7 +19,7 @@ from harness.comparison.verdicts import (
     Verdict,
     compared_quantities,
 )
-from harness.comparison.why import CAUSES, KINDS, Why, link_to
+from harness.comparison.why import CAUSES, KINDS, Failure, Why, link_to, moment_of
 from harness.scoring.quantity import Quantity
 from harness.writing.markdown import markdown_table
 
@@ -43,14 +43,19 @@ def conclusion(comparison: Comparison) -> str:
     return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %; {found}."
 
 
-def as_markdown(comparison: Comparison) -> str:
-    """Return the comparison as Markdown."""
+def as_markdown(comparison: Comparison, with_replay: bool = False) -> str:
+    """Return the comparison as Markdown.
+
+    Args:
+        comparison: The comparison.
+        with_replay: Whether it stands on a page with a replay of its own, which moments lead to then.
+    """
     lines = [f"## {conclusion(comparison)}", "", f"a: `{comparison.a}`, b: `{comparison.b}`", ""]
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
         verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
         lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
     if comparison.why is not None:
-        lines += _why(comparison.why)
+        lines += _why(comparison.why, with_replay)
     return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
 
 
@@ -111,13 +116,17 @@ def _causes(why: Why) -> list[list[str]]:
     return lines
 
 
-def _why(why: Why) -> list[str]:
-    """Return causes and moments as Markdown; each moment leads into the run's replay."""
+def _why(why: Why, with_replay: bool) -> list[str]:
+    """Return causes and moments as Markdown; each moment leads into the run's replay, or into that of the page."""
+
+    def address(folder: str, failure: Failure) -> str:
+        return moment_of(failure) if with_replay else link_to(folder, failure)
+
     heading, *rows = _causes(why)
     lines = ["### Why", "", *markdown_table(heading, rows), ""]
     for side, found, folder in (("a", why.a, why.folder_a), ("b", why.b, why.folder_b)):
         moments = [
-            [f"[{each.time_s:.1f} s]({link_to(folder, each)})", each.kind, each.cause, each.vehicle_id]
+            [f"[{each.time_s:.1f} s]({address(folder, each)})", each.kind, each.cause, each.vehicle_id]
             for each in found[:MOST_MOMENTS]
         ]
         more = f", the first {MOST_MOMENTS} of {len(found)}" if len(found) > MOST_MOMENTS else ""

@@ -43,9 +43,11 @@ class Cell:
 
     Attributes:
         runs: The runs; net, traffic, sensor and seed are the same in all.
+        keep_in: Folder in which each run leaves a run folder of its own; None where only its row is kept.
     """
 
     runs: tuple[PlannedRun, ...]
+    keep_in: Path | None = None
 
     @property
     def config(self) -> RunConfig:

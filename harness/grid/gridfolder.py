@@ -16,7 +16,7 @@ from harness.runfolder import ownership
 from harness.runfolder.lock import LOCK, lock_within
 from harness.writing.files import is_temporary
 
-ROWS, RUNS, GRID = "runs", "runs.parquet", "grid.json"
+ROWS, RUNS, GRID, KEPT = "runs", "runs.parquet", "grid.json", "kept"
 
 
 @contextmanager

@@ -76,6 +76,10 @@ class GridOptions(TypedDict, total=False):
     resume: Annotated[bool, Option("Keep the runs that --out holds, make the others.", panel=RESULT, default=False)]
     retry_failed: Annotated[bool, Option("Like --resume, and make failed runs again.", panel=RESULT, default=False)]
     workers: Annotated[int | None, Option("Worker processes. (default: one per core)", panel=RESULT, least=1)]
+    keep: Annotated[
+        str | None,
+        Option("runs: leave the folder and page of every run too, in OUT/kept.", panel=RESULT, metavar="runs"),
+    ]
     scheduler: Annotated[
         str | None, Option("Run on this Dask cluster instead: tcp://host:8786.", panel=RESULT, metavar="ADDRESS")
     ]

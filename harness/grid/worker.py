@@ -14,11 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.coasting import against_coasting, coasting_errors
+from harness.grid.kept import Outcome, keep_run
 from harness.grid.rows import Row, failed_row, finished_row
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
@@ -88,11 +90,14 @@ def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks)
     else:
         for run in cell.runs:
             report(Started(RUN, run.key))
-            report(Finished(run.key, _run_over(looks, run, partial(report, Started(STEPPING, run.key)), coasting)))
+            on_first_step = partial(report, Started(STEPPING, run.key))
+            report(Finished(run.key, _run_over(looks, run, on_first_step, coasting, cell.keep_in)))
     report(CellDone())
 
 
-def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], coasting: pd.DataFrame) -> Row:
+def _run_over(
+    looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], coasting: pd.DataFrame, keep_in: Path | None
+) -> Row:
     """Return the row of one tracker, which is compared with the errors of coasting over the same looks."""
     begin = perf_counter()
     times = StageTimes()
@@ -110,6 +115,8 @@ def _run_over(looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], 
         scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}
         timing = timing_table(times, looks.step_s, total_s)
         metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, looks.road))
+        if keep_in is not None:
+            keep_run(keep_in / run.key, run.config, looks.road, Outcome(tables, scored, metrics, len(times.tracker_s)))
         return finished_row(run, metrics, total_s)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ from markupsafe import Markup
 
 from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.errors import InputError
+from harness.report.gridruns import runs_of
 from harness.report.page import PageFigure, embedded, page_of, render, write_run_page
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
@@ -22,6 +24,7 @@ from harness.writing.files import write_text
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
 STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", NO_WORSE: "same", UNDECIDED: "same", UNTESTED: "same"}
+INTERVAL = re.compile(r"([-+\d.]+(?: %)?) (\[[-+\d., ]+\])")
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
@@ -52,8 +55,9 @@ def folder_page(folder: Path) -> str:
     documents = {name: (folder / name).read_text(encoding="utf-8") for name in DOCUMENTS if (folder / name).is_file()}
     return render(
         "folder.html.j2",
-        title=_title(texts) or folder.resolve().name,
-        text=Markup("\n").join(_as_html(text) for text in texts),
+        title=title_of(texts) or folder.resolve().name,
+        text=Markup("\n").join(as_html(text) for text in texts),
+        runs=runs_of(folder),
         figures=_figures(folder),
         tables=_tables(folder),
         documents={name: text for name, text in documents.items() if len(text) <= MOST_DOCUMENT_LETTERS},
@@ -62,8 +66,8 @@ def folder_page(folder: Path) -> str:
 
 def text_page(text: str) -> str:
     """Return a page that holds a Markdown text, for example that of a comparison."""
-    title = _title([text]) or "Results"
-    return render("folder.html.j2", title=title, text=_as_html(text), figures=[], tables={}, documents={})
+    title = title_of([text]) or "Results"
+    return render("folder.html.j2", title=title, text=as_html(text), runs=None, figures=[], tables={}, documents={})
 
 
 def _can_be_shown(folder: Path) -> bool:
@@ -74,13 +78,13 @@ def _pictures(folder: Path) -> Iterable[Path]:
     return sorted(path for path in (*folder.glob("*"), *folder.glob("figures/*")) if path.suffix in PICTURES)
 
 
-def _title(texts: Iterable[str]) -> str | None:
+def title_of(texts: Iterable[str]) -> str | None:
     """Return the first heading of Markdown texts."""
     lines = (line for text in texts for line in text.splitlines())
     return next((line.lstrip("#").strip() for line in lines if line.startswith("#")), None)
 
 
-def _as_html(text: str) -> Markup:
+def as_html(text: str) -> Markup:
     """Return a Markdown text as HTML without its first heading, which is the page's title.
 
     Its pictures stand with the other figures; HTML in it is shown as text.
@@ -92,6 +96,7 @@ def _as_html(text: str) -> Markup:
         del lines[first]
     tokens = parser.parse("\n".join(lines))
     _colour_verdicts(tokens)
+    _break_before_intervals(tokens)
     return Markup(parser.renderer.render(tokens, parser.options, {}))
 
 
@@ -101,6 +106,15 @@ def _colour_verdicts(tokens: Sequence[Token]) -> None:
         verdict = content.content.strip("*").partition(",")[0]
         if cell.type == "td_open" and verdict in STYLE_OF_VERDICT:
             cell.attrSet("class", f"verdict {STYLE_OF_VERDICT[verdict]}")
+
+
+def _break_before_intervals(tokens: Sequence[Token]) -> None:
+    """Put the interval of a cell below its value, so that a table of many columns fits."""
+    for cell, content in pairwise(tokens):
+        found = INTERVAL.fullmatch(content.content) if cell.type == "td_open" else None
+        if found is not None:
+            below = f"{found[1]}<br><span class='interval-cell'>{found[2]}</span>"
+            content.children = [Token("html_inline", "", 0, content=below)]
 
 
 def _figures(folder: Path) -> list[PageFigure]:

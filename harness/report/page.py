@@ -17,7 +17,7 @@ from harness.errors import InputError
 from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME, SCENE
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
-from harness.report.replay_data import replay_data
+from harness.report.replay_data import Beside, replay_data
 from harness.report.sentences import headlines, summary_sentences
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.runfolder import folder as runfolder
@@ -27,7 +27,7 @@ from harness.writing.files import write_text
 PAGE = "report.html"
 MARK = b"his page is one file and needs no network"
 """By this a page of this program's is known."""
-SCRIPTS = ("replay_frame.js", "replay_picture.js", "replay_course.js", "replay_control.js")
+SCRIPTS = tuple(f"replay_{part}.js" for part in ("frame", "picture", "course", "differences", "control"))
 MOST_SHOWN = 800_000
 """Rows of the truth that a page is made of; of a longer run it shows the beginning."""
 FIGURES = {
@@ -115,7 +115,6 @@ def run_page(run: RecordedRun) -> str:
         sentences=summary_sentences(run.metrics),
         headlines=headlines(run.metrics),
         strips=_strips(run),
-        has_particles=run.particles is not None,
         failures=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[
             PageFigure(embedded(path), description)
@@ -127,9 +126,24 @@ def run_page(run: RecordedRun) -> str:
         mot_table=mot_table(run.metrics),
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
-        replay_json=_script_json(replay_data(run)),
-        script=Markup("\n".join(_template_text(name) for name in SCRIPTS)),
+        **replay_parts(run),
     )
+
+
+def replay_parts(run: RecordedRun, beside: Beside | None = None, sides: tuple[str, ...] = ()) -> dict[str, object]:
+    """Return what the templates of the replay need.
+
+    Args:
+        run: The run.
+        beside: Another tracker on the same detections, in a pane of its own.
+        sides: Heading of each pane; empty where there is one.
+    """
+    return {
+        "sides": sides,
+        "has_particles": any(each is not None and each.particles is not None for each in (run, beside and beside.run)),
+        "replay_json": _script_json(replay_data(run, beside)),
+        "script": Markup("\n".join(_template_text(name) for name in SCRIPTS)),
+    }
 
 
 def render(template: str, **values: object) -> str:

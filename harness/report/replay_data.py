@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,21 +23,44 @@ BEYOND_RANGE_M = 40.0
 MOST_BYTES = 6_000_000
 NO_ERROR_CM = 65_535
 FAR_M = 1e5
+OF_TRACKER = ("error", "track", "outcome")
+"""What of the truth's columns a tracker decides."""
 
 
-def replay_data(run: RecordedRun) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Beside:
+    """A second tracker on the same detections.
+
+    Attributes:
+        run: Its run; truth and detections are those of the first.
+        marks: Where the two differ: columns ``step``, ``vehicle_id``, ``kind`` and ``side``, 0 or 1 for the one that is
+            worse there, sorted by step.
+        opens_at: Time in seconds and vehicle at which the replay opens; None for its beginning.
+    """
+
+    run: RecordedRun
+    marks: pd.DataFrame
+    opens_at: tuple[float, str] | None
+
+
+def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any]:
     """Return what the replay shows, ready for JSON.
 
     Positions are in the road frame, metres, as 32-bit floats; headings in units of 1e-4 rad; errors, sizes and
     standard deviations in centimetres; speeds in decimetres a second. A run too long for a page is shown in every
     second, third, ... step.
+
+    Args:
+        run: The run.
+        beside: Another tracker on the same detections, which is shown beside it.
     """
     kept_truth = run.truth[_near_ego(run.truth, run.sensor.range_m + BEYOND_RANGE_M)]
-    stride = 1 + _bytes(run, kept_truth) // MOST_BYTES
+    size = _bytes(run, kept_truth) + (0 if beside is None else _bytes(beside.run, kept_truth))
+    stride = 1 + size // MOST_BYTES
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
     steps = times["step"].to_numpy(dtype=np.int64)
     codes, names = pd.factorize(kept_truth["vehicle_id"])
-    return {
+    data = {
         "time_s": np.round(times["time_s"], 3).tolist(),
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,
@@ -50,6 +74,16 @@ def replay_data(run: RecordedRun) -> dict[str, Any]:
         "events": _events(run.events, steps, names),
         "outcomes": ["", *OUTCOMES],
     }
+    if beside is not None:
+        of_truth = _truth(kept_truth, beside.run.errors, codes, steps)
+        data["other"] = {
+            "truth": {name: of_truth[name] for name in OF_TRACKER},
+            "tracks": _tracks(beside.run.tracks, steps),
+            "particles": _particles(beside.run, steps),
+        }
+        data["marks"] = _marks(beside.marks, steps, names)
+        data["opens_at"] = beside.opens_at
+    return data
 
 
 def pack(values: npt.ArrayLike, kind: str) -> dict[str, str]:
@@ -165,6 +199,13 @@ def _rows(table: pd.DataFrame, steps: IntArray, **columns: tuple[str, str, float
             values = np.clip(np.rint(np.nan_to_num(values)), limits.min, limits.max)
         packed[name] = pack(values, kind)
     return packed
+
+
+def _marks(marks: pd.DataFrame, steps: IntArray, names: pd.Index) -> dict[str, Any]:
+    """Pack the marks of vehicles that the replay shows."""
+    codes = names.get_indexer(pd.Index(marks["vehicle_id"].astype("object")))
+    shown = marks.assign(vehicle=codes)[codes >= 0]
+    return _rows(shown, steps, vehicle=("vehicle", "u2", 1.0), kind=("kind", "u1", 1.0), side=("side", "u1", 1.0))
 
 
 def _codes(values: pd.Series[str], names: tuple[str, ...]) -> IntArray:

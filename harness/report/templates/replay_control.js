@@ -3,7 +3,7 @@
 function redraw() {
   drawRoad();
   drawTimeline();
-  if (course) drawChart();
+  if (courses) drawChart();
   describe();
   element("scrub").value = view.step;
 }
@@ -40,8 +40,8 @@ const stepAt = (time) => {
 /* Goes to the moment that the address tells (report.html#t=12.3&vehicle=car.4), or else to the worst failure. */
 function openAtMoment() {
   const told = new URLSearchParams(location.hash.slice(1)), worst = document.querySelector("button[data-vehicle]");
-  const time = told.has("t") ? Number(told.get("t")) : worst ? Number(worst.dataset.time) : 0;
-  const vehicle = told.has("t") ? told.get("vehicle") : worst && worst.dataset.vehicle;
+  const first = data.opens_at || (worst ? [Number(worst.dataset.time), worst.dataset.vehicle] : [0, null]);
+  const [time, vehicle] = told.has("t") ? [Number(told.get("t")), told.get("vehicle")] : first;
   const number = data.vehicles.names.indexOf(vehicle);
   if (number >= 0 || told.has("t")) follow(number);
   seek(Number.isFinite(time) ? stepAt(time) : 0);
@@ -64,8 +64,8 @@ function tick(now) {
 function follow(vehicle) {
   view.followed = vehicle;
   view.pan = view.across = 0;
-  course = vehicle >= 0 ? courseOf(vehicle) : null;
-  element("course").hidden = !course;
+  courses = vehicle >= 0 ? panes.map((pane) => courseOf(vehicle, pane.data)) : null;
+  element("course").hidden = !courses;
   element("follow").value = String(vehicle);
   redraw();
 }
@@ -96,7 +96,7 @@ function vehicleAt(x, y) {
   return best;
 }
 
-function listenToPointer() {
+function listenToPointer(canvas) {
   let from = null;
   canvas.addEventListener("pointerdown", (event) => {
     from = { x: event.offsetX, y: event.offsetY, pan: view.pan, across: view.across, moved: false };
@@ -129,6 +129,10 @@ function listenToPointer() {
     event.preventDefault();
     zoom(Math.exp(-event.deltaY / 400));
   }, { passive: false });
+}
+
+function listenToPictures() {
+  for (const pane of panes) listenToPointer(pane.canvas);
   const jump = (target, span) => target.addEventListener("pointerdown", (event) => span(event.offsetX));
   jump(timeline, (x) => seek((x / timeline.clientWidth) * (steps - 1)));
   jump(chart, (x) => {
@@ -151,11 +155,12 @@ function listenToKeys() {
     ArrowLeft: (event) => seek(view.step - (event.shiftKey ? Math.round(1 / stepS) : 1)),
     ArrowUp: () => zoom(1.25), ArrowDown: () => zoom(0.8), "+": () => zoom(1.25), "-": () => zoom(0.8),
     Home: () => seek(0), End: () => seek(steps - 1), Escape: () => follow(-1), f: toggleFullScreen,
+    n: () => seekDifference(1), p: () => seekDifference(-1),
   };
   /* What a control does with a key itself; every other key works there too. */
   const takes = (control, key) => {
     if (control.tagName === "SELECT") return key.length === 1 || key.startsWith("Arrow") || key === "Home" || key === "End";
-    if (control.id === "scrub") return key !== " " && key !== "f" && key !== "Escape";
+    if (control.id === "scrub") return ![" ", "f", "n", "p", "Escape"].includes(key);
     return key === " " || key === "Enter";
   };
   element("replay").addEventListener("keydown", (event) => {
@@ -167,7 +172,7 @@ function listenToKeys() {
   document.addEventListener("keydown", (event) => {
     const free = event.target === document.body || event.target === document.documentElement;
     if (!free || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (![" ", "ArrowLeft", "ArrowRight", "f"].includes(event.key)) return;
+    if (![" ", "ArrowLeft", "ArrowRight", "f", "n", "p"].includes(event.key)) return;
     event.preventDefault();
     actions[event.key](event);
   });
@@ -185,6 +190,7 @@ function listenToControls() {
   element("fit").addEventListener("click", fit);
   element("full").addEventListener("click", toggleFullScreen);
   element("follow").addEventListener("change", (event) => follow(Number(event.target.value)));
+  if (data.marks) listenToDifferences();
   for (const box of document.querySelectorAll("#replay input[data-layer]")) {
     box.checked = shown[box.dataset.layer];
     box.addEventListener("change", () => { shown[box.dataset.layer] = box.checked; redraw(); });
@@ -211,7 +217,7 @@ function start() {
   element("scrub").max = String(steps - 1);
   fillVehicleList();
   listenToControls();
-  listenToPointer();
+  listenToPictures();
   listenToKeys();
   let width = 0;
   new ResizeObserver(() => {

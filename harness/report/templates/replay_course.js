@@ -1,8 +1,9 @@
 /* One vehicle over time, the timeline of occlusions, and what is said in words. */
 
-let course = null;
+let courses = null;
+const CURVES = [["#000000", []], ["#0072B2", [6, 3]]];
 
-function courseOf(vehicle) {
+function courseOf(vehicle, data) {
   const points = [];
   for (let step = 0; step < steps; step++) {
     const row = rowOf(vehicle, step);
@@ -16,11 +17,12 @@ function courseOf(vehicle) {
 
 function drawChart() {
   const pen = sharpen(chart), width = chart.clientWidth, height = chart.clientHeight;
-  if (!course || !course.length) return;
+  if (!courses || !courses[0].length) return;
+  const course = courses[0];
   const left = 46, right = width - 10, errorTop = 18, errorBottom = height * 0.6, seenTop = height * 0.6 + 26;
   const seenBottom = height - 24, from = course[0].time, to = Math.max(course[course.length - 1].time, from + stepS);
   const x = (time) => left + ((time - from) / (to - from)) * (right - left);
-  const most = niceCeiling(Math.max(1, ...course.map((p) => p.error || 0)));
+  const most = niceCeiling(Math.max(1, ...courses.flat().map((p) => p.error || 0)));
   chartSpan = { left, right, from, to };
   for (const { state, points } of stretches(course)) {
     if (state > HIDDEN) continue;
@@ -34,18 +36,22 @@ function drawChart() {
       [end, height(points[points.length - 1])], [end, seenBottom]]);
     pen.fill();
   }
-  pen.strokeStyle = "#000000";
-  pen.lineWidth = 1.8;
-  pen.lineJoin = "round";
-  pen.beginPath();
-  let pending = true;
-  for (const point of course) {
-    if (Number.isNaN(point.error)) { pending = true; continue; }
-    const y = errorBottom - (point.error / most) * (errorBottom - errorTop);
-    if (pending) pen.moveTo(x(point.time), y); else pen.lineTo(x(point.time), y);
-    pending = false;
-  }
-  pen.stroke();
+  courses.forEach((each, side) => {
+    [pen.strokeStyle] = CURVES[side];
+    pen.setLineDash(CURVES[side][1]);
+    pen.lineWidth = 1.8;
+    pen.lineJoin = "round";
+    pen.beginPath();
+    let pending = true;
+    for (const point of each) {
+      if (Number.isNaN(point.error)) { pending = true; continue; }
+      const y = errorBottom - (point.error / most) * (errorBottom - errorTop);
+      if (pending) pen.moveTo(x(point.time), y); else pen.lineTo(x(point.time), y);
+      pending = false;
+    }
+    pen.stroke();
+    pen.setLineDash([]);
+  });
   drawChartFrame(pen, { left, right, errorTop, errorBottom, seenTop, seenBottom, most, from, to, x });
 }
 
@@ -67,7 +73,7 @@ function drawChartFrame(pen, at) {
   pen.fillStyle = "#333333";
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
-  pen.fillText("distance to its track, m", at.left, at.errorTop - 5);
+  pen.fillText(`distance to its track, m${panes.length > 1 ? " (a: black; b: blue, dashed)" : ""}`, at.left, at.errorTop - 5);
   pen.fillText("visible part, %", at.left, at.seenTop - 5);
   pen.textAlign = "right";
   pen.fillText(String(at.most), at.left - 6, at.errorTop + 8);
@@ -98,6 +104,10 @@ function niceCeiling(value) {
 function drawTimeline() {
   const pen = sharpen(timeline), width = timeline.clientWidth, height = timeline.clientHeight;
   const x = (step) => (width * step) / Math.max(1, steps - 1);
+  if (data.marks) {
+    drawDifferences(pen, width, height, x);
+    return;
+  }
   const rank = { same_id: 0, survived: 1, hijacked: 2, lost: 2 };
   for (const [vehicle, from, to, outcome] of [...data.events].sort((a, b) => rank[a[3]] - rank[b[3]])) {
     const bad = rank[outcome] === 2, mine = vehicle === view.followed;
@@ -116,6 +126,7 @@ function drawTimeline() {
 function describe() {
   element("clock").textContent = `${data.time_s[view.step].toFixed(1)} s`;
   element("scrub").setAttribute("aria-valuetext", `${data.time_s[view.step].toFixed(1)} seconds`);
+  describeDifferences();
   const line = element("followed-line");
   line.setAttribute("aria-live", view.playing ? "off" : "polite");
   if (view.followed < 0) {
@@ -130,14 +141,19 @@ function describeVehicle(name, row) {
   const t = data.truth, parts = [`${name}: ${(t.speed[row] / 10).toFixed(1)} m/s`];
   if (t.ego[row]) return `${name}: the ego, the car that carries the sensor, ${(t.speed[row] / 10).toFixed(1)} m/s.`;
   parts.push(t.state[row] < HIDDEN ? `${STATES[t.state[row]]} (${t.visible[row]} % seen)` : STATES[t.state[row]]);
+  const fates = panes.map((pane) => fateOf(pane.data.truth, row));
+  if (panes.length === 1) return `${[...parts, fates[0]].join(", ")}.`;
+  return `${parts.join(", ")}; ${fates.map((fate, side) => `${SIDES[side]}: ${fate}`).join("; ")}.`;
+}
+
+function fateOf(t, row) {
   const outcome = data.outcomes[t.outcome[row]];
   const off = t.error[row] === NO_ERROR ? "" : `, ${(t.error[row] / 100).toFixed(1)} m off`;
-  parts.push({
+  return {
     tracked: `followed by track ${t.track[row]}${off}`,
     missed: "no track on it",
     lost: "its track was given up",
     hijacked: `its track ${t.track[row]} now sits on another vehicle${off}`,
     untracked: "had no track when it was last seen",
-  }[outcome] || "not detected in the last 10 s");
-  return `${parts.join(", ")}.`;
+  }[outcome] || "not detected in the last 10 s";
 }

@@ -3,9 +3,16 @@
 
 const data = unpack(JSON.parse(document.getElementById("replay-data").textContent));
 const element = (id) => document.getElementById(id);
-const canvas = element("road"), chart = element("chart"), timeline = element("timeline");
+/* Two trackers on the same detections have a pane each; what happened on the road is the same in both. */
+const panes = [{ canvas: element("road"), data }];
+if (data.other) {
+  const truth = { ...data.truth, ...data.other.truth };
+  panes.push({ canvas: element("road-b"), data: { ...data, ...data.other, truth } });
+}
+const canvas = panes[0].canvas, chart = element("chart"), timeline = element("timeline");
 const STATES = ["visible", "partly hidden", "hidden", "out of range"];
 const GREEN = "#009E73", ORANGE = "#E69F00", VERMILION = "#D55E00", PURPLE = "#882255";
+const MARK = "#F0E442";
 const OUT_OF_SIGHT = "#efece6", SEEN = "#ffffff", SHADOW = "#d3d3d3";
 const STATE_COLOURS = [GREEN, ORANGE, VERMILION, "#9a9a9a"];
 const ELLIPSE_SCALE = 2.4477; // a two-dimensional normal distribution holds 95 % within so many deviations
@@ -54,14 +61,14 @@ function openRoad(fields) {
   };
 }
 
-function makeCamera() {
+function makeCamera(pane = panes[0]) {
   const row = rowOf(view.followed, view.step), ego = egoRow(view.step);
   const lon = data.truth.lon[row >= 0 ? row : ego] + view.pan;
   const [cx, cy] = road.plane(lon, road.middle + view.across), turn = road.heading(lon);
   const cos = Math.cos(turn), sin = Math.sin(turn);
-  const width = canvas.clientWidth, height = canvas.clientHeight, scale = view.scale;
+  const width = pane.canvas.clientWidth, height = pane.canvas.clientHeight, scale = view.scale;
   return {
-    lon, turn, scale, width, height, reach: width / (2 * scale) + 12,
+    data: pane.data, lon, turn, scale, width, height, reach: width / (2 * scale) + 12,
     point: (x, y) => {
       const dx = x - cx, dy = y - cy;
       return [width / 2 + scale * (dx * cos + dy * sin), height / 2 - scale * (dy * cos - dx * sin)];

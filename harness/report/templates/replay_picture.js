@@ -26,7 +26,11 @@ function alongLane(camera, lane, lat) {
 }
 
 function drawRoad() {
-  const pen = sharpen(canvas), camera = makeCamera();
+  panes.forEach(drawPane);
+}
+
+function drawPane(pane, side) {
+  const pen = sharpen(pane.canvas), camera = makeCamera(pane), marks = marksAt(view.step, side);
   pen.save();
   clipToRoad(pen, camera);
   pen.fillStyle = OUT_OF_SIGHT;
@@ -34,11 +38,13 @@ function drawRoad() {
   drawSensorView(pen, camera);
   pen.restore();
   drawLaneLines(pen, camera);
+  drawMarks(pen, camera, marks);
   if (shown.vehicles) drawVehicles(pen, camera);
-  if (shown.particles && data.particles) drawParticles(pen, camera);
+  if (shown.particles && pane.data.particles) drawParticles(pen, camera);
   if (shown.detections) drawDetections(pen, camera);
   if (shown.tracks) drawTracks(pen, camera);
   drawFollowed(pen, camera);
+  nameMarks(pen, camera, marks);
   drawScale(pen, camera);
 }
 
@@ -151,10 +157,11 @@ function drawVehicles(pen, camera) {
 }
 
 function drawParticles(pen, camera) {
-  const [begin, end] = range(data.particles, view.step), egoLon = data.truth.lon[egoRow(view.step)];
+  const particles = camera.data.particles, [begin, end] = range(particles, view.step);
+  const egoLon = data.truth.lon[egoRow(view.step)];
   pen.fillStyle = "rgba(0, 114, 178, 0.75)";
   for (let k = begin; k < end; k++) {
-    const [x, y] = camera.at(egoLon + data.particles.away[k] / 10, data.particles.lat[k] / 100);
+    const [x, y] = camera.at(egoLon + particles.away[k] / 10, particles.lat[k] / 100);
     pen.fillRect(x - 1, y - 1, 2, 2);
   }
 }
@@ -173,8 +180,8 @@ function drawDetections(pen, camera) {
 }
 
 function drawTracks(pen, camera) {
-  const t = data.tracks, [begin, end] = range(t, view.step);
-  const row = rowOf(view.followed, view.step), own = row >= 0 ? data.truth.track[row] : -1;
+  const t = camera.data.tracks, [begin, end] = range(t, view.step);
+  const row = rowOf(view.followed, view.step), own = row >= 0 ? camera.data.truth.track[row] : -1;
   for (let k = begin; k < end; k++) {
     if (t.state[k] === TENTATIVE && !shown.tentative) continue;
     if (Math.abs(t.lon[k] - camera.lon) > camera.reach + 10) continue;

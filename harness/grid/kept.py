@@ -1,0 +1,59 @@
+"""A run of a grid as a run folder of its own, as ``run`` leaves one, without pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.config.layers import write_config
+from harness.config.model import RunConfig
+from harness.grid.rerun import command_of
+from harness.runfolder import folder as runfolder
+from harness.runfolder import ownership
+from harness.runfolder.manifest import RunFacts, write_manifest
+from harness.runfolder.tables import RunTables, write_table
+from harness.scoring import ScoredRun
+from harness.writing.files import write_text
+from harness.writing.numbers import as_json
+from mmpf.road import Road
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run gave.
+
+    Attributes:
+        tables: What was recorded.
+        scored: Its errors and occlusion events.
+        metrics: Its scores.
+        steps: Number of steps.
+    """
+
+    tables: RunTables
+    scored: ScoredRun
+    metrics: Mapping[str, Any]
+    steps: int
+
+
+def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome) -> None:
+    """Write a finished run's folder; the manifest comes last, so that half a folder is none."""
+    (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
+    (folder / runfolder.MANIFEST).unlink(missing_ok=True)
+    ownership.claim(folder, ownership.RUN)
+    write_config(config, folder / runfolder.CONFIG)
+    runfolder.write_road(road, folder / runfolder.ROAD)
+    tables, scored = outcome.tables, outcome.scored
+    for name, table in (
+        (runfolder.TRUTH, tables.truth),
+        (runfolder.DETECTIONS, tables.detections),
+        (runfolder.TRACKS, tables.tracks),
+        (runfolder.ERRORS, scored.errors),
+        (runfolder.EVENTS, scored.events),
+    ):
+        write_table(table, folder / name)
+    write_text(folder / runfolder.METRICS, as_json(dict(outcome.metrics)))
+    facts = RunFacts(runfolder.COMPLETE, command_of(config), config.seed, outcome.steps)
+    write_manifest(folder / runfolder.MANIFEST, facts)
+    ownership.record_all(folder, ownership.RUN)

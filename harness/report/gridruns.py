@@ -1,0 +1,140 @@
+"""From a grid's page to its runs: an overview with one link a cell, and each cell's runs with page or command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from harness.errors import InputError
+from harness.grid.cells import DENSITY, Grid, PlannedRun
+from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.gridfolder import GRID, KEPT, RUNS
+from harness.grid.rerun import command_of
+from harness.grid.rows import column_of
+from harness.grid.summary import BREAK_METRIC, told_quantities
+from harness.report.page import PAGE
+from harness.report.tables import html_table
+from harness.runfolder import folder as runfolder
+from harness.scoring.quantity import Quantity
+
+BESIDE = "side-by-side.html"
+SHOWN = ("hidden.hidden_cost_m", BREAK_METRIC, "mot.hota")
+MOST_LISTED = 2_000
+
+
+@dataclass(frozen=True)
+class CellOfRuns:
+    """The runs of one tracker in one traffic and setting.
+
+    Attributes:
+        name: Tracker and setting in words.
+        table: One row a seed, with its scores and its page, or the command that makes it again.
+    """
+
+    name: str
+    table: Markup
+
+
+@dataclass(frozen=True)
+class RunsOfGrid:
+    """What leads from a grid's page to its runs.
+
+    Attributes:
+        metric: What the overview shows, with its unit.
+        overview: One row a tracker, one column a setting; each value leads to its cell.
+        cells: The cells, in the order of the overview's links.
+        left_out: How many runs are not listed.
+    """
+
+    metric: str
+    overview: Markup
+    cells: tuple[CellOfRuns, ...]
+    left_out: int
+
+
+def runs_of(folder: Path) -> RunsOfGrid | None:
+    """Return what leads to the runs of a grid's folder; None if it is none, or of another version."""
+    grid = plan_of(folder)
+    if grid is None or not (folder / RUNS).is_file():
+        return None
+    table = runfolder.read_table(folder, RUNS, "folder", ("seed", "succeeded"))
+    if len(table) != len(grid.runs):
+        return None
+    shown = [quantity for key in SHOWN for quantity in told_quantities() if quantity.key == key]
+    values = np.stack([column_of(table, quantity.key) for quantity in shown], axis=-1)
+    placed = sorted(
+        ((_tracker(run), _setting(run), place, run) for place, run in enumerate(grid.runs)),
+        key=lambda each: (each[0], _order(each[3]), each[1]),
+    )
+    listed, cells, links = placed[:MOST_LISTED], [], {}
+    beside = {run.key: cell.runs[0] for cell in grid.cells for run in cell.runs[1:]}
+    for number, ((tracker, setting), members) in enumerate(groupby(listed, key=lambda each: each[:2]), start=1):
+        runs = [(place, run) for _, _, place, run in members]
+        means = np.array([values[place, 0] for place, _ in runs])
+        found = means[np.isfinite(means)]
+        text = f"{found.mean():.{shown[0].decimals}f}" if len(found) else "-"
+        links[tracker, setting] = Markup("<a href='#cell-{}'>{}</a>").format(number, text)
+        rows = [_row(folder, run, shown, values[place], beside.get(run.key)) for place, run in runs]
+        headings = ["seed", *(quantity.heading or quantity.label for quantity in shown), "run"]
+        cells.append(CellOfRuns(f"{tracker}, {setting}", html_table(headings, rows)))
+    order = {setting: _order(run) for _, setting, _, run in listed}
+    settings = sorted(order, key=lambda setting: order[setting])
+    trackers = list(dict.fromkeys(tracker for tracker, _ in links))
+    overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
+    return RunsOfGrid(
+        shown[0].label, html_table(["tracker", *settings], overview), tuple(cells), len(placed) - len(listed)
+    )
+
+
+def plan_of(folder: Path) -> Grid | None:
+    """Return the grid that a folder was made for; None if it is none, or of another version."""
+    try:
+        request = json.loads((folder / GRID).read_text(encoding="utf-8"))
+        lists = {name: tuple(value) for name, value in request.items() if isinstance(value, list)}
+        return plan_grid(GridRequest(**request | lists))
+    except (OSError, ValueError, TypeError, AttributeError, InputError):
+        return None
+
+
+def _row(
+    folder: Path, run: PlannedRun, shown: list[Quantity], values: np.ndarray, first: PlannedRun | None
+) -> list[str | Markup]:
+    numbers = [
+        f"{value:.{quantity.decimals}f}" if np.isfinite(value) else "-"
+        for quantity, value in zip(shown, values, strict=True)
+    ]
+    return [str(run.config.seed), *numbers, Markup(" · ").join(_ways(folder, run, first))]
+
+
+def _ways(folder: Path, run: PlannedRun, first: PlannedRun | None) -> Iterator[Markup]:
+    """Yield what leads to a run: its pages if it was kept, or else the command that makes it again."""
+    place = f"{KEPT}/{run.key}"
+    if not (folder / place / PAGE).is_file():
+        yield Markup("<code class='command'>{}</code>").format(command_of(run.config))
+        return
+    yield Markup("<a href='{}/{}'>page and replay</a>").format(place, PAGE)
+    if first is not None and (folder / place / BESIDE).is_file():
+        yield Markup("<a href='{}/{}'>beside {}</a>").format(place, BESIDE, _tracker(first))
+
+
+def _tracker(run: PlannedRun) -> str:
+    own = [f"{key}={value:g}" for key, value in run.varied.items() if key.startswith("tracker.")]
+    return " ".join(word for word in (run.variant, run.config.tracker.model, *own) if word)
+
+
+def _setting(run: PlannedRun) -> str:
+    traffic = run.config.traffic
+    where = f"{traffic.density:g}/km/lane" if traffic.density is not None else traffic.demand
+    recording = Path(run.config.replay).name if run.config.replay is not None else None
+    shared = [f"{key}={value:g}" for key, value in run.varied.items() if not key.startswith("tracker.")]
+    return ", ".join(word for word in (recording or where or traffic.net, *shared, run.mismatch) if word)
+
+
+def _order(run: PlannedRun) -> float:
+    return float(run.identity()[DENSITY] or 0.0)

@@ -1,0 +1,44 @@
+"""The pages of a grid's kept runs: each run's own, and each tracker side by side with the first of its cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.comparison.compare import compare
+from harness.comparison.sources import open_source
+from harness.grid.cells import Cell, PlannedRun
+from harness.grid.gridfolder import KEPT
+from harness.report.comparisonpage import comparison_page
+from harness.report.gridruns import BESIDE, plan_of
+from harness.report.page import PAGE, write_run_page
+from harness.runfolder import folder as runfolder
+from harness.runfolder import ownership
+from harness.writing.files import write_text
+from harness.writing.progress import progress_bar
+
+
+def write_kept_pages(folder: Path, quiet: bool) -> None:
+    """Write the pages of a grid's kept runs, and of each tracker beside the first of its cell."""
+    grid = plan_of(folder)
+    kept = {run.key for run in grid.runs if _is_kept(folder, run)} if grid is not None else set()
+    with progress_bar("pages of the runs", len(kept), quiet) as advance:
+        for cell in grid.cells if grid is not None else ():
+            for run in (run for run in cell.runs if run.key in kept):
+                if not (folder / KEPT / run.key / PAGE).is_file():
+                    write_run_page(folder / KEPT / run.key)
+                    _write_beside(folder, cell, run, kept)
+                advance()
+
+
+def _write_beside(folder: Path, cell: Cell, run: PlannedRun, kept: set[str]) -> None:
+    first = cell.runs[0]
+    if run.key == first.key or first.key not in kept:
+        return
+    a, b = (open_source(str(folder / KEPT / each.key), "folder") for each in (first, run))
+    page = b.folder / BESIDE
+    write_text(page, comparison_page(compare(a, b)))
+    ownership.add(b.folder, [page])
+
+
+def _is_kept(folder: Path, run: PlannedRun) -> bool:
+    return (folder / KEPT / run.key / runfolder.MANIFEST).is_file()

@@ -1,0 +1,104 @@
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.cli import run_command_line
+from harness.comparison.why import DEATH, LOSS, SWITCH, Failure, Why
+from harness.report.comparisonpage import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
+from harness.report.finished import read_recorded_run
+from harness.report.replay_data import Beside, replay_data
+from harness.runfolder import folder as runfolder
+from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, NEW_TRACK, STEPS, write_recorded_scene
+from tests.harness.report.test_replay_data import unpacked
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Return a run that loses *far*, and one on the same detections that follows it 1 m ahead all the time."""
+    lost = write_recorded_scene(tmp_path_factory.mktemp("runs") / "lost")
+    kept = write_recorded_scene(lost.parent / "kept")
+    errors = pd.read_parquet(kept / runfolder.ERRORS).astype({"outcome": object})
+    far = (errors["vehicle_id"] == "far").to_numpy()
+    errors.loc[far, ["track_id", "lon_error_m", "lat_error_m", "outcome"]] = [2, 1.0, 0.0, "tracked"]
+    errors.to_parquet(kept / runfolder.ERRORS)
+    return read_recorded_run(lost), read_recorded_run(kept)
+
+
+def steps_of(marks, kind, side):
+    chosen = marks[(marks["kind"] == kind) & (marks["side"] == side)]
+    assert set(chosen["vehicle_id"]) <= {"far"}
+    return chosen["step"].tolist()
+
+
+def test_a_vehicle_that_one_follows_and_the_other_does_not_is_marked_with_the_other(runs):
+    marks = differences(*runs, ((), ()))
+    assert steps_of(marks, UNFOLLOWED, 0) == list(range(GIVEN_UP, NEW_TRACK))
+    assert steps_of(marks, UNFOLLOWED, 1) == []
+
+
+def test_an_error_larger_by_more_than_a_metre_is_marked_and_a_smaller_one_is_not(runs):
+    # Unseen it is 3 m off against 1 m; in sight 0.1 m against 1 m, which is no difference.
+    marks = differences(*runs, ((), ()))
+    assert steps_of(marks, FARTHER, 0) == list(range(LAST_SEEN + 1, GIVEN_UP))
+    assert steps_of(marks, FARTHER, 1) == []
+
+
+def test_an_identity_switch_of_one_is_marked_for_a_second_and_one_of_both_is_not(runs):
+    switch = Failure(SWITCH, DEATH, "far", 4.3, 2, 3)
+    assert steps_of(differences(*runs, ((switch,), ())), SWITCHED, 0) == list(range(43, 54))
+    near = Failure(SWITCH, DEATH, "far", 4.8, 5, 6)
+    marks = differences(*runs, ((switch,), (near,)))
+    assert steps_of(marks, SWITCHED, 0) == steps_of(marks, SWITCHED, 1) == []
+
+
+def test_which_run_comes_first_changes_the_side_and_nothing_else(runs):
+    a, b = runs
+    there, back = differences(a, b, ((), ())), differences(b, a, ((), ()))
+    turned = back.assign(side=1 - back["side"]).sort_values(list(there), ignore_index=True)
+    pd.testing.assert_frame_equal(turned, there.sort_values(list(there), ignore_index=True))
+
+
+def test_the_replay_opens_a_second_before_the_first_failure_of_either():
+    early, late = Failure(LOSS, DEATH, "one", 3.0, 1, -1), Failure(SWITCH, DEATH, "two", 7.5, 2, 3)
+    assert first_failure(Why((late,), (early,), "a", "b")) == (2.0, "one")
+    assert first_failure(Why((), (), "a", "b")) is None
+
+
+def test_both_trackers_share_what_happened_on_the_road(runs):
+    a, b = runs
+    marks = differences(a, b, ((), ()))
+    data = json.loads(json.dumps(replay_data(a, Beside(b, marks, (2.0, "far")))))
+    alone = replay_data(b)
+    assert {name: data["other"]["truth"][name] for name in ("error", "track", "outcome")} == {
+        name: alone["truth"][name] for name in ("error", "track", "outcome")
+    }
+    assert data["other"]["tracks"] == alone["tracks"]
+    assert data["opens_at"] == [2.0, "far"]
+    counts = np.diff(unpacked(data["marks"]["first"]).astype(int))
+    assert counts.tolist() == [int((marks["step"] == step).sum()) for step in range(STEPS)]
+    assert set(unpacked(data["marks"]["vehicle"]).tolist()) == {data["vehicles"]["names"].index("far")}
+
+
+def test_the_page_of_two_runs_on_the_same_detections_holds_both_in_one_replay(tmp_path, capsys):
+    folders = [write_recorded_scene(tmp_path / name) for name in ("a", "b")]
+    page = tmp_path / "page.html"
+    assert run_command_line(["compare", *map(str, folders), "--html", str(page), "--allow-undecided", "--quiet"]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.count('class="road"') == 2
+    assert text.count('id="scrub"') == 1
+    addresses = re.findall(r'(?:src|href)="([^"]*)"', text)
+    assert any(address.startswith("#t=") for address in addresses)
+    assert [address for address in addresses if not address.startswith(("#", "data:"))] == []
+
+
+def test_runs_on_different_detections_are_compared_without_a_replay(tmp_path, capsys):
+    folders = [write_recorded_scene(tmp_path / name) for name in ("a", "b")]
+    table = folders[1] / runfolder.DETECTIONS
+    detections = pd.read_parquet(table)
+    detections.assign(lon_m=detections["lon_m"] + 0.01).to_parquet(table)
+    page = tmp_path / "page.html"
+    assert run_command_line(["compare", *map(str, folders), "--html", str(page), "--allow-undecided", "--quiet"]) == 0
+    assert "<canvas" not in page.read_text(encoding="utf-8")

@@ -1,0 +1,105 @@
+import json
+import re
+import shlex
+from dataclasses import asdict
+
+import pandas as pd
+import pytest
+
+from harness.cli import run_command_line
+from harness.config.layers import resolve_run_config
+from harness.config.options import keys_of_options
+from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.rerun import command_of
+from harness.report.folderpage import as_html, write_page
+from harness.report.gridruns import BESIDE
+from tests.harness.recorded_scene import write_recorded_scene
+
+
+def told(command):
+    """Return the configuration that a command line asks for, read as ``run`` reads it."""
+    words = shlex.split(command)
+    assert words[:4] == ["python", "-m", "harness", "run"]
+    flags, values = words[4::2], words[5::2]
+    settings = [value for flag, value in zip(flags, values, strict=True) if flag == "--set"]
+    named = {flag[2:].replace("-", "_"): value for flag, value in zip(flags, values, strict=True) if flag != "--set"}
+    assert set(named) <= set(keys_of_options())
+    numbers = {name: json.loads(value) for name, value in named.items() if re.fullmatch(r"[\d.]+", value)}
+    return resolve_run_config(None, named | numbers, settings)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        GridRequest(densities="30,45", models="gmm,idm", seeds="3:5"),
+        GridRequest(demands="us101-0750", trackers="mmpf+update=max_likelihood,stonesoup-jpda", seeds="1"),
+        GridRequest(densities="20", vary=("sensor.range_m=40,160", "tracker.particles=200,500"), duration_s=9.5),
+        GridRequest(densities="20", trackers="mmpf,stonesoup-gnn", mismatch=True, seeds="1", sensor="radar"),
+    ],
+)  # fmt: skip
+def test_the_command_of_each_run_asks_for_the_very_same_run(request_):
+    for run in plan_grid(request_).runs:
+        assert told(command_of(run.config)) == run.config
+
+
+@pytest.fixture
+def grid(tmp_path):
+    """Return the folder of a grid of two trackers, two densities and two seeds, without runs of their own."""
+    folder = tmp_path / "grid"
+    folder.mkdir()
+    request = GridRequest(densities="20,45", trackers="mmpf,stonesoup-jpda", seeds="2")
+    (folder / "grid.json").write_text(json.dumps(asdict(request)))
+    (folder / "table.md").write_text("# Stress\n\n| a | b |\n|---|---|\n| x | 91.5 [90.1, 92.9] |\n")
+    runs = plan_grid(request).runs
+    columns = {"hidden.hidden_cost_m": 0.5, "occlusion.same_id_percent": 80.0, "mot.hota": 91.0}
+    rows = [run.identity() | columns | {"succeeded": True} for run in runs]
+    rows[0]["hidden.hidden_cost_m"], rows[2]["hidden.hidden_cost_m"] = 1.0, 3.0
+    pd.DataFrame(rows).to_parquet(folder / "runs.parquet")
+    return folder, runs
+
+
+def test_the_page_leads_from_each_cell_to_its_runs_and_tells_their_commands(grid):
+    folder, runs = grid
+    page = write_page(folder).read_text(encoding="utf-8")
+    links = re.findall(r"<a href='#cell-(\d)'>([\d.]+)</a>", page)
+    assert [number for number, _ in links] == ["1", "2", "3", "4"]
+    assert float(links[0][1]) == 2.0, "the mean of both seeds"
+    for number, _ in links:
+        assert f'id="cell-{number}"' in page
+    commands = re.findall(r"<code class='command'>([^<]*)</code>", page)
+    assert sorted(commands) == sorted(command_of(run.config) for run in runs)
+
+
+def test_a_run_that_was_kept_leads_to_its_page_and_to_both_side_by_side(grid):
+    folder, runs = grid
+    second = folder / "kept" / runs[1].key
+    write_recorded_scene(second)
+    (second / "report.html").write_text("")
+    (second / BESIDE).write_text("")
+    page = write_page(folder).read_text(encoding="utf-8")
+    assert f"<a href='kept/{runs[1].key}/report.html'>" in page
+    assert f"<a href='kept/{runs[1].key}/{BESIDE}'>beside mmpf gmm</a>" in page
+    assert page.count("<code class='command'>") == len(runs) - 1
+
+
+def test_intervals_stand_below_their_values_so_that_columns_fit():
+    html = as_html("# T\n\n| a | b |\n|---|---|\n| x | 91.5 [90.1, 92.9] |\n")
+    assert "<td>91.5<br><span class='interval-cell'>[90.1, 92.9]</span></td>" in html
+
+
+def test_only_runs_can_be_kept(tmp_path, capsys):
+    words = ["stress", "--keep", "everything", "--out", str(tmp_path / "out"), "--quiet"]
+    assert run_command_line(words) == 2
+    assert "only runs can be kept" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_stress_test_that_keeps_its_runs_links_to_their_pages(tmp_path):
+    out = tmp_path / "out"
+    words = ["stress", "--densities", "20", "--seeds", "1", "--trackers", "stonesoup-gnn,oracle-kalman"]
+    assert run_command_line([*words, "--duration", "5", "--keep", "runs", "--out", str(out), "--quiet"]) == 0
+    addresses = re.findall(r"<a href='(kept/[^']*)'", (out / "report.html").read_text(encoding="utf-8"))
+    assert len(addresses) == 3
+    for address in addresses:
+        assert 'class="road"' in (out / address).read_text(encoding="utf-8")
