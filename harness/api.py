@@ -275,6 +275,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             raise InputError(f"`keep` {values['keep']}: only runs can be kept; for example `keep` runs")
         if values["scheduler"] is not None and values["keep"] is not None:
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
+        from harness.grid.kept import keeping  # noqa: PLC0415
         from harness.grid.stress import Telling, run_stress  # noqa: PLC0415
         from harness.report.folderpage import write_page  # noqa: PLC0415
 
@@ -282,10 +283,9 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             finished = run_stress(
                 request,
                 values["out"],
-                execute,
+                execute if values["keep"] is None else keeping(execute, Path(values["out"])),
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                keep_runs=values["keep"] is not None,
                 user=Telling(
                     quiet,
                     warn=lambda line: sys.stderr.write(f"warning: {line}\n"),

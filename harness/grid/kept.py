@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
+from harness.grid.cells import Cell
+from harness.grid.gridfolder import KEPT
 from harness.grid.rerun import command_of
+from harness.grid.rows import Row
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.manifest import RunFacts, write_manifest
@@ -18,6 +21,9 @@ from harness.scoring import ScoredRun
 from harness.writing.files import write_text
 from harness.writing.numbers import as_json
 from mmpf.road import Road
+
+
+OnRow = Callable[[str, Row], None]
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,12 @@ class Outcome:
     scored: ScoredRun
     metrics: Mapping[str, Any]
     steps: int
+
+
+def keeping(execute: Callable[[list[Cell], OnRow], None], out: Path) -> Callable[[list[Cell], OnRow], None]:
+    """Return what runs the cells of a grid's folder so that each run leaves a run folder there."""
+    keep_in = (out / KEPT).resolve()
+    return lambda cells, on_row: execute([replace(cell, keep_in=keep_in) for cell in cells], on_row)
 
 
 def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome) -> None:

@@ -13,7 +13,7 @@ from harness.errors import InputError, RunError, RunInterruptedError
 from harness.grid.cells import MISMATCH, RECORDING, Cell, Grid, distinct_trackers
 from harness.grid.expected import expected_s
 from harness.grid.grid import GridRequest, plan_grid, with_example
-from harness.grid.gridfolder import GRID, KEPT, RUNS, check_same_grid, open_grid_folder
+from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
 from harness.grid.pool import OnRow
 from harness.grid.rows import Row, assemble, read_rows, write_row
 from harness.grid.summary import Break, Point, breaks, curve_points
@@ -79,7 +79,6 @@ def run_stress(
     *,
     resume: bool = False,
     retry_failed: bool = False,
-    keep_runs: bool = False,
     user: Telling | None = None,
     command: str = "",
 ) -> FinishedGrid:
@@ -91,7 +90,6 @@ def run_stress(
         execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
         resume: Whether runs that the folder already holds are kept.
         retry_failed: Whether those of them that failed are made again.
-        keep_runs: Whether each run that is made leaves a run folder of its own in ``kept``.
         user: How the user is told of what goes on; None for not at all.
         command: What the user typed, for the manifest.
 
@@ -115,7 +113,7 @@ def run_stress(
                 f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?"
             )
         write_text(out / GRID, json.dumps(asdict(request), indent=2) + "\n")
-        cells = _rest_of(grid, done, (out / KEPT).resolve() if keep_runs else None)
+        cells = _rest_of(grid, done)
         # What was made of fewer runs goes.
         for name in (RUNS, SUMMARY, TABLE) if cells else ():
             (out / name).unlink(missing_ok=True)
@@ -136,9 +134,9 @@ def run_stress(
         return finished
 
 
-def _rest_of(grid: Grid, done: Mapping[str, Row], keep_in: Path | None) -> list[Cell]:
+def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
     """Return what is left to run, the longest first, so that no worker is left alone with it in the end."""
-    left = (Cell(tuple(run for run in cell.runs if run.key not in done), keep_in) for cell in grid.cells)
+    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
     return sorted((cell for cell in left if cell.runs), key=lambda cell: -(cell.config.traffic.density or 0.0))
 
 
