@@ -22,7 +22,6 @@ from harness.writing.files import write_text
 from harness.writing.numbers import as_json
 from mmpf.road import Road
 
-
 OnRow = Callable[[str, Row], None]
 
 

@@ -73,7 +73,7 @@ def differences(a: RecordedRun, b: RecordedRun, failures: tuple[Sequence[Failure
     place = ["step", "vehicle_id"]
     first, second = (_errors(run) for run in (a, b))
     both = first.merge(second, on=place, suffixes=("_0", "_1"))
-    marks = []
+    marks: list[pd.DataFrame] = []
     for side, other in ((0, 1), (1, 0)):
         own, others = both[f"followed_{side}"], both[f"followed_{other}"]
         farther = own & others & (floats(both, f"off_m_{side}") - floats(both, f"off_m_{other}") > FARTHER_M)

@@ -11,20 +11,21 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from harness.comparison.verdicts import compared_quantities
 from harness.errors import InputError
 from harness.grid.cells import DENSITY, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.gridfolder import GRID, KEPT, RUNS
 from harness.grid.rerun import command_of
 from harness.grid.rows import column_of
-from harness.grid.summary import BREAK_METRIC, told_quantities
 from harness.report.page import PAGE
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
 from harness.scoring.quantity import Quantity
+from mmpf.compute.arrays import FloatArray
 
 BESIDE = "side-by-side.html"
-SHOWN = ("hidden.hidden_cost_m", BREAK_METRIC, "mot.hota")
+SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", "mot.hota")
 MOST_LISTED = 2_000
 
 
@@ -66,13 +67,15 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     table = runfolder.read_table(folder, RUNS, "folder", ("seed", "succeeded"))
     if len(table) != len(grid.runs):
         return None
-    shown = [quantity for key in SHOWN for quantity in told_quantities() if quantity.key == key]
+    shown = [quantity for key in SHOWN for quantity in compared_quantities() if quantity.key == key]
     values = np.stack([column_of(table, quantity.key) for quantity in shown], axis=-1)
     placed = sorted(
         ((_tracker(run), _setting(run), place, run) for place, run in enumerate(grid.runs)),
         key=lambda each: (each[0], _order(each[3]), each[1]),
     )
-    listed, cells, links = placed[:MOST_LISTED], [], {}
+    listed = placed[:MOST_LISTED]
+    cells: list[CellOfRuns] = []
+    links: dict[tuple[str, str], Markup] = {}
     beside = {run.key: cell.runs[0] for cell in grid.cells for run in cell.runs[1:]}
     for number, ((tracker, setting), members) in enumerate(groupby(listed, key=lambda each: each[:2]), start=1):
         runs = [(place, run) for _, _, place, run in members]
@@ -103,7 +106,7 @@ def plan_of(folder: Path) -> Grid | None:
 
 
 def _row(
-    folder: Path, run: PlannedRun, shown: list[Quantity], values: np.ndarray, first: PlannedRun | None
+    folder: Path, run: PlannedRun, shown: list[Quantity], values: FloatArray, first: PlannedRun | None
 ) -> list[str | Markup]:
     numbers = [
         f"{value:.{quantity.decimals}f}" if np.isfinite(value) else "-"

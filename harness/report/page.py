@@ -138,9 +138,10 @@ def replay_parts(run: RecordedRun, beside: Beside | None = None, sides: tuple[st
         beside: Another tracker on the same detections, in a pane of its own.
         sides: Heading of each pane; empty where there is one.
     """
+    runs = (run,) if beside is None else (run, beside.run)
     return {
         "sides": sides,
-        "has_particles": any(each is not None and each.particles is not None for each in (run, beside and beside.run)),
+        "has_particles": any(each.particles is not None for each in runs),
         "replay_json": _script_json(replay_data(run, beside)),
         "script": Markup("\n".join(_template_text(name) for name in SCRIPTS)),
     }

@@ -60,7 +60,7 @@ def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
     steps = times["step"].to_numpy(dtype=np.int64)
     codes, names = pd.factorize(kept_truth["vehicle_id"])
-    data = {
+    data: dict[str, Any] = {
         "time_s": np.round(times["time_s"], 3).tolist(),
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,

@@ -10,10 +10,24 @@ from harness.cli import run_command_line
 from harness.config.layers import resolve_run_config
 from harness.config.options import keys_of_options
 from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.kept import Outcome, keep_run
 from harness.grid.rerun import command_of
 from harness.report.folderpage import as_html, write_page
 from harness.report.gridruns import BESIDE
-from tests.harness.recorded_scene import write_recorded_scene
+from harness.report.keptpages import write_kept_pages
+from harness.runfolder.tables import RunTables
+from harness.running.follow import StageTimes
+from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.scoring import score_run
+from mmpf.road import highway
+from tests.harness.recorded_scene import (
+    STEP_S,
+    STEPS,
+    detection_table,
+    track_table,
+    truth_table,
+    write_recorded_scene,
+)
 
 
 def told(command):
@@ -92,6 +106,31 @@ def test_only_runs_can_be_kept(tmp_path, capsys):
     assert run_command_line(words) == 2
     assert "only runs can be kept" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def kept(folder, run):
+    """Leave what a worker leaves of a run that is kept."""
+    truth, detections, tracks = truth_table({}), detection_table({}), track_table()
+    scored = score_run(truth, detections, tracks, 0)
+    times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
+    timing, traffic = timing_table(times, STEP_S, 1.0), traffic_table(truth, highway())
+    metrics = assemble_metrics(run.config, scored.metrics, timing, traffic)
+    outcome = Outcome(RunTables(truth, detections, tracks), scored, metrics, STEPS)
+    keep_run(folder / "kept" / run.key, run.config, highway(), outcome)
+
+
+def test_kept_runs_get_their_pages_and_each_tracker_stands_beside_the_first(grid):
+    folder, runs = grid
+    for run in runs[:2]:
+        kept(folder, run)
+    write_kept_pages(folder, quiet=True)
+    addresses = re.findall(r"<a href='(kept/[^']*)'", write_page(folder).read_text(encoding="utf-8"))
+    own, beside = [[f"kept/{run.key}/{name}" for run in runs[:2]] for name in ("report.html", BESIDE)]
+    assert sorted(addresses) == sorted([*own, beside[1]])
+    panes = [(folder / address).read_text(encoding="utf-8").count('class="road"') for address in (*own, beside[1])]
+    assert panes == [1, 1, 2]
+    manifest = json.loads((folder / "kept" / runs[0].key / "manifest.json").read_text())
+    assert manifest["command"] == command_of(runs[0].config)
 
 
 @pytest.mark.slow
