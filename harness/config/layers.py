@@ -197,16 +197,22 @@ def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     runfolder.read_manifest(folder, "replay")
     recorded = config_from_table(runfolder.read_config_table(folder, "replay")).as_table()
     part = {name: recorded[name] for name in ("traffic", "sensor")}
-    for key, value in _leaves({name: asked[name] for name in part if name in asked}):
-        if value != dict(_leaves(part)).get(key):
+    for key, value in leaves({name: asked[name] for name in part if name in asked}):
+        if value != dict(leaves(part)).get(key):
             parameter = _parameter_of(key) or key
             raise InputError(f"`{parameter}`: a replay takes traffic and sensor from the recording; leave it out")
     return part | {"seed": asked.get("seed", recorded["seed"])}
 
 
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of nested tables with their dotted keys.
+
+    Args:
+        table: Tables within tables.
+        prefix: What stands before each key.
+    """
     for key, value in table.items():
         if isinstance(value, Mapping):
-            yield from _leaves(value, f"{prefix}{key}.")
+            yield from leaves(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator, Mapping
-from typing import Any
 
+from harness.config.layers import leaves
 from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig
 from harness.config.options import keys_of_options
 
@@ -15,9 +14,9 @@ ALWAYS = ("traffic.density", "traffic.demand", "seed")
 
 def command_of(config: RunConfig) -> str:
     """Return the command line that makes this very run again; what is not said in it is the default."""
-    default = dict(_leaves(RunConfig(tracker=TrackerConfig(name=config.tracker.name)).as_table()))
+    default = dict(leaves(RunConfig(tracker=TrackerConfig(name=config.tracker.name)).as_table()))
     words = ["python", "-m", "harness", "run"]
-    for key, value in _leaves(config.as_table()):
+    for key, value in leaves(config.as_table()):
         if key in ALWAYS or value != (DEFAULT_TRACKER if key == "tracker.name" else default.get(key)):
             words += _said(key, value)
     return shlex.join(words)
@@ -33,11 +32,3 @@ def _said(key: str, value: object) -> list[str]:
 def _is_word(value: object) -> bool:
     """Return whether a text stands for itself: none that TOML would read as a number, a truth value or a list."""
     return isinstance(value, str) and value not in ("true", "false", "nan", "inf") and value.replace("_", "").isalpha()
-
-
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value

@@ -1,4 +1,4 @@
-"""A guess of how long a run takes, from what runs took on a server core of 2024."""
+"""A guess of how long a run takes: right to a factor of two or so on a server core of 2024, and claiming no more."""
 
 from __future__ import annotations
 

@@ -93,7 +93,11 @@ def give_birth(
         latents=motion.draw_latents(state, rng),
     )
     components = Components.newborn(track_id, births.existence, options.vehicle, births.log_odds)
-    components = replace(components, noise_factor=np.full(len(chosen), births.noise_factor))
+    components = replace(
+        components,
+        noise_factor=np.full(len(chosen), births.noise_factor),
+        shadow_wrong=np.full(len(chosen), options.joint.regularity.shadow_wrong),
+    )
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
     return mixture.keep_and_join(keep, cloud, components)

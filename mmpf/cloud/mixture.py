@@ -162,7 +162,7 @@ class Components:
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
             missed=np.zeros(len(track_id)),
-            shadow_wrong=np.full(len(track_id), 0.5),
+            shadow_wrong=np.zeros(len(track_id)),
             noise_factor=np.ones(len(track_id)),
             noise_lon_m=np.zeros(len(track_id)),
             noise_lat_m=np.zeros(len(track_id)),

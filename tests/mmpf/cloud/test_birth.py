@@ -192,3 +192,7 @@ def test_the_motion_model_gives_each_newborn_particle_its_latents() -> None:
         np.random.default_rng(0),
     )
     assert (mixture.cloud.latents == 2.0 * mixture.cloud.state[[LON]]).all()
+
+
+def test_newborn_vehicles_are_believed_to_be_seen_past_shadows_as_probably_as_the_settings_say() -> None:
+    assert born().components.shadow_wrong == pytest.approx([FilterOptions().joint.regularity.shadow_wrong] * 2)
