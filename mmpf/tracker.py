@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mmpf.around.plane import SensorPlane
 from mmpf.around.surroundings import surroundings_of
 from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
@@ -59,7 +60,7 @@ class MixtureTracker:
         self._options = options or FilterOptions()
         self._proposal = proposal
         is_joint = self._options.update == "joint"
-        self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options, road)
+        self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
         self._mixture = Mixture.empty(motion.latent_size)
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
@@ -149,7 +150,8 @@ class MixtureTracker:
             lon_m=np.append(mean[LON][known], scan.ego.lon_m),
             speed_mps=np.append(mean[SPEED][known], scan.ego.speed_mps),
         )
-        return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic)
+        plane = SensorPlane(scan.ego, self._road)
+        return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic, plane)
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""

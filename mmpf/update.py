@@ -7,12 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.protocol import MotionModel
-from mmpf.scan import EgoPose, Scan, SensorModel
+from mmpf.scan import Scan, SensorModel
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Situation:
         motion: The motion model.
         dt_s: Time since the scan before.
         traffic: Speeds of the vehicles around, for births.
+        plane: The plane in which the sensor sees.
     """
 
     scan: Scan
@@ -32,6 +34,7 @@ class Situation:
     motion: MotionModel
     dt_s: float
     traffic: Traffic
+    plane: SensorPlane
 
 
 @dataclass(frozen=True)
@@ -122,8 +125,6 @@ class UpdateRule(Protocol):
         ...
 
 
-def outside_observation_area(
-    lon_m: FloatArray, lat_m: FloatArray, ego: EgoPose, sensor: SensorModel, margin_m: float
-) -> BoolArray:
+def outside_observation_area(lon_m: FloatArray, lat_m: FloatArray, situation: Situation, margin_m: float) -> BoolArray:
     """Return which positions lie beyond the sensor's range and the margin, shape (m,)."""
-    return np.asarray(np.hypot(lon_m - ego.lon_m, lat_m - ego.lat_m) > sensor.range_m + margin_m)
+    return np.asarray(situation.plane.distance_m(lon_m, lat_m) > situation.sensor.range_m + margin_m)

@@ -2,7 +2,7 @@
 
 Every component that probably exists casts a shadow behind a rectangle of its estimated size. A table over bearing
 holds the two nearest surfaces, so that no component lies in its own shadow; each particle looks up the rays over its
-extent.
+extent. All of it happens in the plane, where vehicles point along the road at their place.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from mmpf.around.plane import SensorPlane
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.threads import in_shares
-from mmpf.road import Road
-from mmpf.scan import EgoPose, FreeSpace
+from mmpf.scan import FreeSpace
 
 BEARINGS = 1440
 LARGEST_RAY_COUNT = 16
@@ -35,91 +35,94 @@ class Bodies:
     length_m: FloatArray
     width_m: FloatArray
 
+    @property
+    def halves(self) -> tuple[FloatArray, FloatArray]:
+        """Half of each length and width, metres, shape (m,)."""
+        return 0.5 * self.length_m, 0.5 * self.width_m
+
 
 @dataclass(frozen=True)
 class DepthTable:
-    """The two nearest surfaces in each bearing sector, shapes (2, BEARINGS).
+    """The two nearest surfaces in each bearing sector.
 
     Attributes:
-        depth_m: Distance of the surface, infinite where there is none.
-        caster: Index of the component that it belongs to, -1 where there is none.
+        depth_m: Distance of the surface, infinite where there is none, shape (2, BEARINGS).
+        caster: Index of the component that it belongs to, -1 where there is none, shape (2, BEARINGS).
+        heading_rad: Direction in which each component's vehicle points against the plane's x axis, shape (m,).
     """
 
     depth_m: FloatArray
     caster: IntArray
+    heading_rad: FloatArray
 
 
 def depth_table(
-    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, casts_shadow: BoolArray, bodies: Bodies
+    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, casts_shadow: BoolArray, bodies: Bodies
 ) -> DepthTable:
     """Return the surfaces that the components' rectangles present to the sensor.
 
     Args:
-        ego: Pose of the sensor.
+        plane: The plane around the sensor.
         lon_m: Components' mean longitudinal positions, shape (m,).
         lat_m: Components' mean lateral positions, shape (m,).
         casts_shadow: Which of them count, shape (m,).
-        bodies: Their sizes; they are taken to point along the road.
+        bodies: Their sizes.
     """
     depth = np.full((2, BEARINGS), np.inf)
     caster = np.full((2, BEARINGS), -1, dtype=np.int64)
-    x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
-    _cast_shadows(x, y, casts_shadow, 0.5 * bodies.length_m, 0.5 * bodies.width_m, depth, caster)
-    return DepthTable(depth, caster)
+    x, y = plane.seen_from_sensor(lon_m, lat_m)
+    heading = plane.heading_rad(lon_m)
+    _cast_shadows(x, y, casts_shadow, *bodies.halves, np.cos(heading), np.sin(heading), depth, caster)
+    return DepthTable(depth, caster, heading)
 
 
 def visible_fractions(
-    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, bodies: Bodies, table: DepthTable
+    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, bodies: Bodies, table: DepthTable
 ) -> FloatArray:
     """Return the share of each particle's angular extent that no other component's shadow covers, shape (n,).
 
     Args:
-        ego: Pose of the sensor.
+        plane: The plane around the sensor.
         lon_m: Particles' longitudinal positions, shape (n,).
         lat_m: Particles' lateral positions, shape (n,).
         component: Each particle's component, whose own shadow does not count, shape (n,).
         bodies: Sizes of the components' vehicles.
-        table: The surfaces around.
+        table: The surfaces around, of these components.
     """
     fraction = np.empty(len(lon_m))
-    x, y = lon_m - ego.lon_m, lat_m - ego.lat_m
-    surfaces, halves = (table.depth_m, table.caster), (0.5 * bodies.length_m, 0.5 * bodies.width_m)
+    x, y = plane.seen_from_sensor(lon_m, lat_m)
+    surfaces = table.depth_m, table.caster
+    outlines = *bodies.halves, np.cos(table.heading_rad), np.sin(table.heading_rad)
 
     def look_up(begin: int, end: int) -> None:
         some = slice(begin, end)
-        _look_up_rays(x[some], y[some], component[some], *surfaces, *halves, fraction[some])
+        _look_up_rays(x[some], y[some], component[some], *surfaces, *outlines, fraction[some])
 
     in_shares(look_up, len(fraction), cost=2.0)
     return fraction
 
 
 def shadowed_share(
-    ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace, road: Road
+    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace
 ) -> FloatArray:
     """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
 
-    Free space is stated by Cartesian bearing, so that vehicles are taken from the road frame to the plane, each along
-    the road where it is.
-
     Args:
-        ego: Pose of the sensor.
+        plane: The plane around the sensor.
         lon_m: Longitudinal positions, shape (m,).
         lat_m: Lateral positions, shape (m,).
         bodies: The vehicles' sizes, shape (m,).
-        free_space: The sensor's own free distances.
-        road: Where the road leads.
+        free_space: The sensor's own free distances, by Cartesian bearing.
     """
-    here_x, here_y = road.to_cartesian(np.array([ego.lon_m]), np.array([ego.lat_m]))
-    x, y = road.to_cartesian(lon_m, lat_m)
-    x, y = x - here_x, y - here_y
+    x, y = plane.seen_from_sensor(lon_m, lat_m)
     distance = np.hypot(x, y)
     bearing = np.arctan2(y, x)
     # The rectangle's silhouette across the line of sight.
-    slant = bearing - road.heading_at(lon_m)
+    slant = bearing - plane.heading_rad(lon_m)
     across = 0.5 * (bodies.length_m * np.abs(np.sin(slant)) + bodies.width_m * np.abs(np.cos(slant)))
     half = np.arctan(across / np.maximum(distance, 1e-6))
     sectors = len(free_space.range_m)
-    rays = bearing + half * RAY_PLACES[:, None]
+    rays = plane.turn_rad + bearing + half * RAY_PLACES[:, None]
     sector = np.floor((rays + np.pi) * sectors / (2.0 * np.pi)).astype(np.int64) % sectors
     return np.asarray((free_space.range_m[sector] < distance).mean(axis=0))
 
@@ -131,6 +134,8 @@ def _cast_shadows(
     casts_shadow: BoolArray,
     half_length: FloatArray,
     half_width: FloatArray,
+    cosine: FloatArray,
+    sine: FloatArray,
     depth: FloatArray,
     caster: IntArray,
 ) -> None:
@@ -139,14 +144,19 @@ def _cast_shadows(
     for m in range(len(x)):
         if not casts_shadow[m]:
             continue
-        if abs(x[m]) <= half_length[m] and abs(y[m]) <= half_width[m]:
+        # In the rectangle's own frame it lies along the axes.
+        turned_x, turned_y = x[m] * cosine[m] + y[m] * sine[m], y[m] * cosine[m] - x[m] * sine[m]
+        if abs(turned_x) <= half_length[m] and abs(turned_y) <= half_width[m]:
             continue
-        centre, half = _angular_extent(x[m], y[m], half_length[m], half_width[m])
+        turned_centre, half = _angular_extent(turned_x, turned_y, half_length[m], half_width[m])
+        centre = turned_centre + np.arctan2(sine[m], cosine[m])
         first = int(np.floor((centre - half + np.pi) / width))
         last = int(np.floor((centre + half + np.pi) / width))
         for k in range(first, last + 1):
             bearing = -np.pi + (k + 0.5) * width
-            entry = _ray_entry(np.cos(bearing), np.sin(bearing), x[m], y[m], half_length[m], half_width[m])
+            ray_x, ray_y = np.cos(bearing), np.sin(bearing)
+            turned_ray = ray_x * cosine[m] + ray_y * sine[m], ray_y * cosine[m] - ray_x * sine[m]
+            entry = _ray_entry(*turned_ray, turned_x, turned_y, half_length[m], half_width[m])
             if entry < 0.0:
                 continue
             sector = k % sectors
@@ -197,6 +207,8 @@ def _look_up_rays(
     caster: IntArray,
     half_length: FloatArray,
     half_width: FloatArray,
+    cosine: FloatArray,
+    sine: FloatArray,
     fraction: FloatArray,
 ) -> None:
     """Write the share of each particle's rays that reach it; positions are from the sensor, sizes by component."""
@@ -207,23 +219,29 @@ def _look_up_rays(
             end += 1
         own = component[begin]
         own_x, own_y = x[begin:end], y[begin:end]
-        length, width = half_length[own], half_width[own]
-        alike = _fraction_of_all(own_x, own_y, own, depth, caster, length, width)
+        outline = half_length[own], half_width[own], cosine[own], sine[own]
+        alike = _fraction_of_all(own_x, own_y, own, depth, caster, outline)
         if alike >= 0.0:
             fraction[begin:end] = alike
         else:
-            _fraction_of_each(own_x, own_y, own, depth, caster, length, width, fraction[begin:end])
+            _fraction_of_each(own_x, own_y, own, depth, caster, outline, fraction[begin:end])
         begin = end
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _fraction_of_all(
-    x: FloatArray, y: FloatArray, own: int, depth: FloatArray, caster: IntArray, half_length: float, half_width: float
+    x: FloatArray,
+    y: FloatArray,
+    own: int,
+    depth: FloatArray,
+    caster: IntArray,
+    outline: tuple[float, float, float, float],
 ) -> float:
     """Return 1 if nothing stands before the box around a whole component, 0 if all of it lies in shadow, else -1.
 
     Exact: where it says 1 or 0, every ray of every particle would.
     """
+    half_length, half_width, cosine, sine = outline
     low_x, high_x, low_y, high_y = x[0], x[0], y[0], y[0]
     for n in range(len(x)):
         low_x, high_x = min(low_x, x[n]), max(high_x, x[n])
@@ -235,7 +253,8 @@ def _fraction_of_all(
     far_x, far_y = max(abs(low_x), abs(high_x)), max(abs(low_y), abs(high_y))
     near, far = np.sqrt(apart_x * apart_x + apart_y * apart_y), np.sqrt(far_x * far_x + far_y * far_y)
     corners = (_bearing(low_x, low_y), _bearing(low_x, high_y), _bearing(high_x, low_y), _bearing(high_x, high_y))
-    half = _arctangent((half_length * far_y + half_width * far_x) / max(near * near, 1e-12))
+    far_along, far_across = far_x * abs(cosine) + far_y * abs(sine), far_y * abs(cosine) + far_x * abs(sine)
+    half = _arctangent((half_length * far_across + half_width * far_along) / max(near * near, 1e-12))
     sectors = depth.shape[1]
     per_radian = sectors / (2.0 * np.pi)
     first = int(np.floor((min(corners) - half + np.pi) * per_radian - 1e-6))
@@ -258,18 +277,19 @@ def _fraction_of_each(
     own: int,
     depth: FloatArray,
     caster: IntArray,
-    half_length: float,
-    half_width: float,
+    outline: tuple[float, float, float, float],
     fraction: FloatArray,
 ) -> None:
     """Look up each particle's own rays."""
     sectors = depth.shape[1]
     per_radian = sectors / (2.0 * np.pi)
     nearest, behind, nearest_caster = depth[0], depth[1], caster[0]
+    half_length, half_width, cosine, sine = outline
     for n in range(len(x)):
         distance = np.sqrt(x[n] * x[n] + y[n] * y[n])
         # The rectangle's silhouette: half-width across the line of sight over the distance.
-        across = (half_length * abs(y[n]) + half_width * abs(x[n])) / max(distance, 1e-6)
+        along_it, across_it = abs(x[n] * cosine + y[n] * sine), abs(y[n] * cosine - x[n] * sine)
+        across = (half_length * across_it + half_width * along_it) / max(distance, 1e-6)
         half = _arctangent(across / max(distance, 1e-6)) * per_radian
         rays = min(max(int(2.0 * half), 3), LARGEST_RAY_COUNT)
         step = 2.0 * half / rays

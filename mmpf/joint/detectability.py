@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray
-from mmpf.scan import EgoPose, SensorModel
+from mmpf.scan import SensorModel
 
 
 def detection_probabilities(
@@ -32,12 +32,6 @@ def detection_probabilities(
         probability,
     )
     return probability
-
-
-def distances_m(ego: EgoPose, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
-    """Return distances from the sensor, shape (n,)."""
-    along, across = lon_m - ego.lon_m, lat_m - ego.lat_m
-    return np.sqrt(along * along + across * across)
 
 
 @numba.njit(cache=True, nogil=True)

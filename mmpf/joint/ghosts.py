@@ -71,15 +71,15 @@ def log_odds_at_birth(
     """
     if len(chosen) == 0:
         return np.zeros(0)
-    ghosts, sensor, ego, vehicle = options.joint.ghosts, situation.sensor, situation.scan.ego, options.vehicle
+    ghosts, sensor, plane, vehicle = options.joint.ghosts, situation.sensor, situation.plane, options.vehicle
     lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
     components, nobody = mixture.components, len(mixture)
     bodies = Bodies(np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m))
     casts = np.append(is_vehicle(components) & components.confirmed, values=False)
-    table = depth_table(ego, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
-    visible = visible_fractions(ego, lon, lat, np.full(len(chosen), nobody), bodies, table)
+    table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
+    visible = visible_fractions(plane, lon, lat, np.full(len(chosen), nobody), bodies, table)
     in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
-    distance = np.hypot(lon - ego.lon_m, lat - ego.lat_m)
+    distance = plane.distance_m(lon, lat)
     in_view *= np.clip((sensor.range_m - distance) / ghosts.edge_m - 0.5, 0.0, 1.0)
     return _log_odds(ghosts.vehicle_out_of_view + in_view * (ghosts.vehicle_in_view - ghosts.vehicle_out_of_view))
 

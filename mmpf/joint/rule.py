@@ -19,7 +19,7 @@ from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.joint.association import Marginals, associate
-from mmpf.joint.detectability import detection_probabilities, distances_m
+from mmpf.joint.detectability import detection_probabilities
 from mmpf.joint.evidence import (
     association_evidence,
     gated_likelihoods,
@@ -53,13 +53,13 @@ class JointUpdate:
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Work out each particle's detection probability from the shadows of the other components."""
-        options, ego, cloud = self.options.joint.detectability, situation.scan.ego, prior.cloud
+        options, plane, cloud = self.options.joint.detectability, situation.plane, prior.cloud
         if options.shadow:
             casts = (prior.components.existence > options.occluder_existence) & is_vehicle(prior.components)
             bodies = Bodies(prior.components.length_m, prior.components.width_m)
-            table = depth_table(ego, moments.mean[LON], moments.mean[LAT], casts, bodies)
-            visible = visible_fractions(ego, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
-            distance = distances_m(ego, cloud.state[LON], cloud.state[LAT])
+            table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
+            visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
+            distance = plane.distance_m(cloud.state[LON], cloud.state[LAT])
             probability = detection_probabilities(visible, distance, situation.sensor, options.hidden_probability)
         else:
             probability = np.full(len(cloud), options.fixed_probability)
@@ -219,9 +219,7 @@ class JointUpdate:
 
     def _worth_keeping(self, components: Components, moments: Moments, situation: Situation) -> BoolArray:
         removal = self.options.joint.removal
-        left = outside_observation_area(
-            moments.mean[LON], moments.mean[LAT], situation.scan.ego, situation.sensor, removal.range_margin_m
-        )
+        left = outside_observation_area(moments.mean[LON], moments.mean[LAT], situation, removal.range_margin_m)
         patience_s = np.where(components.confirmed, removal.longest_unseen_s, removal.unconfirmed_unseen_s)
         return np.asarray(
             (components.existence >= removal.existence_below)

@@ -20,7 +20,6 @@ from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
 from mmpf.paper_options import PaperMerging
-from mmpf.road import Road
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, SPEED
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
@@ -32,22 +31,19 @@ class MaxLikelihoodUpdate:
 
     Attributes:
         options: The filter's settings.
-        road: Turns road frame into the plane in which the sensor states its free space.
     """
 
     options: FilterOptions
-    road: Road
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
-        ego, free_space = situation.scan.ego, situation.scan.free_space
-        mean = moments.mean
+        plane, free_space, mean = situation.plane, situation.scan.free_space, moments.mean
         bodies = Bodies(prior.components.length_m, prior.components.width_m)
         if free_space is not None:
-            shadowed = shadowed_share(ego, mean[LON], mean[LAT], bodies, free_space, self.road)
+            shadowed = shadowed_share(plane, mean[LON], mean[LAT], bodies, free_space)
         else:
-            table = depth_table(ego, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
-            shadowed = 1.0 - visible_fractions(ego, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
+            table = depth_table(plane, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
+            shadowed = 1.0 - visible_fractions(plane, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
         is_hidden = shadowed >= self.options.max_likelihood.association.shadowed_share
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
         return Occlusion(probability, np.zeros(len(prior)))
@@ -134,9 +130,7 @@ class MaxLikelihoodUpdate:
         if len(mixture) == 0:
             return np.zeros(0, dtype=np.bool_)
         mean = component_moments(mixture).mean
-        left = outside_observation_area(
-            mean[LON], mean[LAT], situation.scan.ego, situation.sensor, removal.range_margin_m
-        )
+        left = outside_observation_area(mean[LON], mean[LAT], situation, removal.range_margin_m)
         share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
         is_light = share * len(mixture) < removal.weight
         patience_s = np.where(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.birth import Traffic
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion import motion_model
@@ -89,6 +90,7 @@ def added_noise(motion: MotionModel, options: dict[str, object]) -> float:
     before = tracker.mixture
     before.cloud.state[SPEED] = 30.0
     surroundings = around(before.cloud.state)
-    situation = Situation(scan, SensorModel(), motion, 0.25, Traffic(np.zeros(0), np.zeros(0)))
+    nobody = Traffic(np.zeros(0), np.zeros(0))
+    situation = Situation(scan, SensorModel(), motion, 0.25, nobody, SensorPlane(scan.ego, ROAD))
     after = prior_update(before, surroundings, situation, bootstrap_proposal, settings, np.random.default_rng(1))
     return float(np.std(after.cloud.state[SPEED])) / 0.5

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
@@ -36,7 +37,8 @@ def mixture_at(places: list[tuple[float, float]], std_m: float = 1.0) -> Mixture
 
 def situation_with(detections: list[tuple[float, float]]) -> Situation:
     scan = scan_of(0.1, detections)
-    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, Traffic(np.array([0.0]), np.array([20.0])))
+    traffic = Traffic(np.array([0.0]), np.array([20.0]))
+    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, traffic, SensorPlane(scan.ego, ROAD))
 
 
 def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float, float]]) -> Mixture:
@@ -50,7 +52,7 @@ def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float
     "rule",
     [
         JointUpdate(options_with({"joint": {"association": {"exclusion_per_s": 0.0}}})),
-        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}}), ROAD),
+        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}})),
     ],
     ids=["joint", "max_likelihood"],
 )
@@ -63,7 +65,7 @@ def test_a_component_with_no_detection_in_its_gate_keeps_its_weights_at_any_dist
 
 
 def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> None:
-    rule = MaxLikelihoodUpdate(options_with({}), ROAD)
+    rule = MaxLikelihoodUpdate(options_with({}))
     prior = mixture_at([(30.0, lane_centre(2))])
     posterior = weights_after(rule, prior, [(40.0, lane_centre(2))])
     mean = np.average(posterior.cloud.state[LON], weights=np.exp(posterior.cloud.log_weight))
@@ -71,7 +73,7 @@ def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> N
 
 
 def test_component_weights_follow_equation_11() -> None:
-    rule = MaxLikelihoodUpdate(options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}), ROAD)
+    rule = MaxLikelihoodUpdate(options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}))
     prior = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(1))], std_m=0.5)
     detections = [(30.2, lane_centre(2)), (61.0, lane_centre(1))]
     posterior = weights_after(rule, prior, detections)

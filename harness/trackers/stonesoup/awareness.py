@@ -17,11 +17,13 @@ from stonesoup.types.update import Update
 from harness.trackers.stonesoup.options import AwareJpdaOptions
 from harness.trackers.stonesoup.parts import MEASURED_SIZE, to_seconds
 from mmpf.around.neighbours import IN_THE_WAY
+from mmpf.around.plane import SensorPlane
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.idm import LONGEST_HEADWAY_S, SHORTEST_HEADWAY_S, SLOWEST_MPS, adaptive_parameters, idm_acceleration
 from mmpf.motion.protocol import Neighbour
 from mmpf.options import Footprint
+from mmpf.road import Road
 from mmpf.scan import EgoPose, Scan, SensorModel
 
 # Five points that stand for a Gaussian, in standard deviations, and what they weigh.
@@ -84,11 +86,13 @@ class Awareness:
     Attributes:
         options: The tracker's settings.
         sensor: The sensor's data sheet.
+        road: Where the road leads.
         of: What is known, by the track's number.
     """
 
     options: AwareJpdaOptions
     sensor: SensorModel
+    road: Road
     of: dict[int, TrackKnowledge] = field(default_factory=dict)
 
     def look_ahead(self, scan: Scan, tracks: list[Track]) -> None:
@@ -96,7 +100,8 @@ class Awareness:
         if not tracks:
             return
         scene = self._scene(scan, tracks)
-        for track, probability in zip(tracks, self._detection_probabilities(scan.ego, scene).tolist(), strict=True):
+        probabilities = self._detection_probabilities(SensorPlane(scan.ego, self.road), scene)
+        for track, probability in zip(tracks, probabilities.tolist(), strict=True):
             self.of[track.id].detection_probability = probability
         self._follow_leaders(scan.ego, scene, tracks)
 
@@ -135,19 +140,18 @@ class Awareness:
             Bodies(sizes[:, 0], sizes[:, 1]),
         )
 
-    def _detection_probabilities(self, ego: EgoPose, scene: _Scene) -> FloatArray:
+    def _detection_probabilities(self, plane: SensorPlane, scene: _Scene) -> FloatArray:
         """Return the mean detection probability over where each track may be along the road, shape (m,)."""
         casts_shadow = scene.unseen_s <= self.options.occluder_unseen_s + 1e-6
-        table = depth_table(ego, scene.lon_m, scene.lat_m, casts_shadow, scene.bodies)
+        table = depth_table(plane, scene.lon_m, scene.lat_m, casts_shadow, scene.bodies)
         points = len(_POINTS)
         lon = (scene.lon_m[:, None] + scene.std_lon_m[:, None] * _POINTS).ravel()
         lat = np.repeat(scene.lat_m, points)
-        visible = visible_fractions(ego, lon, lat, np.repeat(np.arange(len(scene.lon_m)), points), scene.bodies, table)
+        component = np.repeat(np.arange(len(scene.lon_m)), points)
+        visible = visible_fractions(plane, lon, lat, component, scene.bodies, table)
         sensor = self.sensor
         share = np.clip(visible / max(sensor.full_view_fraction, 1e-6), 0.0, 1.0)
-        can_be_seen = (visible >= sensor.hidden_fraction) & (
-            np.hypot(lon - ego.lon_m, lat - ego.lat_m) <= sensor.range_m
-        )
+        can_be_seen = (visible >= sensor.hidden_fraction) & (plane.distance_m(lon, lat) <= sensor.range_m)
         probability = np.where(can_be_seen, self._in_plain_view * share, 0.0)
         return np.asarray(
             np.maximum(probability, self.options.hidden_probability).reshape(-1, points) @ _WEIGHTS, dtype=np.float64

@@ -95,7 +95,7 @@ def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) 
 def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
     """``stonesoup-jpda-stitched`` with measured sizes, shadow-aware detection probabilities and car following."""
     chosen = AwareJpdaOptions.model_validate(dict(options))
-    awareness, layout = Awareness(chosen, setting.sensor), chosen.layout
+    awareness, layout = Awareness(chosen, setting.sensor, setting.road), chosen.layout
     predictor = CarFollowingPredictor(
         _transition_model(chosen), awareness=awareness, speed_row=layout.speed, lon_row=layout.lon
     )

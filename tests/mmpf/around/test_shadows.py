@@ -7,11 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmpf.around.plane import SensorPlane
 from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
 from mmpf.compute.arrays import FloatArray
 from mmpf.options import MEAN_CAR
+from mmpf.road import Road
 from mmpf.scan import FreeSpace
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre
+
+PLANE = SensorPlane(ego_at(), ROAD)
 
 
 def cars(count: int) -> Bodies:
@@ -21,31 +25,38 @@ def cars(count: int) -> Bodies:
 def visibility(lon: list[float], lat: list[float], bodies: Bodies | None = None) -> FloatArray:
     lon_m, lat_m = np.array(lon), np.array(lat)
     bodies = bodies or cars(len(lon))
-    table = depth_table(ego_at(), lon_m, lat_m, np.ones(len(lon), dtype=np.bool_), bodies)
-    return visible_fractions(ego_at(), lon_m, lat_m, np.arange(len(lon)), bodies, table)
+    table = depth_table(PLANE, lon_m, lat_m, np.ones(len(lon), dtype=np.bool_), bodies)
+    return visible_fractions(PLANE, lon_m, lat_m, np.arange(len(lon)), bodies, table)
 
 
 def traced_visibility(lon: FloatArray, lat: FloatArray, bodies: Bodies, rays: int = 4000) -> FloatArray:
     """Share of the rays to points on each vehicle's silhouette that meet no nearer vehicle, ray by ray."""
     ego = ego_at()
+    return traced(np.stack([lon - ego.lon_m, lat - ego.lat_m]), np.zeros(len(lon)), bodies, rays)
+
+
+def traced(places: FloatArray, heading: FloatArray, bodies: Bodies, rays: int = 4000) -> FloatArray:
+    """The same for vehicles at places (2, n) in the plane, from its origin, that point where they point."""
     halves = 0.5 * np.stack([bodies.length_m, bodies.width_m], axis=-1)
     signs = np.array([(sx, sy) for sx in (-1, 1) for sy in (-1, 1)])
-    result = np.empty(len(lon))
-    for k in range(len(lon)):
-        corners = signs * halves[k]
-        centre = np.array([lon[k] - ego.lon_m, lat[k] - ego.lat_m])
+    turns = np.array([[[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]] for h in heading])
+    result = np.empty(places.shape[1])
+    for k in range(len(result)):
+        corners = signs * halves[k] @ turns[k].T
+        centre = places[:, k]
         bearings = np.arctan2(*(centre + corners).T[::-1])
         middle = np.arctan2(centre[1], centre[0])
         relative = np.mod(bearings - middle + np.pi, 2 * np.pi) - np.pi
         angle = middle + np.linspace(relative.min(), relative.max(), rays)
         direction = np.stack([np.cos(angle), np.sin(angle)])
         blocked = np.zeros(rays, dtype=np.bool_)
-        for other in range(len(lon)):
+        for other in range(len(result)):
             if other == k:
                 continue
-            box = np.array([lon[other] - ego.lon_m, lat[other] - ego.lat_m])[:, None]
+            # In the other's own frame it lies along the axes.
+            box, turned = (turns[other].T @ places[:, other])[:, None], turns[other].T @ direction
             half = halves[other][:, None]
-            near, far = (box - half) / direction, (box + half) / direction
+            near, far = (box - half) / turned, (box + half) / turned
             enter, leave = np.minimum(near, far).max(axis=0), np.maximum(near, far).min(axis=0)
             blocked |= (enter <= leave) & (enter > 0.0) & (enter < np.hypot(*centre))
         result[k] = 1.0 - blocked.mean()
@@ -91,12 +102,11 @@ def test_the_sensors_own_free_space_asserts_occlusion() -> None:
     sectors = np.full(720, 100.0)
     sectors[350:370] = 30.0
     share = shadowed_share(
-        ego_at(),
+        PLANE,
         np.array([20.0, 60.0, 60.0]),
         np.array([lane_centre(2)] * 2 + [lane_centre(2) + 40.0]),
         cars(3),
         FreeSpace(sectors),
-        ROAD,
     )
     assert share == pytest.approx([0.0, 1.0, 0.0])
 
@@ -106,7 +116,7 @@ def test_a_vehicle_is_covered_from_where_its_middle_passes_the_free_distance(mid
     ahead = np.array([middle_m]), np.array([lane_centre(2)])
     for length_m in (4.7, 18.0):
         bodies = Bodies(np.array([length_m]), np.array([1.9]))
-        assert shadowed_share(ego_at(), *ahead, bodies, FreeSpace(np.full(720, 30.0)), ROAD) == pytest.approx([hidden])
+        assert shadowed_share(PLANE, *ahead, bodies, FreeSpace(np.full(720, 30.0))) == pytest.approx([hidden])
 
 
 @pytest.mark.parametrize("sectors_turned", [0, 90, 333, -200])
@@ -115,12 +125,40 @@ def test_what_the_sensor_covers_does_not_depend_on_where_the_road_leads(sectors_
     lon, lat = rng.uniform(-80.0, 80.0, 40), rng.uniform(-15.0, 30.0, 40)
     bodies = Bodies(rng.uniform(3.5, 15.0, 40), rng.uniform(1.6, 2.6, 40))
     free_m = np.repeat(rng.uniform(5.0, 80.0, 72), 10)
-    straight = shadowed_share(ego_at(), lon, lat, bodies, FreeSpace(free_m), ROAD)
+    straight = shadowed_share(PLANE, lon, lat, bodies, FreeSpace(free_m))
     turn_rad = 2.0 * np.pi * sectors_turned / 720
     turned_road = replace(ROAD, reference_xy=((3.0, -7.0), (3.0 + np.cos(turn_rad), -7.0 + np.sin(turn_rad))))
-    turned = shadowed_share(ego_at(), lon, lat, bodies, FreeSpace(np.roll(free_m, sectors_turned)), turned_road)
+    plane = SensorPlane(ego_at(), turned_road)
+    turned = shadowed_share(plane, lon, lat, bodies, FreeSpace(np.roll(free_m, sectors_turned)))
     assert turned == pytest.approx(straight)
     assert 0.2 < straight.mean() < 0.8
+
+
+@given(st.integers(0, 10_000), st.sampled_from([60.0, 100.0, 400.0, -100.0]))
+@settings(max_examples=25, deadline=None)
+def test_on_a_bend_the_table_agrees_with_ray_tracing_in_the_plane(seed: int, radius_m: float) -> None:
+    rng = np.random.default_rng(seed)
+    road = bend(radius_m)
+    lane = rng.integers(0, 5, 12)
+    lon = np.arange(12) * 12.0 - 70.0 + rng.uniform(-2.0, 2.0, 12)
+    keep = ~((np.abs(lon) < 8.0) & (np.abs(lane - 2) < 2))
+    lon, lat = lon[keep], np.array([lane_centre(k) for k in lane[keep]])
+    bodies = Bodies(rng.uniform(3.5, 8.0, len(lon)), rng.uniform(1.6, 2.6, len(lon)))
+    plane = SensorPlane(ego_at(), road)
+    table = depth_table(plane, lon, lat, np.ones(len(lon), dtype=np.bool_), bodies)
+    found = visible_fractions(plane, lon, lat, np.arange(len(lon)), bodies, table)
+    sensor = np.stack(road.to_cartesian(np.array([0.0]), np.array([ego_at().lat_m])))
+    places = np.stack(road.to_cartesian(lon, lat)) - sensor
+    difference = np.abs(found - traced(places, road.heading_at(lon), bodies))
+    assert difference.max() < 0.25
+    assert difference.mean() < 0.05
+
+
+def bend(radius_m: float) -> Road:
+    """The test road, laid along a circle to the left (to the right if negative) that begins far behind the sensor."""
+    angle = np.arange(-150.0, 150.0) / radius_m + 0.3
+    circle = radius_m * np.stack([np.sin(angle), -np.cos(angle)], axis=-1)
+    return replace(ROAD, reference_xy=tuple(map(tuple, circle.tolist())), reference_start_m=-150.0)
 
 
 @pytest.mark.parametrize("spread_m", [0.05, 1.0, 8.0])
@@ -132,8 +170,8 @@ def test_visible_fractions_are_those_of_each_particle_ray_by_ray(spread_m: float
     lon_m, lat_m = centre[:, component] + rng.normal(0.0, spread_m, (2, len(component)))
     ego = ego_at(0.0)
     bodies = Bodies(rng.uniform(3.0, 20.0, components), rng.uniform(1.5, 2.6, components))
-    table = depth_table(ego, centre[0], centre[1], rng.random(components) < 0.7, bodies)
-    found = visible_fractions(ego, lon_m, lat_m, component, bodies, table)
+    table = depth_table(PLANE, centre[0], centre[1], rng.random(components) < 0.7, bodies)
+    found = visible_fractions(PLANE, lon_m, lat_m, component, bodies, table)
     sectors = table.depth_m.shape[1]
     for n in range(len(component)):
         x, y = lon_m[n] - ego.lon_m, lat_m[n] - ego.lat_m

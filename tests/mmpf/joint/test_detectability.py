@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.joint.detectability import detection_probabilities, distances_m
+from mmpf.joint.detectability import detection_probabilities
 from mmpf.scan import SensorModel
-from tests.mmpf.scenes import ego_at
 
 
 def test_detection_probability_falls_with_the_hidden_share_and_ends_at_the_range() -> None:
@@ -23,7 +22,3 @@ def test_a_detection_is_as_probable_as_the_data_sheet_says(visible: float, dista
     found = detection_probabilities(np.array([visible]), np.array([distance_m]), sensor, 0.02)[0]
     unseen = visible < 0.1 or distance_m > 80.0
     assert found == pytest.approx(0.02 if unseen else 0.9 * min(visible / 0.5, 1.0))
-
-
-def test_distances_are_those_from_the_sensor() -> None:
-    assert distances_m(ego_at(10.0, 2.0), np.array([13.0, 10.0]), np.array([6.0, 2.0])) == pytest.approx([5.0, 0.0])

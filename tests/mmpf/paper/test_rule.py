@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.motion import motion_model
@@ -14,7 +15,6 @@ from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.paper_options import MaxLikelihoodOptions, PaperReclustering
-from mmpf.road import Road
 from mmpf.scan import FreeSpace, SensorModel
 from mmpf.state import LON
 from mmpf.tracker import MixtureTracker
@@ -26,9 +26,9 @@ LANE = lane_centre(2)
 CHARITABLE = {"reading": "charitable"}
 
 
-def rule_with(settings: dict[str, object], road: Road = ROAD) -> MaxLikelihoodUpdate:
+def rule_with(settings: dict[str, object]) -> MaxLikelihoodUpdate:
     options = FilterOptions.model_validate({"update": "max_likelihood", "particles": 400, "max_likelihood": settings})
-    return MaxLikelihoodUpdate(options, road)
+    return MaxLikelihoodUpdate(options)
 
 
 def after_merging(rule: MaxLikelihoodUpdate, belief: Mixture) -> Mixture:
@@ -44,8 +44,9 @@ def test_a_covered_car_performs_no_update_wherever_the_road_leads(turn_deg: int)
     ahead[350:370] = 30.0
     prior, situation = mixture_at([(20.0, LANE), (60.0, LANE), (-60.0, LANE)]), situation_with([])
     free_space = FreeSpace(np.roll(ahead, 2 * turn_deg))
-    situation = replace(situation, scan=replace(situation.scan, free_space=free_space))
-    occlusion = rule_with({}, road).assert_occlusion(prior, component_moments(prior), situation)
+    scan = replace(situation.scan, free_space=free_space)
+    situation = replace(situation, scan=scan, plane=SensorPlane(scan.ego, road))
+    occlusion = rule_with({}).assert_occlusion(prior, component_moments(prior), situation)
     assert occlusion.detection_probability[prior.starts[:-1]].tolist() == [1.0, 0.0, 1.0]
 
 

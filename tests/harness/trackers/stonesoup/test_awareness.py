@@ -39,7 +39,7 @@ def track_at(number: int, lon_m: float, lat_m: float, speed_mps: float = 20.0, s
 
 
 def awareness_of(tracks: list[Track], **options: object) -> Awareness:
-    awareness = Awareness(AwareJpdaOptions.model_validate(options), SENSOR)
+    awareness = Awareness(AwareJpdaOptions.model_validate(options), SENSOR, ROAD)
     awareness.learn(0.0, tracks)
     return awareness
 
