@@ -22,6 +22,7 @@ from harness.comparison.verdicts import (
     Verdict,
     compared_quantities,
     judge,
+    name_of,
 )
 from harness.comparison.why import Why
 from harness.errors import InputError
@@ -76,7 +77,7 @@ class Comparison:
         lacking: dict[str, list[str]] = {}
         for verdict in self.verdicts:
             if verdict.wanting:
-                lacking.setdefault(f"{verdict.label}: {verdict.wanting}", []).append(verdict.metric)
+                lacking.setdefault(f"{verdict.label}: {verdict.wanting}", []).append(name_of(verdict.metric))
         of_metrics = [f"{why} ({_some(names)})." for why, names in lacking.items()]
         unsure = [verdict for verdict in self.verdicts if verdict.verdict == UNDECIDED and not verdict.wanting]
         of_scatter = [self._more_needed(unsure)] if unsure else []
@@ -98,7 +99,7 @@ class Comparison:
 
     def _more_needed(self, unsure: list[Verdict]) -> str:
         """Return how much more would decide what an interval leaves open."""
-        names = _some([verdict.metric for verdict in unsure])
+        names = _some([name_of(verdict.metric) for verdict in unsure])
         if self.units == "vehicles":
             return f"The intervals of {names} leave it open; compare grids of several seeds."
         known = [verdict.more_units for verdict in unsure if verdict.more_units is not None]

@@ -55,6 +55,17 @@ def compared_quantities(primary: Sequence[str] = PRIMARY) -> list[Quantity]:
     return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))
 
 
+def quantity_of(metric: str) -> Quantity:
+    """Return the compared metric of a key."""
+    return next(each for each in (*compared_quantities(), STEP_TIME) if each.key == metric)
+
+
+def name_of(metric: str) -> str:
+    """Return a compared metric's name in words, without its unit."""
+    label = quantity_of(metric).label
+    return label.rpartition(",")[0] or label
+
+
 @dataclass(frozen=True)
 class Measured:
     """The difference of one metric.

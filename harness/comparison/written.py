@@ -12,15 +12,14 @@ from harness.comparison.compare import Comparison
 from harness.comparison.verdicts import (
     BETTER,
     NO_WORSE,
-    STEP_TIME,
     UNDECIDED,
     UNTESTED,
     WORSE,
     Verdict,
-    compared_quantities,
+    name_of,
+    quantity_of,
 )
 from harness.comparison.why import CAUSES, KINDS, Failure, Why, link_to, moment_of
-from harness.scoring.quantity import Quantity
 from harness.writing.markdown import markdown_table
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
@@ -36,10 +35,10 @@ def conclusion(comparison: Comparison) -> str:
     ]
     found = f"of {len(judged)} verdicts {', '.join(counts)}"
     if outcome == WORSE:
-        worse = ", ".join(f"{_label(verdict)}{_percent(verdict)}" for verdict in judged if verdict.regression)
+        worse = ", ".join(f"{name_of(verdict.metric)}{_percent(verdict)}" for verdict in judged if verdict.regression)
         return f"Worse: b is worse in {worse}; {found}."
     if outcome == UNDECIDED:
-        return f"Undecided: {found}. {' '.join(comparison.reasons)}"
+        return f"Undecided: {found}."
     return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %; {found}."
 
 
@@ -50,7 +49,7 @@ def as_markdown(comparison: Comparison, with_replay: bool = False) -> str:
         comparison: The comparison.
         with_replay: Whether it stands on a page with a replay of its own, which moments lead to then.
     """
-    lines = [f"## {conclusion(comparison)}", "", f"a: `{comparison.a}`, b: `{comparison.b}`", ""]
+    lines = [f"## {conclusion(comparison)}", "", *_open(comparison), f"a: `{comparison.a}`, b: `{comparison.b}`", ""]
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
         verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
         lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
@@ -68,7 +67,13 @@ def print_comparison(comparison: Comparison) -> None:
         parts.append(_screen_causes(comparison.why))
     parts += [Text(note) for note in comparison.notes]
     style = COLOURS[comparison.outcome]
-    Console(stderr=True, highlight=False).print(Group(*parts, Text(conclusion(comparison), style=style)))
+    told = " ".join((conclusion(comparison), *_open(comparison)))
+    Console(stderr=True, highlight=False).print(Group(*parts, Text(told.strip(), style=style)))
+
+
+def _open(comparison: Comparison) -> list[str]:
+    """Return why nothing may be concluded as a paragraph in Markdown; nothing where something may be."""
+    return [" ".join(comparison.reasons), ""] if comparison.outcome == UNDECIDED else []
 
 
 EXPLANATION = (
@@ -142,7 +147,7 @@ def _marked_cells(verdict: Verdict) -> list[str]:
 
 
 def _cells(verdict: Verdict) -> list[str]:
-    quantity = _quantity(verdict)
+    quantity = quantity_of(verdict.metric)
     decimals = quantity.decimals + 1
     low, high = (_number(end, decimals, True) for end in verdict.ci95)
     return [
@@ -155,14 +160,6 @@ def _cells(verdict: Verdict) -> list[str]:
         str(verdict.pairs),
         verdict.verdict,
     ]
-
-
-def _quantity(verdict: Verdict) -> Quantity:
-    return next(each for each in (*compared_quantities(), STEP_TIME) if each.key == verdict.metric)
-
-
-def _label(verdict: Verdict) -> str:
-    return _quantity(verdict).label.rpartition(",")[0]
 
 
 def _number(value: float, decimals: int, signed: bool = False) -> str:

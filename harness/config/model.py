@@ -145,6 +145,12 @@ class TrackerConfig(_Strict):
                     object.__setattr__(self, name, value)
         return self
 
+    def in_words(self) -> str:
+        """Return the tracker with its motion model and rule in words."""
+        model = f" with the motion model {self.model}" if self.model else ""
+        rule = " and the paper's update rule" if self.update == "max_likelihood" else ""
+        return f"{self.name}{model}{rule}"
+
     def all_options(self) -> dict[str, object]:
         """Return everything that is set as the options of the tracker's factory."""
         named = {name: getattr(self, name) for name in ("model", "update", "particles", "model_file")}
@@ -189,9 +195,7 @@ class RunConfig(_Strict):
             where = f"recording {Path(self.replay).stem}{road}, seen from vehicle {traffic.recording.ego}"
         else:
             where = f"traffic on {traffic.net}" + (f", {demand}" if demand else "")
-        model = f" with the motion model {tracker.model}" if tracker.model else ""
-        rule = " and the paper's update rule" if tracker.update == "max_likelihood" else ""
-        return f"{tracker.name}{model}{rule}: {where}"
+        return f"{tracker.in_words()}: {where}"
 
     def default_folder_name(self) -> str:
         """Return a name for the run's folder that tells its main settings."""

@@ -11,9 +11,10 @@ import pandas as pd
 from harness.comparison.compare import Comparison
 from harness.comparison.why import SWITCH, Failure, Why
 from harness.comparison.written import as_markdown
+from harness.report.charts.comparison import comparison_charts
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.folderpage import as_html, text_page, title_of
-from harness.report.page import MOST_SHOWN, render, replay_parts
+from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
 from harness.report.replay_data import Beside
 from harness.runfolder.checks import sound_tables
 from harness.runfolder.tables import floats
@@ -37,8 +38,10 @@ def comparison_page(comparison: Comparison) -> str:
         InputError: A table of one of two single runs is missing or broken.
     """
     both = _same_detections(comparison.why) if comparison.why is not None else None
+    effects = comparison_charts(comparison)
+    charts = {"Differences": effects} if effects is not None else {}
     if comparison.why is None or both is None:
-        return text_page(as_markdown(comparison))
+        return text_page(as_markdown(comparison), charts)
     why, text = comparison.why, as_markdown(comparison, with_replay=True)
     a, b = both
     marks = differences(a, b, (why.a, why.b))
@@ -46,6 +49,8 @@ def comparison_page(comparison: Comparison) -> str:
         "comparison.html.j2",
         title=title_of([text]) or "Comparison",
         text=as_html(text),
+        charts=charts,
+        **chart_parts(list(charts.values())),
         **replay_parts(a, Beside(b, marks, first_failure(why)), _headings(why, both)),
     )
 
@@ -126,9 +131,7 @@ def _same_detections(why: Why) -> tuple[RecordedRun, RecordedRun] | None:
     return (a, b) if seen[0].equals(seen[1]) else None
 
 
-def _headings(why: Why, runs: tuple[RecordedRun, RecordedRun]) -> tuple[str, ...]:
-    def heading(run: RecordedRun, folder: str) -> str:
-        tracker = run.config.tracker
-        return f"{' '.join(word for word in (tracker.name, tracker.model, tracker.update) if word)} ({folder})"
-
-    return tuple(heading(run, folder) for run, folder in zip(runs, (why.folder_a, why.folder_b), strict=True))
+def _headings(why: Why, runs: tuple[RecordedRun, RecordedRun]) -> tuple[tuple[str, str], ...]:
+    """Return for each side its tracker in words, and its folder."""
+    folders = (why.folder_a, why.folder_b)
+    return tuple((run.config.tracker.in_words(), folder) for run, folder in zip(runs, folders, strict=True))

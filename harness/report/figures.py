@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from harness.report.scene import BLUE, GREEN, ORANGE, VERMILION, Scene, scene_figure
 from harness.running.run import Pictured
 from harness.writing.plots import mark_new_egos, stretch_s, strip
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION}
 NAMES = {"visible": "visible", "partial": "partly hidden", "hidden": "hidden"}
@@ -60,7 +60,7 @@ def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
     for axes, (column, _, label) in zip(panels, ERROR_COLUMNS, strict=True):
         ends: list[End] = []
         for state, colour in COLOURS.items():
-            times, means = _means_over_time(tracked[tracked["state"] == state], column, width_s)
+            times, means, _ = means_over_time(tracked[tracked["state"] == state], column, width_s)
             axes.plot(times, means, color=colour, linewidth=1.8, marker="o", markersize=3)
             if np.isfinite(means).any():
                 last = np.flatnonzero(np.isfinite(means))[-1]
@@ -113,15 +113,15 @@ def _bar(axes: Axes, place: int, state: str, row: Mapping[str, Any], key: str) -
     return float(high)
 
 
-def _means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the middle of each stretch of time and the mean absolute value in it, nan where too few samples are."""
+def means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the middle of each stretch of time, the mean absolute value in it, nan with too few samples, and these."""
     if not len(rows):
-        return np.zeros(0), np.zeros(0)
+        return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
     stretch = (rows["time_s"].to_numpy(dtype=np.float64) / width_s + 1e-9).astype(np.int64)
     count = np.bincount(stretch)
     total = np.bincount(stretch, weights=np.abs(rows[column].to_numpy(dtype=np.float64)))
     means = np.where(count >= FEWEST_SAMPLES, total / np.maximum(count, 1), np.nan)
-    return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64)
+    return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64), count
 
 
 def diagnostics_figure(diagnostics: pd.DataFrame, title: str) -> Figure:

@@ -25,7 +25,7 @@ from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 
 WHEN = ("step", "time_s", "episode")
-ERROR_COLUMNS = ("step", "vehicle_id", "track_id", "lon_error_m", "lat_error_m", "outcome")
+ERROR_COLUMNS = (*WHEN, "vehicle_id", "state", "track_id", "lon_error_m", "lat_error_m", "speed_error_mps", "outcome")
 PARTICLE_COLUMNS = ("step", "lon_m", "lat_m")
 EVENT_COLUMNS = ("vehicle_id", "from_step", "to_step", "duration_s", "track_id", "outcome", "reacquire_s")
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
@@ -13,8 +14,9 @@ from markupsafe import Markup
 
 from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.errors import InputError
+from harness.report.charts.chart import Charts
 from harness.report.gridruns import runs_of
-from harness.report.page import PageFigure, embedded, page_of, render, write_run_page
+from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
@@ -24,6 +26,8 @@ from harness.writing.files import write_text
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
 STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", NO_WORSE: "same", UNDECIDED: "same", UNTESTED: "same"}
+CURVES = "over_"
+"""How the names of pictures begin that a grid's charts stand in place of."""
 INTERVAL = re.compile(r"([-+\d.]+(?: %)?) (\[[-+\d., ]+\])")
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
@@ -53,21 +57,27 @@ def folder_page(folder: Path) -> str:
     """Return a page with a folder's Markdown texts, pictures, table of runs and settings."""
     texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
     documents = {name: (folder / name).read_text(encoding="utf-8") for name in DOCUMENTS if (folder / name).is_file()}
+    runs = runs_of(folder)
+    charts = {f"Over {axis}": group for axis, group in runs.charts.items()} if runs is not None else {}
     return render(
         "folder.html.j2",
         title=title_of(texts) or folder.resolve().name,
         text=Markup("\n").join(as_html(text) for text in texts),
-        runs=runs_of(folder),
-        figures=_figures(folder),
+        runs=runs,
+        charts=charts,
+        figures=_figures(folder, without=CURVES if charts else None),
         tables=_tables(folder),
         documents={name: text for name, text in documents.items() if len(text) <= MOST_DOCUMENT_LETTERS},
+        **chart_parts(list(charts.values())),
     )
 
 
-def text_page(text: str) -> str:
-    """Return a page that holds a Markdown text, for example that of a comparison."""
-    title = title_of([text]) or "Results"
-    return render("folder.html.j2", title=title, text=as_html(text), runs=None, figures=[], tables={}, documents={})
+def text_page(text: str, charts: Mapping[str, Charts] | None = None) -> str:
+    """Return a page that holds a Markdown text, for example that of a comparison, below charts with their headings."""
+    title, charts = title_of([text]) or "Results", charts or {}
+    nothing: dict[str, Any] = {"figures": [], "tables": {}, "documents": {}, "runs": None}
+    parts = chart_parts(list(charts.values()))
+    return render("folder.html.j2", title=title, text=as_html(text), charts=charts, **nothing, **parts)
 
 
 def _can_be_shown(folder: Path) -> bool:
@@ -117,9 +127,11 @@ def _break_before_intervals(tokens: Sequence[Token]) -> None:
             content.children = [Token("html_inline", "", 0, content=below)]
 
 
-def _figures(folder: Path) -> list[PageFigure]:
+def _figures(folder: Path, without: str | None = None) -> list[PageFigure]:
     figures, total = [], 0
     for picture in _pictures(folder):
+        if without is not None and picture.name.startswith(without):
+            continue
         total += picture.stat().st_size
         if total <= MOST_PICTURE_BYTES:
             figures.append(PageFigure(embedded(picture), picture.stem.replace("_", " ").replace("-", " ")))

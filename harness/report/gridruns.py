@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from harness.comparison.verdicts import compared_quantities
@@ -18,6 +19,9 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.gridfolder import GRID, KEPT, RUNS
 from harness.grid.rerun import command_of
 from harness.grid.rows import column_of
+from harness.grid.summary import sums_and_weights
+from harness.report.charts.chart import Charts
+from harness.report.charts.grid import grid_charts
 from harness.report.page import PAGE
 from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
@@ -51,12 +55,15 @@ class RunsOfGrid:
         overview: One row a tracker, one column a setting; each value leads to its cell.
         cells: The cells, in the order of the overview's links.
         left_out: How many runs are not listed.
+        charts: The curves over each axis, by its name in words, whose points lead to the cells; empty where the grid
+            has none.
     """
 
     metric: str
     overview: Markup
     cells: tuple[CellOfRuns, ...]
     left_out: int
+    charts: Mapping[str, Charts]
 
 
 def runs_of(folder: Path) -> RunsOfGrid | None:
@@ -76,23 +83,37 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     listed = placed[:MOST_LISTED]
     cells: list[CellOfRuns] = []
     links: dict[tuple[str, str], Markup] = {}
+    cell_of: list[int | None] = [None] * len(placed)
     beside = {run.key: cell.runs[0] for cell in grid.cells for run in cell.runs[1:]}
     for number, ((tracker, setting), members) in enumerate(groupby(listed, key=lambda each: each[:2]), start=1):
         runs = [(place, run) for _, _, place, run in members]
-        means = np.array([values[place, 0] for place, _ in runs])
-        found = means[np.isfinite(means)]
-        text = f"{found.mean():.{shown[0].decimals}f}" if len(found) else "-"
+        text = _mean(table.iloc[[place for place, _ in runs]], shown[0])
         links[tracker, setting] = Markup("<a href='#cell-{}'>{}</a>").format(number, text)
         rows = [_row(folder, run, shown, values[place], beside.get(run.key)) for place, run in runs]
+        for place, _ in runs:
+            cell_of[place] = number
         headings = ["seed", *(quantity.heading or quantity.label for quantity in shown), "run"]
         cells.append(CellOfRuns(f"{tracker}, {setting}", html_table(headings, rows)))
     order = {setting: _order(run) for _, setting, _, run in listed}
     settings = sorted(order, key=lambda setting: order[setting])
     trackers = list(dict.fromkeys(tracker for tracker, _ in links))
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
+    has_curves = not grid.is_replay and not any(run.mismatch for run in grid.runs)
     return RunsOfGrid(
-        shown[0].label, html_table(["tracker", *settings], overview), tuple(cells), len(placed) - len(listed)
+        metric=shown[0].label,
+        overview=html_table(["tracker", *settings], overview),
+        cells=tuple(cells),
+        left_out=len(placed) - len(listed),
+        charts=grid_charts(table, grid.axes, cell_of) if has_curves else {},
     )
+
+
+def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
+    """Return the mean over a cell's runs, weighted as in the curves."""
+    sums, weight = sums_and_weights(runs, quantity)
+    known = np.isfinite(sums) & np.isfinite(weight)
+    total = weight[known].sum()
+    return f"{sums[known].sum() / total:.{quantity.decimals}f}" if total > 0.0 else "-"
 
 
 def plan_of(folder: Path) -> Grid | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.errors import InputError
-from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME, SCENE
+from harness.report.charts.chart import Charts, charts_data, library
+from harness.report.charts.run import error_charts, visibility_charts
+from harness.report.figures import DIAGNOSTICS, SCENE
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import Beside, replay_data
@@ -31,8 +33,6 @@ SCRIPTS = tuple(f"replay_{part}.js" for part in ("frame", "picture", "course", "
 MOST_SHOWN = 800_000
 """Rows of the truth that a page is made of; of a longer run it shows the beginning."""
 FIGURES = {
-    BY_VISIBILITY: "Mean absolute error for visible, partly hidden and hidden vehicles, with 95 % intervals",
-    OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
     SCENE: "The road from above at the moment with the most hidden tracks, with the tracker's particles if it has any",
     DIAGNOSTICS: "What the tracker did at each step: its particles' effective number, births, deaths and merges",
 }
@@ -106,6 +106,7 @@ def run_page(run: RecordedRun) -> str:
     """Return the page of a run; its failure gallery is drawn into the run's folder on the way."""
     recorded_s = run.truth["time_s"].max() - run.truth["time_s"].min() if len(run.truth) else 0.0
     shown = f"{recorded_s:.0f} s" if run.whole else f"replay and failures of its first {recorded_s:.0f} s"
+    by_visibility, over_time = visibility_charts(run.metrics["mae"]), error_charts(run.errors)
     return render(
         "run.html.j2",
         title=f"Tracking run: {run.config.title()}",
@@ -126,17 +127,22 @@ def run_page(run: RecordedRun) -> str:
         mot_table=mot_table(run.metrics),
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
+        by_visibility=by_visibility,
+        over_time=over_time,
+        **chart_parts([by_visibility, over_time]),
         **replay_parts(run),
     )
 
 
-def replay_parts(run: RecordedRun, beside: Beside | None = None, sides: tuple[str, ...] = ()) -> dict[str, object]:
+def replay_parts(
+    run: RecordedRun, beside: Beside | None = None, sides: tuple[tuple[str, str], ...] = ()
+) -> dict[str, object]:
     """Return what the templates of the replay need.
 
     Args:
         run: The run.
         beside: Another tracker on the same detections, in a pane of its own.
-        sides: Heading of each pane; empty where there is one.
+        sides: Heading of each pane and where its run lies; empty where there is one pane.
     """
     runs = (run,) if beside is None else (run, beside.run)
     return {
@@ -144,6 +150,16 @@ def replay_parts(run: RecordedRun, beside: Beside | None = None, sides: tuple[st
         "has_particles": any(each.particles is not None for each in runs),
         "replay_json": _script_json(replay_data(run, beside)),
         "script": Markup("\n".join(_template_text(name) for name in SCRIPTS)),
+    }
+
+
+def chart_parts(groups: Sequence[Charts]) -> dict[str, object]:
+    """Return what the templates of the charts need: nothing of the library where there are no charts."""
+    specs = charts_data(groups)
+    return {
+        "chart_json": _script_json(specs) if specs else None,
+        "chart_library": library() if specs else "",
+        "chart_script": Markup(_template_text("charts.js")),
     }
 
 

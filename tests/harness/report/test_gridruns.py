@@ -65,9 +65,10 @@ def grid(tmp_path):
     (folder / "grid.json").write_text(json.dumps(asdict(request)))
     (folder / "table.md").write_text("# Stress\n\n| a | b |\n|---|---|\n| x | 91.5 [90.1, 92.9] |\n")
     runs = plan_grid(request).runs
-    columns = {"hidden.hidden_cost_m": 0.5, "occlusion.same_id_percent": 80.0, "mot.hota": 91.0}
+    columns = {"hidden.hidden_cost_m": 0.5, "hidden.n": 10.0, "occlusion.same_id_percent": 80.0, "mot.hota": 91.0}
     rows = [run.identity() | columns | {"succeeded": True} for run in runs]
-    rows[0]["hidden.hidden_cost_m"], rows[2]["hidden.hidden_cost_m"] = 1.0, 3.0
+    rows[0] |= {"hidden.hidden_cost_m": 1.0, "hidden.n": 30.0}
+    rows[2] |= {"hidden.hidden_cost_m": 3.0, "hidden.n": 10.0}
     pd.DataFrame(rows).to_parquet(folder / "runs.parquet")
     return folder, runs
 
@@ -77,7 +78,7 @@ def test_the_page_leads_from_each_cell_to_its_runs_and_tells_their_commands(grid
     page = write_page(folder).read_text(encoding="utf-8")
     links = re.findall(r"<a href='#cell-(\d)'>([\d.]+)</a>", page)
     assert [number for number, _ in links] == ["1", "2", "3", "4"]
-    assert float(links[0][1]) == 2.0, "the mean of both seeds"
+    assert float(links[0][1]) == 1.5, "the mean of both seeds by their vehicle-steps, as in the curves"
     for number, _ in links:
         assert f'id="cell-{number}"' in page
     commands = re.findall(r"<code class='command'>([^<]*)</code>", page)

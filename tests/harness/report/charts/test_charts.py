@@ -1,0 +1,153 @@
+import gzip
+import importlib.util
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.comparison.compare import Comparison
+from harness.comparison.verdicts import UNTESTED, WORSE, Rules, Verdict
+from harness.grid.grid import GridRequest, plan_grid
+from harness.report.charts.chart import LIBRARY, charts_data, library
+from harness.report.charts.comparison import comparison_charts
+from harness.report.charts.grid import grid_charts
+from harness.report.charts.run import error_charts, visibility_charts
+from harness.report.finished import read_recorded_run
+from harness.report.folderpage import text_page
+from tests.harness.recorded_scene import write_recorded_scene
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return read_recorded_run(write_recorded_scene(tmp_path_factory.mktemp("runs") / "run"))
+
+
+def grid_table():
+    runs = plan_grid(GridRequest(densities="20,45", trackers="mmpf,stonesoup-jpda", seeds="2")).runs
+    rows = [run.identity() | {"succeeded": True, "mot.hota": 80.0 + place} for place, run in enumerate(runs)]
+    return pd.DataFrame(rows)
+
+
+def verdict(**changes):
+    base = Verdict(
+        "mmpf gmm", "hidden.hidden_cost_m", True, 2.0, 3.0, 1.0, (0.5, 1.5), 0.01, 10, 10.0, 0.04, WORSE, True
+    )  # fmt: skip
+    return replace(base, **changes)
+
+
+def rows_of(chart):
+    return chart.spec["data"]["values"]
+
+
+def test_each_point_of_a_curve_is_a_mean_over_seeds_and_leads_to_the_cells_of_its_runs():
+    table = grid_table()
+    cells = [100 * int(row.density) + (row.variant == "mmpf") for row in table.itertuples()]
+    (group,) = grid_charts(table, (), cells).values()
+    chart = next(chart for chart in group.charts if chart.title == "HOTA in sight, %")
+    assert len(rows_of(chart)) == 4
+    for row in rows_of(chart):
+        mine = (table["density"] == row["place"]) & (table["variant"] == row["tracker"].split()[0])
+        assert row["mean"] == pytest.approx(table.loc[mine, "mot.hota"].mean())
+        assert row["low"] < row["mean"] < row["high"]
+        assert row["cells"] == sorted({cell for cell, chosen in zip(cells, mine, strict=True) if chosen})
+    assert [name for name, _ in group.lines] == list(dict.fromkeys(row["tracker"] for row in rows_of(chart)))
+
+
+def test_runs_that_no_cell_lists_lead_nowhere():
+    table = grid_table()
+    (group,) = grid_charts(table, (), [None] * len(table)).values()
+    assert {tuple(row["cells"]) for chart in group.charts for row in rows_of(chart)} == {()}
+
+
+def error_table():
+    """Return errors of ten vehicles for three seconds; one of them is not followed, half are hidden after a second."""
+    rng = np.random.default_rng(1)
+    step, vehicle = (grid.ravel() for grid in np.meshgrid(np.arange(30), np.arange(10), indexing="ij"))
+    columns = {name: rng.normal(size=300) for name in ("lon_error_m", "lat_error_m", "speed_error_mps")}
+    return pd.DataFrame(
+        {
+            "time_s": np.round(0.1 * step, 1), "episode": 0, **columns,
+            "state": np.where((vehicle < 5) & (step >= 10), "hidden", "visible"),
+            "outcome": np.where(vehicle == 9, "lost", "tracked"),
+        }
+    )  # fmt: skip
+
+
+def test_the_error_over_time_is_the_mean_of_what_is_followed_in_each_stretch():
+    table = error_table()
+    chart = error_charts(table).charts[0]
+    followed = table[table["outcome"] == "tracked"]
+    assert len(rows_of(chart)) == 15 + 10, "stretches of 0.2 s, those with hidden vehicles from the first second on"
+    for row in rows_of(chart):
+        since = followed["time_s"] - (row["time"] - 0.1)
+        within = followed[(since > -1e-6) & (since < 0.2 - 1e-6) & (followed["state"] == row["state"])]
+        assert row["mean"] == pytest.approx(np.abs(within["lon_error_m"]).mean())
+        assert int(row["n"]) == len(within)
+
+
+def test_bars_by_visibility_are_those_of_the_metrics(run):
+    names = {"visible": "visible", "partly hidden": "partial", "hidden": "hidden"}
+    for key, chart in zip(("lon_m", "lat_m", "speed_mps"), visibility_charts(run.metrics["mae"]).charts, strict=True):
+        for row in rows_of(chart):
+            assert row["mean"] == run.metrics["mae"][names[row["state"]]][key]
+
+
+def test_better_is_to_the_right_whatever_a_metrics_direction():
+    # The hidden cost grew by half: worse. HOTA grew by a tenth: better.
+    hota = verdict(metric="mot.hota", a=80.0, b=88.0, difference=8.0, ci95=(4.0, 12.0), margin=1.6, verdict="better")
+    chart = comparison_charts(Comparison("a", "b", (verdict(), hota), (), Rules())).charts[0]
+    cost, score = rows_of(chart)
+    assert (cost["change"], cost["low"], cost["high"]) == pytest.approx((-50.0, -75.0, -25.0))
+    assert (score["change"], score["low"], score["high"]) == pytest.approx((10.0, 5.0, 15.0))
+    assert (cost["below"], cost["tolerance"]) == pytest.approx((-2.0, 2.0))
+    assert cost["difference"] == "+1.000", "a value is told in its own unit and sign"
+
+
+def test_what_is_not_judged_has_no_band_and_what_a_lacks_no_point():
+    described = verdict(metric="mot.idf1", verdict=UNTESTED, primary=False)
+    without = verdict(metric="hidden.false_hidden_tracks_per_scan", a=0.0)
+    chart = comparison_charts(Comparison("a", "b", (described, without), (), Rules())).charts[0]
+    assert [(row["metric"], row["tolerance"]) for row in rows_of(chart)] == [("IDF1 in sight, %", None)]
+    assert comparison_charts(Comparison("a", "b", (without,), (), Rules())) is None
+
+
+def test_pages_without_charts_do_not_carry_the_library():
+    assert library()[:200] not in text_page("# T\n\ntext\n")
+
+
+def test_the_committed_library_can_be_read_by_a_browser_and_stands_beside_its_licence():
+    script = gzip.decompress(LIBRARY.read_bytes()).decode("utf-8")
+    assert "window.vegaEmbed=" in script
+    assert "</script" not in script
+    assert "BSD-3-Clause" in (LIBRARY.parent / "LICENSE").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_committed_library_is_what_the_package_makes():
+    pytest.importorskip("vl_convert", reason="vl-convert-python makes the library")
+    spec = importlib.util.spec_from_file_location("vega_bundle", ROOT / ".ci" / "vega_bundle.py")
+    maker = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(maker)
+    assert gzip.decompress(LIBRARY.read_bytes()).decode("utf-8") == maker.bundle()
+
+
+@pytest.mark.slow
+def test_every_chart_keeps_the_grammar(run):
+    vl_convert = pytest.importorskip("vl_convert", reason="vl-convert-python reads the grammar")
+    comparison = Comparison("a", "b", (verdict(), verdict(metric="mot.hota")), (), Rules())
+    table = grid_table()
+    demands = table.assign(density=np.nan, demand=[f"d{place % 2}" for place in range(len(table))])
+    groups = [
+        *grid_charts(table, (), [1] * len(table)).values(), *grid_charts(demands, (), [1] * len(table)).values(),
+        error_charts(error_table()), visibility_charts(run.metrics["mae"]), comparison_charts(comparison),
+    ]  # fmt: skip
+    specs = charts_data(groups)
+    assert len(specs) >= 9
+    for spec in specs:
+        svg = vl_convert.vegalite_to_svg(json.dumps(spec | {"width": 300}))
+        assert svg.count("<path") > len(spec["data"]["values"])
