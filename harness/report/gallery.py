@@ -28,19 +28,23 @@ from harness.runfolder.tables import detections_of, floats, frame_of
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.writing.files import save_figure
-from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
 WORST = 5
 GALLERY = "gallery-[0-9].png"
 HALF_WINDOW_M = 27.0
 MARGIN_M = 1.2
-PANEL_WIDTH_IN = 2.3
-HEAD_IN, FOOT_IN, GAP_IN = 0.56, 0.5, 0.12
+COLUMNS, PANEL_WIDTH_IN = 3, 4.0
+HEAD_IN, ROW_IN, FOOT_IN, GAP_IN = 0.56, 0.56, 0.3, 0.12
+"""Above the first row, between two rows, below the last, and at the sides of each picture."""
 LIGHT_PURPLE, UNSEEN_SUBJECT = "#c9a3b5", "#f7cfb8"
 KEY = (
-    "thick box: the vehicle; bold ellipse: the track that held it, 95 %, dashed while the tracker takes it for hidden; "
-    "thin ellipses: other tracks; crosses: detections; grey: the sensor's shadows"
+    "driving direction →",
+    "thick box: the vehicle",
+    "bold ellipse: the track that held it, 95 %,",
+    "    dashed while the tracker takes it for hidden",
+    "thin ellipses: other tracks; crosses: detections",
+    "grey: the sensor's shadows",
 )
 EVENT_COLUMNS = ("vehicle_id", "track_id", "outcome", "from_step", "to_step", "duration_s")
 SEVERITY = {"lost": 0, "hijacked": 0, "survived": 1, "same_id": 2}
@@ -109,26 +113,31 @@ def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Pat
 
 
 def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:
-    """Return five pictures of an event side by side, driving direction up, the vehicle in the middle."""
+    """Return five pictures of an event, driving direction to the right as in the replay, the vehicle in the middle."""
     moments = _moments(run, event)
     low, high = min(lane.right_m for lane in run.road.lanes), max(lane.left_m for lane in run.road.lanes)
-    across = high - low + 2.0 * MARGIN_M
-    panel_height_in = PANEL_WIDTH_IN * 2.0 * HALF_WINDOW_M / across
-    width_in = len(moments) * (PANEL_WIDTH_IN + GAP_IN) + GAP_IN
-    height_in = HEAD_IN + panel_height_in + FOOT_IN
+    panel_height_in = PANEL_WIDTH_IN * (high - low + 2.0 * MARGIN_M) / (2.0 * HALF_WINDOW_M)
+    rows = -(-(len(moments) + 1) // COLUMNS)
+    width_in = COLUMNS * (PANEL_WIDTH_IN + GAP_IN) + GAP_IN
+    height_in = HEAD_IN + rows * panel_height_in + (rows - 1) * ROW_IN + FOOT_IN
     figure = Figure(figsize=(width_in, height_in), dpi=110)
+
+    def corner(place: int) -> tuple[float, float]:
+        row, column = divmod(place, COLUMNS)
+        bottom = height_in - HEAD_IN - (row + 1) * panel_height_in - row * ROW_IN
+        return (GAP_IN + column * (PANEL_WIDTH_IN + GAP_IN)) / width_in, bottom / height_in
+
     for place, (step, heading) in enumerate(moments):
-        left = GAP_IN + place * (PANEL_WIDTH_IN + GAP_IN)
-        axes = figure.add_axes(
-            (left / width_in, FOOT_IN / height_in, PANEL_WIDTH_IN / width_in, panel_height_in / height_in)
-        )
-        axes.set(xlim=(-high - MARGIN_M, -low + MARGIN_M), ylim=(-HALF_WINDOW_M, HALF_WINDOW_M), xticks=[], yticks=[])
+        axes = figure.add_axes((*corner(place), PANEL_WIDTH_IN / width_in, panel_height_in / height_in))
+        axes.set(xlim=(-HALF_WINDOW_M, HALF_WINDOW_M), ylim=(low - MARGIN_M, high + MARGIN_M), xticks=[], yticks=[])
         axes.set_facecolor(OUT_OF_SIGHT)
         axes.spines[:].set_color("#bbbbbb")
         axes.set_title(heading, fontsize=9.5, pad=4)
-        axes.set_xlabel(_draw_moment(axes, run, event, step), fontsize=8.5, color="#333333")
+        axes.set_xlabel(_draw_moment(axes, run, event, step), fontsize=8.5, color="#333333", labelpad=3)
     figure.text(GAP_IN / width_in, 1.0 - 0.09 / height_in, event.sentence(), fontsize=10.5, va="top")
-    figure.text(GAP_IN / width_in, 0.06 / height_in, KEY, fontsize=8, color="#555555")
+    left, bottom = corner(len(moments))
+    top = bottom + panel_height_in / height_in
+    figure.text(left + 0.1 / width_in, top, "\n".join(KEY), fontsize=9, color="#444444", va="top", linespacing=1.5)
     _draw_scale(figure.axes[0])
     return figure
 
@@ -164,8 +173,9 @@ def _draw_moment(axes: Axes, run: RecordedRun, event: OcclusionEvent, step: int)
     detections = _rows_at(run.detections, step)
     _draw_ground(axes, run, frame_of(truth).ego_pose, detections, centre)
     _draw_vehicles(axes, truth, subject, ego, centre)
-    across, along = -floats(detections, "lat_m"), floats(detections, "lon_m") - centre
-    axes.plot(across, along, "x", color="black", ms=5, mew=1.2, zorder=6)
+    axes.plot(
+        floats(detections, "lon_m") - centre, floats(detections, "lat_m"), "x", color="black", ms=5, mew=1.2, zorder=6
+    )
     line = _draw_tracks(axes, _rows_at(run.tracks, step), event.track_id, (float(lon[subject]), float(lat[subject])))
     _point_to_ego(axes, float(lon[ego]) - centre)
     return line
@@ -176,16 +186,17 @@ def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.Dat
     rim = view_outline(pose, run.road, range_m, centre)
     shadows = shadow_outlines(detections_of(detections), pose, run.road, range_m, centre)
     for outlines, colour, height in (([rim], SEEN_GROUND, 0), (shadows, SHADOW, 1)):
-        turned = [_turned(outline) for outline in outlines]
-        axes.add_collection(PolyCollection(turned, facecolor=colour, edgecolor="none", zorder=height), autolim=False)
+        axes.add_collection(
+            PolyCollection(list(outlines), facecolor=colour, edgecolor="none", zorder=height), autolim=False
+        )
     lines = {(side, lane.start_m, lane.end_m) for lane in run.road.lanes for side in (lane.right_m, lane.left_m)}
     for side, start, end in lines:
         visible = np.clip([start - centre, end - centre], -HALF_WINDOW_M, HALF_WINDOW_M)
-        axes.plot([-side, -side], visible, color="#9a9a9a", lw=0.8, zorder=2)
+        axes.plot(visible, [side, side], color="#9a9a9a", lw=0.8, zorder=2)
 
 
 def _draw_vehicles(axes: Axes, truth: pd.DataFrame, subject: int, ego: int, centre: float) -> None:
-    boxes = _turned(corners(truth) - np.array([centre, 0.0]))
+    boxes = corners(truth) - np.array([centre, 0.0])
     states = truth["state"].to_numpy(dtype=object)
     near = np.abs(floats(truth, "lon_m") - centre) < HALF_WINDOW_M + 15.0
     others = near & (np.arange(len(truth)) != ego)
@@ -206,8 +217,8 @@ def _draw_tracks(axes: Axes, tracks: pd.DataFrame, track_id: int, vehicle: tuple
     reported = tracks[tracks["state"] != "tentative"]
     own = (reported["track_id"] == track_id).to_numpy()
     hidden = (reported["state"] == "hidden").to_numpy()
-    centres = np.stack([-floats(reported, "lat_m"), floats(reported, "lon_m") - lon], axis=-1)
-    sizes = 2.0 * ELLIPSE_SCALE * np.stack([floats(reported, "std_lat_m"), floats(reported, "std_lon_m")])
+    centres = np.stack([floats(reported, "lon_m") - lon, floats(reported, "lat_m")], axis=-1)
+    sizes = 2.0 * ELLIPSE_SCALE * np.stack([floats(reported, "std_lon_m"), floats(reported, "std_lat_m")])
     for chosen, colour, width in ((~own, LIGHT_PURPLE, 1.2), (own, PURPLE, 2.0)):
         ellipses = EllipseCollection(
             widths=sizes[0, chosen],
@@ -226,12 +237,12 @@ def _draw_tracks(axes: Axes, tracks: pd.DataFrame, track_id: int, vehicle: tuple
     if not own.any():
         return f"track {track_id} is gone" if track_id >= 0 else "no track held it"
     x, y = centres[own][0]
-    axes.plot([-lat, x], [0.0, y], color=PURPLE, lw=1.0, ls=":", zorder=9)
-    top = min(y + max(2.5, 0.5 * sizes[1, own][0]), HALF_WINDOW_M - 3.0)
+    axes.plot([0.0, x], [lat, y], color=PURPLE, lw=1.0, ls=":", zorder=9)
+    top = min(y + max(1.2, 0.5 * sizes[1, own][0]), axes.get_ylim()[1] - 1.6)
     axes.text(
         x, top, str(track_id), color=PURPLE, size=8.5, weight="bold", ha="center", va="bottom", zorder=10, clip_on=True
     )
-    return f"track {track_id}: {np.hypot(x + lat, y):.1f} m off"
+    return f"track {track_id}: {np.hypot(x, y - lat):.1f} m off"
 
 
 def _point_to_ego(axes: Axes, ahead_m: float) -> None:
@@ -239,23 +250,18 @@ def _point_to_ego(axes: Axes, ahead_m: float) -> None:
     if abs(ahead_m) < HALF_WINDOW_M:
         return
     edge = 0.985 if ahead_m > 0.0 else 0.015
-    text = f"{'↑' if ahead_m > 0.0 else '↓'} ego {abs(ahead_m):.0f} m"
+    text = f"ego {ahead_m:.0f} m →" if ahead_m > 0.0 else f"← ego {-ahead_m:.0f} m"
     axes.text(
-        0.5, edge, text, transform=axes.transAxes, size=8, ha="center", va="top" if ahead_m > 0.0 else "bottom",
+        edge, 0.5, text, transform=axes.transAxes, size=8, ha="right" if ahead_m > 0.0 else "left", va="center",
         zorder=11, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5},
     )  # fmt: skip
 
 
 def _draw_scale(axes: Axes) -> None:
-    right, bottom = axes.get_xlim()[0] + 0.6, -HALF_WINDOW_M + 4.0
-    axes.plot([right, right], [bottom, bottom + 10.0], color="black", lw=1.5, zorder=11)
-    axes.text(right + 0.5, bottom + 5.0, "10 m\ndriving ↑", size=7.5, va="center", zorder=11,
+    left, bottom = -HALF_WINDOW_M + 1.5, axes.get_ylim()[0] + 0.8
+    axes.plot([left, left + 10.0], [bottom, bottom], color="black", lw=1.5, zorder=11)
+    axes.text(left + 11.0, bottom, "10 m", size=7.5, va="center", zorder=11,
               bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0})  # fmt: skip
-
-
-def _turned(lon_lat: FloatArray) -> FloatArray:
-    """Return road-frame points, shape (..., 2), as drawn: the driving direction up, left on the left."""
-    return np.stack([-lon_lat[..., 1], lon_lat[..., 0]], axis=-1)
 
 
 def _rows_at(table: pd.DataFrame, step: int) -> pd.DataFrame:

@@ -70,7 +70,15 @@ def test_the_ego_that_lies_beyond_the_picture_is_pointed_to(run):
     (lost,) = worst_events(run.events, run.errors)
     words = [text.get_text() for text in strip_figure(run, lost).axes[0].texts]
     assert HALF_WINDOW_M < 40.0
-    assert "↓ ego 40 m" in words
+    assert "← ego 40 m" in words
+
+
+def test_the_strips_are_turned_as_the_replay_is_along_the_road_to_the_right(run):
+    (lost,) = worst_events(run.events, run.errors)
+    figure = strip_figure(run, lost)
+    box = max(figure.axes[0].collections, key=lambda drawn: drawn.get_zorder() == 5.5).get_paths()[0].get_extents()
+    assert (box.width, box.height) == pytest.approx((4.5, 1.8), abs=0.1)
+    assert any("driving direction →" in text.get_text() for text in figure.texts)
 
 
 def test_strips_of_an_earlier_report_are_removed(run):
