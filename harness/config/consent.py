@@ -13,7 +13,9 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
+from harness.config.model import SensorConfig
 from harness.errors import InputError
+from harness.sensor.profiles import has_all_figures, is_built_in
 
 OPTIONS = {("tracker", "name"): "tracker", ("tracker", "model"): "model", ("sensor", "profile"): "sensor"}
 
@@ -39,6 +41,24 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
                 f"`config`: {file} names {name}, which is no installed module, and importing it would run it; if you "
                 f"trust it, give it yourself as `{option}`"
             )
+
+
+def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -> None:
+    """Refuse a run's folder whose sensor would have to be imported.
+
+    Args:
+        sensor: The sensor as the folder's configuration has it.
+        folder: The folder, for the message.
+        parameter: Parameter that named it.
+
+    Raises:
+        InputError: The sensor is another package's, and its figures are not all there.
+    """
+    if not is_built_in(sensor.profile) and not has_all_figures(sensor.profile, sensor.overrides):
+        raise InputError(
+            f"`{parameter}`: the sensor of {folder} is {sensor.profile}, whose figures are not all in its config.toml, "
+            f"and importing it would run it; if you trust it, make the run again with `sensor` {sensor.profile}"
+        )
 
 
 def is_installed(name: str) -> bool:

@@ -14,12 +14,13 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
-from harness.config.consent import check_modules
+from harness.config.consent import check_modules, check_sensor_of_folder
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
 from harness.errors import InputError
 from harness.inputs import MOST_SETTINGS_BYTES, check_file, checked_path
 from harness.runfolder import folder as runfolder
+from harness.sensor.profiles import is_built_in, sensor_settings
 from harness.writing.files import write_text
 from harness.writing.problems import first_problem
 from mmpf.settings import fields_of
@@ -65,8 +66,15 @@ def _table_of_file(path: Path) -> Table:
 
 
 def write_config(config: RunConfig, path: Path) -> None:
-    """Write a configuration so that ``config`` reads the same one back."""
-    write_text(path, tomli_w.dumps(config.as_table()))
+    """Write a configuration so that ``config`` reads the same one back.
+
+    A sensor from outside is written out in full, so that who opens the folder needs no code of others.
+    """
+    table = config.as_table()
+    if not is_built_in(config.sensor.profile):
+        figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
+        table["sensor"] = {"profile": config.sensor.profile} | figures.model_dump(exclude_none=True)
+    write_text(path, tomli_w.dumps(table))
 
 
 def _table_of_options(options: Mapping[str, object]) -> Table:
@@ -195,7 +203,10 @@ def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, An
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return traffic, sensor and (unless asked otherwise) seed of the recording; refuse what contradicts them."""
     runfolder.read_manifest(folder, "replay")
-    recorded = config_from_table(runfolder.read_config_table(folder, "replay")).as_table()
+    config = config_from_table(runfolder.read_config_table(folder, "replay"))
+    if asked.get("sensor", {}).get("profile") != config.sensor.profile:
+        check_sensor_of_folder(config.sensor, folder, "replay")
+    recorded = config.as_table()
     part = {name: recorded[name] for name in ("traffic", "sensor")}
     for key, value in leaves({name: asked[name] for name in part if name in asked}):
         if value != dict(leaves(part)).get(key):

@@ -13,6 +13,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from harness.config.consent import check_sensor_of_folder
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.errors import InputError
@@ -85,6 +86,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     """
     manifest = runfolder.read_manifest(folder, parameter)
     config = config_from_table(runfolder.read_config_table(folder, parameter))
+    check_sensor_of_folder(config.sensor, folder, parameter)
 
     last_step = None if most_rows is None else _last_step(folder / runfolder.TRUTH, parameter, most_rows)
 

@@ -138,6 +138,8 @@ class SensorSettings(WithoutTruthValues):
         return self
 
 
+# TOML can not say none.
+MAY_BE_NONE = ("std_length_m", "std_width_m", "std_range_rate_mps")
 sensor_profiles: Registry[Callable[[], SensorSettings]] = Registry("sensor", "harness.sensors")
 
 
@@ -151,16 +153,36 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
     Raises:
         InputError: There is no such profile or field, or a value is out of bounds.
     """
+    figures = dict.fromkeys(MAY_BE_NONE) if has_all_figures(profile, overrides) else _of_profile(profile).model_dump()
+    try:
+        return SensorSettings.model_validate({**figures, **overrides})
+    except ValidationError as error:
+        raise InputError(_first_complaint(error)) from None
+
+
+def is_built_in(profile: str) -> bool:
+    """Return whether a profile is this package's, or was registered by this program."""
+    return profile in sensor_profiles.in_order()
+
+
+def has_all_figures(profile: str, overrides: Mapping[str, object]) -> bool:
+    """Return whether a profile from outside is written out in full, so that nothing need be imported for it.
+
+    Args:
+        profile: Name of a profile.
+        overrides: New values by field name; what may be none and is not named is none.
+    """
+    return not is_built_in(profile) and set(SensorSettings.model_fields) - set(MAY_BE_NONE) <= set(overrides)
+
+
+def _of_profile(profile: str) -> SensorSettings:
     try:
         settings = sensor_profiles[profile]()
     except UnknownNameError as error:
         raise InputError(f"`sensor`: {error}") from None
     if not isinstance(settings, SensorSettings):
         raise InputError(f"`sensor` {profile}: it returned {type(settings).__name__}, not SensorSettings")
-    try:
-        return SensorSettings.model_validate({**settings.model_dump(), **overrides})
-    except ValidationError as error:
-        raise InputError(_first_complaint(error)) from None
+    return settings
 
 
 def _first_complaint(error: ValidationError) -> str:

@@ -6,8 +6,10 @@ import sys
 
 import pytest
 
-from harness.config.layers import resolve_run_config
+from harness.config.layers import resolve_run_config, write_config
 from harness.errors import InputError
+from harness.report.finished import read_recorded_run
+from tests.harness.recorded_scene import write_recorded_scene
 
 MODULE = "came_along"
 CODE = "raise SystemExit('imported')\n"
@@ -51,3 +53,37 @@ def test_an_installed_module_may_be_named(download):
 def test_a_name_without_a_module_is_no_matter(download):
     download.write_text('[tracker]\nname = "oracle-kalman"\n')
     assert resolve_run_config(download).tracker.name == "oracle-kalman"
+
+
+def with_sensor(folder, sensor):
+    """Return a run's folder whose configuration names a sensor."""
+    config = write_recorded_scene(folder) / "config.toml"
+    config.write_text(config.read_text().replace('profile = "lidar"', f'profile = "{sensor}"'))
+    return folder
+
+
+@pytest.mark.parametrize("sensor", [f"{MODULE}:profile", "an-entry-point"])
+def test_no_folder_of_a_run_chooses_a_sensor_that_would_be_imported(sensor, download, tmp_path):
+    folder = with_sensor(tmp_path / "theirs", sensor)
+    with pytest.raises(InputError, match=rf"`folder`.*{sensor}"):
+        read_recorded_run(folder)
+    with pytest.raises(InputError, match=rf"`replay`.*{sensor}"):
+        resolve_run_config(options={"replay": str(folder)})
+    assert MODULE not in sys.modules
+    asked = resolve_run_config(options={"replay": str(folder), "sensor": sensor})
+    assert asked.sensor.profile == sensor
+
+
+def test_a_folder_made_with_a_sensor_from_outside_is_read_where_there_is_no_such_module(tmp_path, monkeypatch):
+    (tmp_path / "my_sensors.py").write_text(
+        "from harness.sensor.profiles import SensorSettings\n"
+        "def near():\n    return SensorSettings(range_m=70.0, std_length_m=None)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    config = resolve_run_config(options={"sensor": "my_sensors:near", "seed": 7, "duration": 6.0, "model": "cvm"})
+    folder = write_recorded_scene(tmp_path / "run")
+    write_config(config, folder / "config.toml")
+    monkeypatch.delitem(sys.modules, "my_sensors")
+    (tmp_path / "my_sensors.py").unlink()
+    assert (read_recorded_run(folder).sensor.range_m, read_recorded_run(folder).sensor.std_length_m) == (70.0, None)
+    assert resolve_run_config(options={"replay": str(folder)}).sensor.profile == "my_sensors:near"
