@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import os
 import stat
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO, cast
 
 from harness.errors import InputError
 
 MB = 1 << 20
 LONGEST_NAME_BYTES = 255
+GZIP = b"\x1f\x8b"
 MOST_SETTINGS_BYTES, MOST_JSON_BYTES, MOST_TABLE_BYTES = 4 * MB, 64 * MB, 4096 * MB
 
 
@@ -59,3 +66,46 @@ def check_file(path: Path, most_bytes: int, parameter: str | None = None) -> Non
         raise InputError(f"{place} is a pipe or a device; give an ordinary file")
     if found.st_size > most_bytes:
         raise InputError(f"{place} has {found.st_size / MB:.0f} MB; at most {most_bytes / MB:.0f} MB are read")
+
+
+@contextmanager
+def unpacked(path: Path, most_bytes: int) -> Iterator[BinaryIO]:
+    """Open a file that may be packed by gzip, whatever its name, for reading its content.
+
+    Args:
+        path: The file.
+        most_bytes: How much a packed file may hold.
+
+    Raises:
+        InputError: On reading: it holds more than that, or is no whole gzip file.
+        OSError: It can't be opened.
+    """
+    with path.open("rb") as plain:
+        if plain.read(len(GZIP)) != GZIP:
+            plain.seek(0)
+            yield plain
+            return
+        plain.seek(0)
+        with gzip.open(plain) as packed, io.BufferedReader(_Limited(packed, path, most_bytes)) as all_of:
+            yield cast("BinaryIO", all_of)
+
+
+class _Limited(io.RawIOBase):
+    """What is packed in a file, of which no more is read than allowed, however well it was compressed."""
+
+    def __init__(self, packed: gzip.GzipFile, path: Path, most_bytes: int) -> None:
+        self._packed, self._path, self._most_bytes, self._read = packed, path, most_bytes, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: bytearray | memoryview) -> int:  # type: ignore[override]
+        try:
+            part = self._packed.read(min(len(buffer), MB))
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise InputError(f"{self._path}: broken or truncated gzip: {error}") from None
+        self._read += len(part)
+        if self._read > self._most_bytes:
+            raise InputError(f"{self._path}: more than {self._most_bytes / MB:.0f} MB when unpacked")
+        buffer[: len(part)] = part
+        return len(part)

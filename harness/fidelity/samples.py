@@ -181,7 +181,7 @@ def _headways(frame: Frame, rows: np.ndarray[tuple[int], np.dtype[np.intp]]) -> 
 
 
 WHOLE_S = 86_400.0
-SUFFIXES = (".xml", ".csv", ".txt")
+SUFFIXES = (".xml", ".csv", ".txt", ".gz")
 
 
 def recording_files(paths: Sequence[Path]) -> tuple[Path, ...]:

@@ -6,17 +6,14 @@ writes wherever an element of an additional file tells it to.
 
 from __future__ import annotations
 
-import gzip
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, cast
 from xml.etree.ElementTree import Element, ElementTree, ParseError, iterparse
 
 from harness.errors import InputError
-from harness.inputs import MB, check_file
+from harness.inputs import MB, check_file, unpacked
 
 MOST_BYTES = 1024 * MB
 MOST_LANES = 500_000
@@ -72,7 +69,7 @@ def check_xml(path: Path, parameter: str = "net") -> Findings:
     lanes = 0
     root: Element | None = None
     try:
-        with _opened(path) as file:
+        with unpacked(path, MOST_BYTES) as file:
             for event, element in iterparse(file, events=("start", "end")):
                 root = element if root is None else root
                 if event == "start":
@@ -93,7 +90,7 @@ def check_xml(path: Path, parameter: str = "net") -> Findings:
 
 def write_without_outputs(path: Path, copy: Path) -> None:
     """Write a copy of an additional file without the elements that would write files."""
-    with _opened(path) as file:
+    with unpacked(path, MOST_BYTES) as file:
         tree = ElementTree(file=file)
     root = tree.getroot()
     assert root is not None
@@ -140,29 +137,3 @@ def _check_shape(text: str, element: Element, path: Path) -> None:
     if not all(abs(value) <= FARTHEST_M for value in values):
         who = element.get("id", "?")[:60]
         raise InputError(f"{path}: the shape of {element.tag} {who} is no list of points within {FARTHEST_M:g} m")
-
-
-class _Limited:
-    """A file of which no more is read than a network may have, however well it was compressed."""
-
-    def __init__(self, file: BinaryIO, path: Path) -> None:
-        self._file, self._path, self._read = file, path, 0
-
-    def read(self, size: int = -1) -> bytes:
-        part = self._file.read(min(size, MB) if size >= 0 else MB)
-        self._read += len(part)
-        if self._read > MOST_BYTES:
-            raise InputError(f"{self._path}: more than {MOST_BYTES / MB:.0f} MB when unpacked")
-        return part
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
-    with path.open("rb") as plain:
-        packed = plain.read(2) == b"\x1f\x8b"
-        plain.seek(0)
-        if not packed:
-            yield plain
-            return
-        with gzip.open(plain) as unpacked:
-            yield cast("BinaryIO", _Limited(cast("BinaryIO", unpacked), path))

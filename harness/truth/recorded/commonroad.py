@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
 
 from harness.errors import InputError
+from harness.inputs import MOST_TABLE_BYTES, unpacked
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
@@ -53,7 +55,8 @@ def read_commonroad(path: Path) -> ReadTraffic:
     """
     scenario = _Scenario()
     try:
-        _collect(path, scenario)
+        with unpacked(path, MOST_TABLE_BYTES) as file:
+            _collect(file, path, scenario)
     except ParseError as error:
         raise InputError(f"{path}: broken or truncated XML: {error}") from None
     except (AttributeError, TypeError, ValueError, KeyError) as error:
@@ -80,9 +83,9 @@ def _check_times(scenario: _Scenario, path: Path) -> None:
         raise InputError(f"{path}: {len(scenario.standing)} obstacles stand for {steps:.0f} steps; cut it")
 
 
-def _collect(path: Path, scenario: _Scenario) -> None:
+def _collect(file: BinaryIO, path: Path, scenario: _Scenario) -> None:
     depth = 0
-    for event, element in iterparse(path, events=("start", "end")):
+    for event, element in iterparse(file, events=("start", "end")):
         depth += 1 if event == "start" else -1
         if event == "start" and depth == 1:
             _check_root(element, path)

@@ -9,11 +9,13 @@ import math
 from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 from xml.etree.ElementTree import ParseError, iterparse
 
 import numpy as np
 
 from harness.errors import InputError
+from harness.inputs import MOST_TABLE_BYTES, unpacked
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
@@ -63,7 +65,8 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     """
     network = load_network(net)
     try:
-        collected = _collect(path)
+        with unpacked(path, MOST_TABLE_BYTES) as file:
+            collected = _collect(file, path)
     except ParseError as error:
         raise InputError(f"{path}: broken or truncated XML: {error}") from None
     except KeyError as error:
@@ -77,11 +80,11 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     return _traffic(collected, network)
 
 
-def _collect(path: Path) -> _Collected:
+def _collect(file: BinaryIO, path: Path) -> _Collected:
     collected = _Collected()
     time_s = -np.inf
     root = None
-    for event, element in iterparse(path, events=("start", "end")):
+    for event, element in iterparse(file, events=("start", "end")):
         if root is None:
             root = element
         if event == "start" and element.tag == "timestep":

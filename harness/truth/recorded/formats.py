@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path
+from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.rows import ReadTraffic
 
@@ -144,7 +144,7 @@ def files_of(path: Path) -> tuple[Path, ...]:
 
 def _head(path: Path) -> str:
     try:
-        with path.open("rb") as file:
+        with unpacked(path, MOST_TABLE_BYTES) as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
         raise InputError(f"`{PARAMETER}`: can't read {path}: {error.strerror}") from None

@@ -6,8 +6,12 @@ are those of the front bumper's middle. The stated accelerations are not used, s
 
 from __future__ import annotations
 
+import io
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +20,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from harness.errors import InputError
+from harness.inputs import MOST_TABLE_BYTES, unpacked
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
@@ -41,7 +46,7 @@ def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
     Raises:
         InputError: A column is missing, a value is no number, or no site is the network's.
     """
-    with path.open(encoding="utf-8-sig") as file:
+    with _text(path) as file:
         names = [name.strip().strip('"') for name in file.readline().split(",")]
     lower = {name.lower(): name for name in names}
     missing = [name for name in COLUMNS if name.lower() not in lower]
@@ -64,16 +69,17 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
     """
     import pandas as pd  # noqa: PLC0415  (heavy)
 
-    with path.open(encoding="utf-8-sig") as file:
+    with _text(path) as file:
         found = len(next(line for line in file if line.strip()).split())
     if found != len(TEXT_COLUMNS):
         raise InputError(
             f"{path}: {found} columns where NGSIM's text has {len(TEXT_COLUMNS)}: {', '.join(TEXT_COLUMNS)}"
         )
     try:
-        table = pd.read_csv(
-            path, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=list(COLUMNS), dtype=np.float64
-        )
+        with unpacked(path, MOST_TABLE_BYTES) as content:
+            table = pd.read_csv(
+                content, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=list(COLUMNS), dtype=np.float64
+            )
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
@@ -105,12 +111,17 @@ def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> p
 
 
 def _read_csv(path: Path, include: list[str], types: dict[str, pa.DataType]) -> pa.Table:
-    return pa.csv.read_csv(
-        path,
-        convert_options=pa.csv.ConvertOptions(
-            include_columns=include, column_types=types, null_values=["", "NA", "NULL"], strings_can_be_null=True
-        ),
+    options = pa.csv.ConvertOptions(
+        include_columns=include, column_types=types, null_values=["", "NA", "NULL"], strings_can_be_null=True
     )
+    with unpacked(path, MOST_TABLE_BYTES) as file:
+        return pa.csv.read_csv(file, convert_options=options)
+
+
+@contextmanager
+def _text(path: Path) -> Iterator[TextIO]:
+    with unpacked(path, MOST_TABLE_BYTES) as file:
+        yield io.TextIOWrapper(file, encoding="utf-8-sig")
 
 
 def _of_one_site(columns: Columns, location: pa.ChunkedArray, path: Path, net: str) -> ReadTraffic:

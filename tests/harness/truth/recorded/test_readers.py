@@ -1,5 +1,6 @@
 """Every layout of one scene gives the scene back: positions exact, motion as it was, nobody left out in silence."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,28 @@ def test_the_lane_is_that_of_the_road(name, tmp_path):
         if name == "highd" and car.lat_m > 3 * 3.75:
             continue
         assert frame.lane[rows[str(car.name)]] == lanes - int(car.lat_m // widths.get(name, 3.66))
+
+
+@pytest.mark.parametrize("name", [name for name in WRITERS if name != "highd"])
+def test_a_packed_file_is_read_like_the_plain_one(name, tmp_path):
+    written = WRITERS[name](tmp_path)
+    packed = tmp_path / "packed.gz"
+    packed.write_bytes(gzip.compress(written.read_bytes()))
+    for one, other in zip(opened(written).frames(), opened(packed).frames(), strict=True):
+        np.testing.assert_array_equal(one.vehicle_id, other.vehicle_id)
+        np.testing.assert_array_equal(one.lon_m, other.lon_m)
+
+
+def test_a_packed_file_that_is_cut_or_holds_too_much_is_refused_in_one_line(tmp_path, monkeypatch):
+    packed = tmp_path / "fcd.xml.gz"
+    content = gzip.compress(write_fcd(tmp_path / "fcd.xml").read_bytes())
+    packed.write_bytes(content[: len(content) // 2])
+    with pytest.raises(InputError, match=r"fcd\.xml\.gz: broken or truncated gzip"):
+        opened(packed)
+    packed.write_bytes(content)
+    monkeypatch.setattr("harness.truth.recorded.fcd.MOST_TABLE_BYTES", 10_000)
+    with pytest.raises(InputError, match=r"fcd\.xml\.gz: more than 0 MB when unpacked"):
+        opened(packed)
 
 
 def test_both_versions_of_commonroad_say_the_same(tmp_path):
