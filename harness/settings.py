@@ -20,10 +20,12 @@ from rich.text import Text
 import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, TrackerConfig
 from harness.errors import InputError
-from harness.sensor.profiles import sensor_profiles
+from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.trackers.catalogue import available_trackers, tracker_options, tuned_options
 from harness.trackers.protocol import trackers
 from harness.truth.network.network import available_networks
+from harness.truth.recorded.formats import FORMATS, known_formats
+from harness.truth.recorded.outside import recording_formats
 from mmpf.motion.protocol import motion_models
 from mmpf.registry import Registry, UnknownNameError
 from mmpf.settings import fields_of, unit_of
@@ -42,8 +44,8 @@ class Setting:
         default: Value where nobody sets it; None for none, and for a named thing.
         unit: Unit; empty for a word or a pure number.
         meaning: What it is.
-        kind: ``run``, ``sensor PROFILE`` or ``tracker NAME`` for settings; ``network``, ``sensor profile``,
-            ``tracker`` or ``motion model`` for named things.
+        kind: ``run``, ``sensor PROFILE`` or ``tracker NAME`` for settings; ``network``, ``format of recorded traffic``,
+            ``sensor profile``, ``tracker`` or ``motion model`` for named things.
     """
 
     key: str
@@ -74,8 +76,10 @@ def _everything() -> Iterator[Setting]:
     for network in available_networks():
         yield _named("traffic.net", network.name, network.description, "network")
     yield from (row for row in run if row.key.startswith("sensor."))
+    for name in known_formats():
+        yield _named("traffic.recording.format", name, _summary_of_reader(name), "format of recorded traffic")
     for name in sensor_profiles:
-        yield _named("sensor.profile", name, _summary(sensor_profiles[name]), "sensor profile")
+        yield _named("sensor.profile", name, _summary_of(sensor_profiles, name), "sensor profile")
     yield from _sensors()
     yield from (row for row in run if row.key.startswith("tracker.") and row.key != "tracker.options")
     for name, description in available_trackers().items():
@@ -103,7 +107,11 @@ def _sensors() -> Iterator[Setting]:
     known = list(_rows("sensor.", sensor_profiles[usual](), f"sensor {usual}"))
     yield from known
     for profile in sorted(set(sensor_profiles) - {usual}):
-        rows = _rows("sensor.", sensor_profiles[profile](), f"sensor {profile}")
+        try:
+            settings = sensor_settings(profile, {})
+        except InputError:
+            continue  # the list of profiles says why
+        rows = _rows("sensor.", settings, f"sensor {profile}")
         yield from (row for row, other in zip(rows, known, strict=True) if row.default != other.default)
 
 
@@ -130,6 +138,11 @@ def _summary_of(registry: Registry[Any], name: str) -> str:
         return _summary(registry[name])
     except UnknownNameError as error:
         return str(error)
+
+
+def _summary_of_reader(name: str) -> str:
+    entry = FORMATS.get(name)
+    return _summary(entry.function) if entry is not None else _summary_of(recording_formats, name)
 
 
 def _summary(thing: object) -> str:

@@ -17,7 +17,13 @@ from harness.config.model import SensorConfig
 from harness.errors import InputError
 from harness.sensor.profiles import has_all_figures, is_built_in
 
-OPTIONS = {("tracker", "name"): "tracker", ("tracker", "model"): "model", ("sensor", "profile"): "sensor"}
+# Where a configuration may name a module, and the option that names it in person.
+OPTIONS = {
+    "tracker.name": "tracker",
+    "tracker.model": "model",
+    "sensor.profile": "sensor",
+    "traffic.recording.format": "format",
+}
 
 
 def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: Path) -> None:
@@ -31,16 +37,23 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
     Raises:
         InputError: Such a module would be imported.
     """
-    for (table, key), option in OPTIONS.items():
-        theirs, ours = (values.get(table, {}) for values in (in_file, chosen))
-        if not isinstance(theirs, Mapping) or not isinstance(ours, Mapping) or key in ours:
+    for key, option in OPTIONS.items():
+        name = _at(in_file, key)
+        if _at(chosen, key) is not None:
             continue
-        name = theirs.get(key)
         if isinstance(name, str) and ":" in name and not is_installed(name):
             raise InputError(
                 f"`config`: {file} names {name}, which is no installed module, and importing it would run it; if you "
                 f"trust it, give it yourself as `{option}`"
             )
+
+
+def _at(table: Mapping[str, Any], key: str) -> object:
+    """Return what nested tables hold under a dotted key; None for nothing."""
+    value: object = table
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    return value
 
 
 def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -> None:

@@ -69,7 +69,11 @@ class RunOptions(TypedDict, total=False):
     ]
     sensor: Annotated[
         str | None,
-        Option("Profile: lidar, radar, camera, ...; see 'settings'. (default: lidar)", "sensor.profile", TRAFFIC),
+        Option(
+            "Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)",
+            "sensor.profile",
+            TRAFFIC,
+        ),
     ]
     replay: Annotated[
         Path | str | None,
@@ -83,7 +87,8 @@ class RunOptions(TypedDict, total=False):
     format: Annotated[
         str | None,
         Option(
-            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd. (default: by its content)",
+            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, or your own reader, "
+            "module:function. (default: by its content)",
             "traffic.recording.format",
             TRAFFIC,
         ),
@@ -106,10 +111,12 @@ class RunOptions(TypedDict, total=False):
         ),
     ]
     tracker: Annotated[
-        str | Callable[..., Any] | None, Option("Tracker by name. (default: mmpf)", "tracker.name", TRACKING)
+        str | Callable[..., Any] | None,
+        Option("Tracker by name, or module:factory. (default: mmpf)", "tracker.name", TRACKING),
     ]
     model: Annotated[
-        str | None, Option("Motion model by name, e.g. idm, cam, cvm. (default: gmm)", "tracker.model", TRACKING)
+        str | None,
+        Option("Motion model: gmm, idm, cam, cvm, ..., or module:Class. (default: gmm)", "tracker.model", TRACKING),
     ]
     update: Annotated[
         str | None, Option("Measurement update by name, e.g. joint, max_likelihood.", "tracker.update", TRACKING)

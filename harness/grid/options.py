@@ -40,6 +40,10 @@ class GridOptions(TypedDict, total=False):
             panel=GRID,
         ),
     ]
+    format: Annotated[
+        str | None,
+        Option("Format of recorded traffic, as in 'run'; or your own reader, module:function.", panel=GRID),
+    ]
     trackers: Annotated[
         str | Sequence[str | Callable[..., Any]],
         Option("Trackers: A,B,C; with settings of its own: mmpf+update=max_likelihood.", panel=GRID, default="mmpf"),
@@ -66,7 +70,8 @@ class GridOptions(TypedDict, total=False):
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
     sensor: Annotated[
-        str | None, Option("Profile: lidar, radar, camera, ...; see 'settings'. (default: lidar)", panel=GRID)
+        str | None,
+        Option("Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)", panel=GRID),
     ]
     settings: Annotated[
         list[str] | Mapping[str, object] | None,
@@ -109,12 +114,16 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         duration_s=options["duration"],
         particles=options["particles"],
         sensor=options["sensor"],
-        settings=tuple(setting_words(options["settings"])),
+        settings=(*setting_words(options["settings"]), *_format_words(options["format"])),
         vary=tuple(_axes(options["vary"])),
         replay=tuple(map(str, files)),
         ego=options["ego"],
         mismatch=options["mismatch"],
     )
+
+
+def _format_words(name: str | None) -> list[str]:
+    return setting_words({"traffic.recording.format": name}) if name is not None else []
 
 
 def _listed(values: object, as_text: Callable[[Any], str] = str) -> str | None:

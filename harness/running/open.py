@@ -58,7 +58,7 @@ def _recorded(path: Path, config: RunConfig) -> Looks:
     )
     return replace(
         look_at(truth, sensor, config.seed),
-        files={f"replay/{file.name}": file for file in files_of(path)},
+        files={f"replay/{file.name}": file for file in files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )

@@ -17,6 +17,7 @@ from harness.sensor.profiles import sensor_settings
 from harness.settings import all_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
+from harness.truth.recorded.source import open_recorded_traffic
 from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model, motion_models
 from mmpf.registry import UnknownNameError
 from tests.harness.stand_ins import SteadyTraffic, looking_at
@@ -84,6 +85,75 @@ def test_a_sensor_of_another_package_is_found_by_its_name_or_its_place(example, 
     assert sensor_settings(name, {"range_m": 90.0}).range_m == 90.0
 
 
+@pytest.mark.parametrize("name", ["queue", "plugin_example:read_queue"])
+def test_a_format_of_another_package_is_read_by_its_name_or_its_place(name, example, tmp_path):
+    file = tmp_path / "queue.bin"
+    file.write_bytes(bytes([1, 21, 41]))
+    config = resolve_run_config(options={"replay": str(file), "format": name, "tracker": "echo", "duration": 1.0})
+    assert (config.traffic.net, config.traffic.recording.format) == ("recording", name)
+    finished = run(config, out=tmp_path / "run")
+    assert set(finished.metrics["recording"]["vehicles_left_out"]) == set()
+    assert finished.metrics["recording"]["vehicles_kept"] == 3
+
+
+def test_a_file_is_never_taken_for_another_packages_format_that_nobody_names(example, tmp_path):
+    file = tmp_path / "queue.txt"
+    file.write_text("a queue")
+    with pytest.raises(harness.InputError, match="name it with `format`"):
+        resolve_run_config(options={"replay": str(file)})
+    with pytest.raises(harness.InputError, match=r"known are commonroad, .*, queue, or module:function"):
+        resolve_run_config(options={"replay": str(file), "format": "queu"})
+    assert "plugin_example" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("returned", "told"),
+    [
+        ("None", "NoneType, not ReadTraffic"),
+        ("replace(good, road=None)", "road is NoneType, not Road"),
+        ("replace(good, names=good.names[[0, 0, 1]])", "names has one name twice"),
+        ("replace(good, names=['a', 'b', 'c'])", "names is no array of texts"),
+        ("with_rows(lon_m=good.rows.lon_m[:5])", "rows.lon_m has shape (5,), rows.vehicle (93,)"),
+        ("with_rows(speed_mps=good.rows.speed_mps.tolist())", "rows.speed_mps is list, not an array"),
+        ("with_rows(vehicle=good.rows.vehicle + 1)", "rows.vehicle has 1 to 3, and names has 3 entries"),
+        ("with_rows(vehicle=1.0 * good.rows.vehicle)", "rows.vehicle is float64, not int64"),
+        ("replace(good, vehicles_read=2)", "vehicles_read is 2, less than the vehicles"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("with_rows(time_s=good.rows.time_s * np.nan)", "time_s is no number"),
+    ],
+)
+def test_a_reader_that_returns_nonsense_is_told_which_check_fails(returned, told, example, tmp_path):
+    (example / "odd_reader.py").write_text(
+        "from dataclasses import replace\nimport numpy as np\nfrom plugin_example import read_queue\n"
+        "def read(path):\n"
+        "    good = read_queue(path)\n"
+        "    with_rows = lambda **columns: replace(good, rows=replace(good.rows, **columns))\n"
+        f"    return {returned}\n"
+    )
+    (tmp_path / "queue.bin").write_bytes(bytes([1, 21, 41]))
+    sys.modules.pop("odd_reader", None)
+    with pytest.raises(harness.InputError) as error:
+        open_recorded_traffic(tmp_path / "queue.bin", "odd_reader:read", "recording", "auto", 3.0)
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ("def read(path, net, more): pass", "takes \\(path\\), or \\(path, net\\)"),
+        ("read = 5", "not callable"),
+        ("", "can't import"),
+    ],
+)
+def test_what_is_no_reader_is_told_before_anything_is_read(written, told, example, tmp_path):
+    (example / "no_reader.py").write_text(written)
+    (tmp_path / "file").write_text("x")
+    sys.modules.pop("no_reader", None)
+    with pytest.raises(harness.InputError, match=f"^`format` no_reader:read: .*{told}"):
+        resolve_run_config(options={"replay": str(tmp_path / "file"), "format": "no_reader:read"})
+
+
 @pytest.mark.parametrize(
     ("written", "told"),
     [
@@ -141,11 +211,16 @@ def test_a_broken_plug_in_is_told_in_one_line_and_breaks_no_other(example, setti
 
 
 def test_plug_ins_are_listed_with_what_they_say_of_themselves_or_why_they_are_broken(example):
-    install(example, "broken-one", {"mmpf.motion_models": {"broken": "no_such_module_at_all:Model"}})
+    gone = {"broken": "no_such_module_at_all:Thing"}
+    groups = ("mmpf.motion_models", "harness.sensors", "harness.recording_formats")
+    install(example, "broken-one", dict.fromkeys(groups, gone))
     meanings = {row.key: row.meaning for row in all_settings()}
     assert meanings["tracker.name=echo"] == "Every detection is a track of its own for one step."
+    assert meanings["traffic.recording.format=queue"].startswith("Read a file of bytes")
+    assert meanings["traffic.recording.format=fcd"].startswith("Read floating-car data")
     assert meanings["tracker.model=standstill"] == "Every vehicle stays where it is."
-    assert "no_such_module_at_all" in meanings["tracker.model=broken"]
+    for key in ("tracker.model", "sensor.profile", "traffic.recording.format"):
+        assert "no_such_module_at_all" in meanings[f"{key}=broken"]
 
 
 def test_a_name_that_two_packages_declare_is_refused_with_both(example, setting):
@@ -171,3 +246,15 @@ def test_plug_ins_work_in_the_worker_processes_of_a_stress_test(example, tmp_pat
         out=tmp_path / "grid",
     )
     assert list(grid.runs["succeeded"]) == [True, True], list(grid.runs["error"])
+
+
+def test_the_reader_of_the_documentation_reads_what_it_says(tmp_path, monkeypatch):
+    page = (Path(__file__).parents[2] / "docs" / "recorded-traffic.md").read_text()
+    code = page.partition("## A format of your own")[2].partition("```python\n")[2].partition("```")[0]
+    (tmp_path / "documented_reader.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "drive.txt"
+    file.write_text("\n".join(f"{car};{0.1 * k};{30 * car + k};5.5;10" for car in (3, 8) for k in range(20)))
+    truth = open_recorded_traffic(file, "documented_reader:read", "recording", "3", 5.0)
+    frame = list(truth.frames())[10]
+    assert dict(zip(frame.vehicle_id, frame.lon_m, strict=True)) == pytest.approx({"3": 100.0, "8": 250.0})

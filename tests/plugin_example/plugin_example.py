@@ -1,14 +1,16 @@
-"""A tracker that reports what it is shown, a motion model in which nothing moves, and a sensor that sees far."""
+"""A tracker, a motion model, a sensor, a reader of recorded traffic and an export format of another package."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
 from harness.sensor.profiles import SensorSettings
 from harness.trackers.protocol import TrackerSetting
-from mmpf import Scan, Surroundings, Tracks
+from harness.truth.recorded.rows import ReadTraffic, Rows
+from mmpf import Scan, Surroundings, Tracks, highway
 
 
 class EchoTracker:
@@ -62,3 +64,26 @@ class Standstill:
 def far_sighted() -> SensorSettings:
     """Return a sensor that sees 250 m far."""
     return SensorSettings(range_m=250.0)
+
+
+def read_queue(path: Path) -> ReadTraffic:
+    """Read a file of bytes: for each, a car that starts so many metres up a straight road and drives at 20 m/s."""
+    start = np.frombuffer(path.read_bytes(), dtype=np.uint8).astype(np.float64)
+    time_s = 0.1 * np.arange(31)
+    count = len(start) * len(time_s)
+    return ReadTraffic(
+        road=highway(),
+        names=np.array([f"car{k}" for k in range(len(start))]),
+        rows=Rows(
+            vehicle=np.repeat(np.arange(len(start)), len(time_s)),
+            time_s=np.tile(time_s, len(start)),
+            lon_m=np.repeat(start, len(time_s)) + 20.0 * np.tile(time_s, len(start)),
+            lat_m=np.full(count, 5.5),
+            heading_rad=np.zeros(count),
+            speed_mps=np.full(count, 20.0),
+            lat_speed_mps=np.zeros(count),
+            length_m=np.full(count, 4.5),
+            width_m=np.full(count, 1.8),
+        ),
+        vehicles_read=len(start),
+    )

@@ -1,4 +1,7 @@
-"""The formats of recorded traffic: recognised by what a file holds, never by its name."""
+"""The formats of recorded traffic: recognised by what a file holds, never by its name.
+
+A format that another package brings is only taken where it is named: nothing of others is imported to recognise a file.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ import numpy as np
 from harness.errors import InputError
 from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
+from harness.truth.recorded import outside
 from harness.truth.recorded.rows import ReadTraffic
 
 PARAMETER = "replay"
@@ -47,19 +51,27 @@ class RecordingFormat:
         name: What ``format`` takes.
         brings_road: Whether the file itself says where the lanes are.
         recognises: Whether the first characters of a file are of this format.
-        reader: Module and function that read a file, given its path and, unless it brings its road, the network's name.
+        reader: Module and function that read a file, given its path and, unless it brings its road, the network's name;
+            None of another package's, which is found by the format's name.
     """
 
     name: str
     brings_road: bool
     recognises: Callable[[str], bool]
-    reader: str
+    reader: str | None
 
     def read(self, path: Path, net: str) -> ReadTraffic:
         """Read a file that was driven on a network."""
-        module, _, function = self.reader.partition(":")
+        if self.reader is None:
+            return outside.read_outside(self.name, path, net)
+        return self.function(path) if self.brings_road else self.function(path, net)
+
+    @property
+    def function(self) -> Callable[..., ReadTraffic]:
+        """The function that reads a file; its module is imported."""
+        module, _, function = (self.reader or "").partition(":")
         read: Callable[..., ReadTraffic] = getattr(import_module(module), function)
-        return read(path) if self.brings_road else read(path, net)
+        return read
 
 
 def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
@@ -67,17 +79,20 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
 
     Args:
         path: The file, or the folder of a highD recording.
-        forced: Name of the format, if the user says so.
+        forced: Name of the format, if the user says so; ``module:function`` for a reader of one's own.
 
     Raises:
         InputError: The file is missing, empty or binary, its format is unknown, or there is no format of that name.
     """
-    if forced is not None and forced not in FORMATS:
-        raise InputError(f"`format` {forced}: no such format; known are {', '.join(FORMATS)}")
+    if forced is not None and forced not in FORMATS and not outside.is_outside(forced):
+        known = ", ".join(known_formats())
+        raise InputError(f"`format` {forced}: no such format; known are {known}, or module:function for your own")
     if not checked_path(path, PARAMETER).exists():
         raise InputError(f"`{PARAMETER}`: {path} does not exist; give a run's folder or a file of recorded traffic")
     if not path.is_dir():
         check_file(path, MOST_TABLE_BYTES, PARAMETER)
+    if forced is not None and forced not in FORMATS:
+        return RecordingFormat(forced, outside.brings_road(outside.reader_named(forced)), _is_never_recognised, None)
     head = "" if path.is_dir() else _head(path)
     if forced is not None:
         return FORMATS[forced]
@@ -94,6 +109,11 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
     raise InputError(
         f"`{PARAMETER}`: {path} is no recorded traffic that is known here ({', '.join(FORMATS)}); name it with `format`"
     )
+
+
+def known_formats() -> tuple[str, ...]:
+    """Return the names that ``format`` takes; those of installed packages, of which nothing is imported, last."""
+    return (*FORMATS, *(name for name in outside.recording_formats if name not in FORMATS))
 
 
 def network_of(entry: RecordingFormat, net: str | None) -> str:
@@ -122,7 +142,7 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         InputError: The file is broken or does not fit the network.
     """
     entry = recognise(path, format_name)
-    for file in files_of(path):
+    for file in files_of(path, format_name):
         check_file(file, MOST_TABLE_BYTES, PARAMETER)
     road = network_of(entry, net)
     try:
@@ -133,10 +153,12 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
 
 
-def files_of(path: Path) -> tuple[Path, ...]:
-    """Return the files of a recording: the file itself, or those of a highD recording."""
+def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
+    """Return the files of a recording: the file itself, those of a highD recording, or all of a reader's folder."""
     from harness.truth.recorded.highd import recording_files  # noqa: PLC0415
 
+    if format_name not in FORMATS:
+        return tuple(sorted(file for file in path.iterdir() if file.is_file())) if path.is_dir() else (path,)
     if not path.is_dir() and not path.name.endswith("_tracks.csv"):
         return (path,)
     return recording_files(path)
@@ -170,6 +192,10 @@ def _with_element(name: str) -> Callable[[str], bool]:
 
 def _with_columns(names: frozenset[str]) -> Callable[[str], bool]:
     return lambda head: len(_header_names(head) & names) >= TELLING_NAMES
+
+
+def _is_never_recognised(_: str) -> bool:
+    return False
 
 
 def _is_ngsim_text(head: str) -> bool:

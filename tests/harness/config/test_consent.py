@@ -38,6 +38,14 @@ def test_the_same_holds_for_a_motion_model(download):
         resolve_run_config(download)
 
 
+def test_the_same_holds_for_a_reader_of_recorded_traffic(download, tmp_path):
+    (tmp_path / "file.csv").write_text("a,b\n")
+    download.write_text(f'replay = "{tmp_path}/file.csv"\n[traffic.recording]\nformat = "{MODULE}:read"\n')
+    with pytest.raises(InputError, match=rf"{MODULE}:read.*`format`"):
+        resolve_run_config(download)
+    assert MODULE not in sys.modules
+
+
 def test_who_names_it_in_person_gets_it(download, monkeypatch):
     for options, settings in (({"tracker": f"{MODULE}:factory"}, ()), ({}, (f"tracker.name={MODULE}:factory",))):
         assert resolve_run_config(download, options, settings).tracker.name == f"{MODULE}:factory"

@@ -1,0 +1,126 @@
+"""Readers of recorded traffic that other packages bring: how they are found, and whether what they return will do.
+
+A reader is a function. With one parameter, ``read(path)``, it takes the road from the file; with two,
+``read(path, net)``, the traffic drove on a network, whose name it is given. It returns ``ReadTraffic``.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.truth.recorded.rows import ReadTraffic, Rows
+from mmpf.registry import Registry, UnknownNameError
+from mmpf.road import Road
+
+Reader = Callable[..., object]
+recording_formats: Registry[Reader] = Registry("format of recorded traffic", "harness.recording_formats")
+
+
+def is_outside(name: str) -> bool:
+    """Return whether a format's name is a reader's place, ``module:function``, or declared by an installed package."""
+    return ":" in name or name in set(recording_formats)
+
+
+def reader_named(name: str) -> Reader:
+    """Return a reader; its module is imported.
+
+    Raises:
+        InputError: It can't be imported, or takes other parameters than a path, or a path and a network.
+    """
+    try:
+        read = recording_formats[name]
+    except UnknownNameError as error:
+        raise InputError(f"`format` {name}: {error}") from None
+    if _parameters(read) not in (1, 2):
+        raise InputError(f"`format` {name}: a reader takes (path), or (path, net); this one takes other parameters")
+    return read
+
+
+def brings_road(read: Reader) -> bool:
+    """Return whether a reader takes the road from the file."""
+    return _parameters(read) == 1
+
+
+def read_outside(name: str, path: Path, net: str) -> ReadTraffic:
+    """Read a recording by another package's reader.
+
+    Raises:
+        InputError: The reader fails, or returns what can't be worked with; the message says which check that fails.
+    """
+    read = reader_named(name)
+    try:
+        traffic = read(path) if brings_road(read) else read(path, net)
+    except InputError:
+        raise
+    except Exception as error:
+        problem = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"`format` {name}: it can't read {path} ({problem}); mend the reader or the file") from None
+    fault = fault_of(traffic)
+    if fault is not None or not isinstance(traffic, ReadTraffic):
+        raise InputError(f"`format` {name}: of {path} it returned what is no traffic: {fault}; mend the reader")
+    return traffic
+
+
+def fault_of(traffic: object) -> str | None:
+    """Return what is wrong with what a reader returned, in words, or None if it can be put in order."""
+    return next(_faults(traffic), None)
+
+
+def _faults(traffic: object) -> Iterator[str]:
+    """Yield what is wrong; what follows the first fault means nothing, and may raise."""
+    if not isinstance(traffic, ReadTraffic):
+        yield f"{type(traffic).__name__}, not ReadTraffic"
+        return
+    for name, kind in (("road", Road), ("rows", Rows)):
+        if not isinstance(getattr(traffic, name), kind):
+            yield f"{name} is {type(getattr(traffic, name)).__name__}, not {kind.__name__}"
+    yield from _faults_of_names(traffic.names)
+    wanted = np.shape(traffic.rows.vehicle)
+    for column in fields(Rows):
+        fault = _fault_of_column(getattr(traffic.rows, column.name), wanted, is_index=column.name == "vehicle")
+        if fault is not None:
+            yield f"rows.{column.name} {fault}"
+    vehicle, count = traffic.rows.vehicle, len(traffic.names)
+    if len(vehicle) and not (vehicle.min() >= 0 and vehicle.max() < count):
+        yield f"rows.vehicle has {vehicle.min()} to {vehicle.max()}, and names has {count} entries, counted from 0"
+    if not isinstance(traffic.vehicles_read, int | np.integer) or traffic.vehicles_read < len(np.unique(vehicle)):
+        yield f"vehicles_read is {traffic.vehicles_read!r}, less than the vehicles that have rows"
+
+
+def _faults_of_names(names: object) -> Iterator[str]:
+    if not isinstance(names, np.ndarray) or names.ndim != 1 or names.dtype.kind != "U":
+        yield "names is no array of texts, shape (v,)"
+        return
+    if len(np.unique(names)) < len(names):
+        yield "names has one name twice"
+    if not np.char.str_len(names).all():
+        yield "names has an empty one"
+
+
+def _fault_of_column(values: object, wanted: tuple[int, ...], *, is_index: bool) -> str | None:
+    if not isinstance(values, np.ndarray):
+        return f"is {type(values).__name__}, not an array"
+    if values.shape != wanted or values.ndim != 1:
+        return f"has shape {values.shape}, rows.vehicle {wanted}; both must be (n,)"
+    if is_index:
+        return None if values.dtype == np.int64 else f"is {values.dtype}, not int64"
+    return None if values.dtype == np.float64 else f"is {values.dtype}, not float64"
+
+
+def _parameters(read: Reader) -> int:
+    """Return how many parameters a reader wants; 0 of one that does not say, or can't be called with so few."""
+    try:
+        wanted = inspect.signature(read).parameters.values()
+    except (TypeError, ValueError):
+        return 0
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    needed = [parameter for parameter in wanted if parameter.default is inspect.Parameter.empty]
+    if any(parameter.kind not in positional for parameter in needed):
+        return 0
+    return len(needed)
