@@ -15,7 +15,7 @@ class Options(TypedDict):
     """The options of ``export``."""
 
     folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
-    to: Annotated[str | None, Option("mot, fcd, csv, rerun or osi.")]
+    to: Annotated[str | None, Option("mot, fcd, csv, rerun, osi, or your own, module:function.", metavar="FORMAT")]
     video: Annotated[Path | None, Option("MP4 file to write: the road from above.")]
     out: Annotated[Path | None, Option("Folder to write. (default: RUN/export/FORMAT)")]
     force: Annotated[bool, Option("Replace an earlier export, or film, that is there.", default=False)]
@@ -32,13 +32,14 @@ def command(options: Options) -> None:
     Examples:
       python -m harness export results/us101-mmpf-gmm-d20-s0 --to mot
       python -m harness export results/us101-mmpf-gmm-d20-s0 --video run.mp4
+      python -m harness export results/us101-mmpf-gmm-d20-s0 --to my_format:write
     """
     from harness.errors import InputError  # noqa: PLC0415
-    from harness.export.formats import FORMATS, export_run  # noqa: PLC0415
+    from harness.export.formats import export_run, known_formats  # noqa: PLC0415
 
     folder, to, video, force = options["folder"], options["to"], options["video"], options["force"]
     if to is None and video is None:
-        raise InputError(f"`to`: say which format: {', '.join(FORMATS)}; or give `video`, for example run.mp4")
+        raise InputError(f"`to`: say which format: {', '.join(known_formats())}; or give `video`, for example run.mp4")
     files: list[Path] = []
     if to is not None:
         files = export_run(folder, to, options["out"], force, lambda line: typer.echo(line, err=True))

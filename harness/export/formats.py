@@ -1,8 +1,13 @@
-"""The formats that a run can be exported to, each loaded only when it is asked for."""
+"""The formats that a run can be exported to, each loaded only when it is asked for.
+
+Another package's is a function like those here, ``export(run, folder)``: it writes into the folder, which is empty, and
+returns the files. It is found by ``module:function``, or as an entry point.
+"""
 
 from __future__ import annotations
 
 import importlib
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,9 +18,11 @@ from harness.report.finished import RecordedRun, read_recorded_run
 from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
 from harness.runfolder.lock import lock_beside
+from mmpf.registry import Registry, UnknownNameError
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
 EXPORTS = "export"
+export_formats: Registry[Callable[..., object]] = Registry("export format", "harness.export_formats")
 
 
 @dataclass(frozen=True)
@@ -53,17 +60,18 @@ def export_run(
 
     Args:
         folder: A finished run's folder.
-        name: A key of ``FORMATS``.
+        name: A key of ``FORMATS``, or the name or place of another package's.
         out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced.
         force: Whether an earlier export in ``out`` may be replaced.
         tell: Called with a line about what is replaced.
 
     Raises:
         InputError: There is no such format, the package's part for it is not installed, the folder is no finished
-            run's, or ``out`` exists, is no export, holds somebody's files or can't be written.
+            run's, or ``out`` exists, is no export, holds somebody's files or can't be written; or a format of another
+            package fails.
     """
     exporter = _exporter(name)
-    target = out if out is not None else folder / EXPORTS / name
+    target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
     if target.exists():
         if out is not None and not force:
             raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
@@ -101,7 +109,7 @@ def export_run(
 
 def _exporter(name: str) -> Exporter:
     if name not in FORMATS:
-        raise InputError(f"`to`: there is no format {name!r}; choose from {', '.join(FORMATS)}")
+        return _from_outside(name)
     chosen = FORMATS[name]
     try:
         exporter: Exporter = importlib.import_module(chosen.module).export
@@ -110,3 +118,43 @@ def _exporter(name: str) -> Exporter:
             raise
         raise InputError(f"`to`: {name} needs {error.name}; install it with: pip install '.[{chosen.extra}]'") from None
     return exporter
+
+
+def known_formats() -> tuple[str, ...]:
+    """Return the names that ``to`` takes; those of installed packages, of which nothing is imported, last."""
+    return (*FORMATS, *(name for name in export_formats if name not in FORMATS))
+
+
+def _from_outside(name: str) -> Exporter:
+    """Return another package's exporter, whose failures are the user's to mend."""
+    if ":" not in name and name not in set(export_formats):
+        known = ", ".join(known_formats())
+        raise InputError(f"`to`: there is no format {name!r}; choose from {known}, or module:function for your own")
+    try:
+        export = export_formats[name]
+    except UnknownNameError as error:
+        raise InputError(f"`to` {name}: {error}") from None
+
+    def checked(run: RecordedRun, folder: Path) -> list[Path]:
+        try:
+            files = export(run, folder)
+        except InputError:
+            raise
+        except Exception as error:
+            problem = " ".join(f"{type(error).__name__}: {error}".split())
+            raise InputError(f"`to` {name}: it can't export {run.folder} ({problem}); mend it") from None
+        if not isinstance(files, list | tuple) or not all(isinstance(file, Path) for file in files):
+            raise InputError(f"`to` {name}: it returned {_kind(files)}, not the list of paths that it wrote; mend it")
+        for file in files:
+            if not file.resolve().is_relative_to(folder.resolve()) or not file.is_file():
+                raise InputError(f"`to` {name}: it returned {file}, which is no file in the folder given; mend it")
+        if not files:
+            raise InputError(f"`to` {name}: it returned no file; mend it")
+        return list(files)
+
+    return checked
+
+
+def _kind(files: object) -> str:
+    inside = next((item for item in files if not isinstance(item, Path)), None) if isinstance(files, list) else None
+    return f"a list with {type(inside).__name__}" if inside is not None else type(files).__name__

@@ -12,6 +12,7 @@ import harness
 from harness.cli import run_command_line
 from harness.config.layers import resolve_run_config
 from harness.errors import RunError
+from harness.export.formats import export_run
 from harness.running.run import run
 from harness.sensor.profiles import sensor_settings
 from harness.settings import all_settings
@@ -20,6 +21,7 @@ from harness.trackers.protocol import TrackerSetting
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model, motion_models
 from mmpf.registry import UnknownNameError
+from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 EXAMPLE = Path(__file__).parents[1] / "plugin_example"
@@ -152,6 +154,42 @@ def test_what_is_no_reader_is_told_before_anything_is_read(written, told, exampl
     sys.modules.pop("no_reader", None)
     with pytest.raises(harness.InputError, match=f"^`format` no_reader:read: .*{told}"):
         resolve_run_config(options={"replay": str(tmp_path / "file"), "format": "no_reader:read"})
+
+
+@pytest.mark.parametrize("name", ["speeds", "plugin_example:write_speeds"])
+def test_an_export_format_of_another_package_is_found_by_its_name_or_its_place(name, example, tmp_path):
+    folder = write_recorded_scene(tmp_path / "run")
+    (file,) = export_run(folder, name)
+    assert file == folder / "export" / name.replace(":", "-") / "speeds.txt"
+    assert "near 20.00" in file.read_text()
+    assert export_run(folder, name) == [file]
+    with pytest.raises(harness.InputError, match=r"choose from csv, .*, speeds, or module:function"):
+        export_run(folder, "sped")
+
+
+@pytest.mark.parametrize(
+    ("returned", "told"),
+    [
+        ("None", "it returned NoneType, not the list of paths"),
+        ("[str(folder)]", "it returned a list with str, not the list of paths"),
+        ("[folder / 'none.txt']", "none.txt, which is no file in the folder given"),
+        ("[Path(__file__)]", "odd_export.py, which is no file in the folder given"),
+        ("[]", "it returned no file"),
+        ("run.nothing", "AttributeError"),
+    ],
+)
+def test_an_export_that_returns_nonsense_is_told_which_check_fails(returned, told, tmp_path, monkeypatch):
+    (tmp_path / "odd_export.py").write_text(
+        f"from pathlib import Path\ndef write(run, folder):\n    return {returned}\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "odd_export", raising=False)
+    folder = write_recorded_scene(tmp_path / "run")
+    with pytest.raises(harness.InputError, match=r"^`to` odd_export:write: ") as error:
+        export_run(folder, "odd_export:write")
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+    assert not list((folder / "export").iterdir())
 
 
 @pytest.mark.parametrize(

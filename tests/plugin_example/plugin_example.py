@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.report.finished import RecordedRun
 from harness.sensor.profiles import SensorSettings
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.recorded.rows import ReadTraffic, Rows
@@ -87,3 +88,11 @@ def read_queue(path: Path) -> ReadTraffic:
         ),
         vehicles_read=len(start),
     )
+
+
+def write_speeds(run: RecordedRun, folder: Path) -> list[Path]:
+    """Write the mean speed of each vehicle."""
+    path = folder / "speeds.txt"
+    means = run.truth.groupby("vehicle_id")["speed_mps"].mean()
+    path.write_text("".join(f"{name} {speed:.2f}\n" for name, speed in means.items()))
+    return [path]
