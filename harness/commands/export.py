@@ -17,7 +17,10 @@ class Options(TypedDict):
     folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
     to: Annotated[str | None, Option("mot, fcd, csv, rerun, osi, or your own, module:function.", metavar="FORMAT")]
     video: Annotated[Path | None, Option("MP4 file to write: the road from above.")]
-    out: Annotated[Path | None, Option("Folder to write. (default: RUN/export/FORMAT)")]
+    out: Annotated[
+        Path | None, Option("Folder to write; for fcd also FILE.xml or FILE.xml.gz. (default: RUN/export/FORMAT)")
+    ]
+    gzip: Annotated[bool, Option("Pack the files of csv and fcd: .csv.gz, .xml.gz.", default=False)]
     force: Annotated[bool, Option("Replace an earlier export, or film, that is there.", default=False)]
     json: Annotated[bool, Option("Print the written files as JSON on stdout, nothing else there.", default=False)]
 
@@ -31,6 +34,7 @@ def command(options: Options) -> None:
 
     Examples:
       python -m harness export results/us101-mmpf-gmm-d20-s0 --to mot
+      python -m harness export results/us101-mmpf-gmm-d20-s0 --to fcd --out us101.xml.gz
       python -m harness export results/us101-mmpf-gmm-d20-s0 --video run.mp4
       python -m harness export results/us101-mmpf-gmm-d20-s0 --to my_format:write
     """
@@ -42,7 +46,9 @@ def command(options: Options) -> None:
         raise InputError(f"`to`: say which format: {', '.join(known_formats())}; or give `video`, for example run.mp4")
     files: list[Path] = []
     if to is not None:
-        files = export_run(folder, to, options["out"], force, lambda line: typer.echo(line, err=True))
+        files = export_run(
+            folder, to, options["out"], force, lambda line: typer.echo(line, err=True), packed=options["gzip"]
+        )
     if video is not None:
         from harness.export.video import write_video  # noqa: PLC0415
 

@@ -1,4 +1,7 @@
-"""The truth of a run as SUMO's floating-car data: what ``sumo --fcd-output`` writes, with the vehicles' sizes."""
+"""The truth of a run as SUMO's floating-car data: what ``sumo --fcd-output`` writes, valid by SUMO's ``fcd_file.xsd``.
+
+SUMO's schema has no place for sizes, so each size is a vehicle type, and a file beside declares the types.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
+from harness.truth.recorded.fcd import types_file
 
 FILE = "fcd.xml"
 NOT_IN_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
@@ -19,11 +23,23 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``fcd.xml``: position of the front bumper in the plane, angle clockwise from north, speed along the body.
 
     ``lane`` and ``pos`` are those of the road as one edge, ``road``, so that SUMO's plotting scripts find the vehicles.
-    ``length`` and ``width`` stand beside SUMO's own attributes, since readers need them to find a vehicle's centre.
+    ``fcd.vtypes.xml`` declares the types, one a size; readers need sizes to find a vehicle's centre.
     """
     path = folder / FILE
     path.write_text("\n".join(_lines(run)) + "\n", encoding="utf-8")
-    return [path]
+    types = types_file(path)
+    types.write_text("\n".join(_type_lines(run)) + "\n", encoding="utf-8")
+    return [path, types]
+
+
+def _type_name(length_m: float, width_m: float) -> str:
+    return f"car_{length_m:.3f}x{width_m:.3f}"
+
+
+def _type_lines(run: RecordedRun) -> list[str]:
+    sizes = np.unique(np.round(run.truth[["length_m", "width_m"]].to_numpy(np.float64), 3), axis=0).tolist()
+    types = [f'    <vType id="{_type_name(*size)}" length="{size[0]:.3f}" width="{size[1]:.3f}"/>' for size in sizes]
+    return ['<?xml version="1.0" encoding="UTF-8"?>', "<additional>", *types, "</additional>"]
 
 
 def _in_xml(name: str) -> str:
@@ -36,29 +52,31 @@ def _lines(run: RecordedRun) -> list[str]:
     columns = ("heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
     in_lane, speed, lat_speed, accel, length, width = (floats(truth, name) for name in columns)
     centre_x, centre_y, heading = run.in_plane(truth)
+    pos = floats(truth, "lon_m") + 0.5 * length
     numbers = np.stack(
         [
             centre_x + 0.5 * length * np.cos(heading),
             centre_y + 0.5 * length * np.sin(heading),
             (90.0 - np.degrees(heading)) % 360.0,
             np.maximum(speed / np.cos(in_lane), 0.0),
-            floats(truth, "lon_m") + 0.5 * length,
+            # A place on a lane is never negative, one before the road's zero may be.
+            pos - min(np.floor(pos.min()), 0.0),
             lat_speed,
             accel,
-            length,
-            width,
         ],
         axis=-1,
     )
     pattern = (
-        '        <vehicle id=%s x="%.4f" y="%.4f" angle="%.4f" type="car" speed="%.4f" pos="%.4f" lane="road_%d" '
-        'speedLat="%.4f" acceleration="%.4f" length="%.3f" width="%.3f"/>'
+        '        <vehicle id=%s x="%.4f" y="%.4f" angle="%.4f" type="%s" speed="%.4f" pos="%.4f" lane="road_%d" '
+        'speedLat="%.4f" acceleration="%.4f"/>'
     )
     # SUMO counts lanes from the right, from zero.
     lane = np.maximum(len(run.road.lanes) - truth["lane"].to_numpy(np.int64), 0)
+    types = map(_type_name, np.round(length, 3).tolist(), np.round(width, 3).tolist())
+    names = (quoteattr(_in_xml(name)) for name in truth["vehicle_id"])
     vehicles = [
-        pattern % (quoteattr(_in_xml(name)), *row[:4], row[4], number, *row[5:])
-        for name, row, number in zip(truth["vehicle_id"], numbers.tolist(), lane.tolist(), strict=True)
+        pattern % (name, *row[:3], kind, *row[3:5], number, *row[5:])
+        for name, kind, row, number in zip(names, types, numbers.tolist(), lane.tolist(), strict=True)
     ]
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<fcd-export>"]
     times = truth["time_s"].to_numpy(np.float64)

@@ -9,19 +9,23 @@ from __future__ import annotations
 import importlib
 import re
 import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from harness.errors import InputError
+from harness.export.packing import check_replaceable_file, pack
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
 from harness.runfolder.lock import lock_beside
+from harness.truth.recorded.fcd import types_file
 from mmpf.registry import Registry, UnknownNameError
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
 EXPORTS = "export"
+XML_FILES = (".xml", ".xml.gz")
 export_formats: Registry[Callable[..., object]] = Registry("export format", "harness.export_formats")
 
 
@@ -33,16 +37,18 @@ class Format:
         description: What is written, in one line.
         module: Module with a function ``export(run, folder)`` that writes into the folder and returns the files.
         extra: Optional part of the package that it needs.
+        packs: Whether its files can be packed by gzip.
     """
 
     description: str
     module: str
     extra: str | None = None
+    packs: bool = False
 
 
 FORMATS = {
-    "csv": Format("every table as comma-separated values", "harness.export.csv_tables"),
-    "fcd": Format("truth as SUMO floating-car data, XML", "harness.export.fcd"),
+    "csv": Format("every table as comma-separated values", "harness.export.csv_tables", packs=True),
+    "fcd": Format("truth as SUMO floating-car data, XML", "harness.export.fcd", packs=True),
     "mot": Format("ground truth and tracker in MOTChallenge's layout, as TrackEval reads it", "harness.export.mot"),
     "osi": Format("ASAM OSI ground truth and sensor data, binary traces", "harness.export.osi", "osi"),
     "rerun": Format("a recording for the rerun viewer", "harness.export.rerun_recording", "viewer"),
@@ -55,15 +61,18 @@ def export_run(
     out: Path | None = None,
     force: bool = False,
     tell: Callable[[str], object] = str,
+    packed: bool = False,
 ) -> list[Path]:
     """Write a run in a format and return the files.
 
     Args:
         folder: A finished run's folder.
         name: A key of ``FORMATS``, or the name or place of another package's.
-        out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced.
+        out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced. Of ``fcd`` also
+            a file, ``.xml`` or ``.xml.gz``.
         force: Whether an earlier export in ``out`` may be replaced.
         tell: Called with a line about what is replaced.
+        packed: Whether the files are packed by gzip.
 
     Raises:
         InputError: There is no such format, the package's part for it is not installed, the folder is no finished
@@ -71,6 +80,11 @@ def export_run(
             package fails.
     """
     exporter = _exporter(name)
+    if packed and not (name in FORMATS and FORMATS[name].packs):
+        able = " and ".join(known for known, entry in FORMATS.items() if entry.packs)
+        raise InputError(f"`gzip`: only {able} are packed; leave it out")
+    if out is not None and name == "fcd" and out.name.endswith(XML_FILES):
+        return _export_to_file(folder, exporter, out, force)
     target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
     if target.exists():
         if out is not None and not force:
@@ -92,6 +106,7 @@ def export_run(
         ownership.claim(pending, ownership.EXPORT)
         with sound_tables(folder, "folder"):
             files = exporter(run, pending)
+        files = pack(files) if packed else files
         ownership.record_all(pending, ownership.EXPORT)
         if target.exists():
             tell(f"replaced {ownership.described(target)}")
@@ -105,6 +120,25 @@ def export_run(
             shutil.rmtree(pending, ignore_errors=True)
         lock.release()
     return [target / file.relative_to(pending) for file in files]
+
+
+def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) -> list[Path]:
+    """Write floating-car data to a file, packed if its name says so, and the vehicle types to one beside it."""
+    targets = (out, types_file(out))
+    for target, element in zip(targets, ("fcd-export", "additional"), strict=True):
+        check_replaceable_file(target, element, force)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with (
+            sound_tables(folder, "folder"),
+            tempfile.TemporaryDirectory(prefix=".exporting-", dir=out.parent) as pending,
+        ):
+            main, types = exporter(read_recorded_run(folder), Path(pending))
+            for file, target in zip((*(pack([main]) if out.suffix == ".gz" else [main]), types), targets, strict=True):
+                file.replace(target)
+    except OSError as error:
+        raise InputError(f"`out`: can't write {out}: {error.strerror or error}; choose another file") from None
+    return list(targets)
 
 
 def _exporter(name: str) -> Exporter:

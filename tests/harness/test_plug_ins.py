@@ -21,6 +21,7 @@ from harness.trackers.protocol import TrackerSetting
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model, motion_models
 from mmpf.registry import UnknownNameError
+from tests.harness.grid.test_cluster import dask_cluster
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
@@ -272,18 +273,35 @@ def test_no_plug_in_takes_the_place_of_a_built_in_tracker(example, setting):
     assert type(build_tracker("mmpf", setting, {"particles": 50})).__name__ == "MixtureTracker"
 
 
+TRACKERS_OF_OTHERS = [
+    *("echo", "mmpf+particles=50+model=standstill"),
+    *("plugin_example:EchoTracker", "mmpf+particles=50+model=plugin_example:Standstill"),
+]
+
+
+def check_grids_of_plug_ins(folder, **where):
+    """Make a simulated and a recorded grid of plug-ins, all of them named both ways."""
+    few = {"duration": 1.0, "trackers": TRACKERS_OF_OTHERS, **where}
+    for name, sensor in enumerate(("far-sighted", "plugin_example:far_sighted")):
+        grid = harness.stress(densities=[20], seeds=1, sensor=sensor, out=folder / f"simulated-{name}", **few)
+        assert list(grid.runs["succeeded"]) == [True] * 4, list(grid.runs["error"])
+    (folder / "queue.bin").write_bytes(bytes([1, 21, 41]))
+    for name, form in enumerate(("queue", "plugin_example:read_queue")):
+        recorded = {"replay": folder / "queue.bin", "format": form, "ego": "auto"}
+        grid = harness.stress(out=folder / f"recorded-{name}", **recorded, **few)
+        assert list(grid.runs["succeeded"]) == [True] * 4, list(grid.runs["error"])
+
+
 @pytest.mark.slow
 def test_plug_ins_work_in_the_worker_processes_of_a_stress_test(example, tmp_path):
-    grid = harness.stress(
-        densities=[20],
-        seeds=1,
-        duration=1.0,
-        particles=50,
-        trackers=["echo", "mmpf+model=standstill"],
-        workers=1,
-        out=tmp_path / "grid",
-    )
-    assert list(grid.runs["succeeded"]) == [True, True], list(grid.runs["error"])
+    check_grids_of_plug_ins(tmp_path, workers=1)
+
+
+@pytest.mark.slow
+def test_plug_ins_work_on_dask(example, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(example))
+    with dask_cluster(tmp_path) as (address, _):
+        check_grids_of_plug_ins(tmp_path, scheduler=address)
 
 
 def test_the_reader_of_the_documentation_reads_what_it_says(tmp_path, monkeypatch):

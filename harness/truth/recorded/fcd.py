@@ -1,12 +1,14 @@
 """SUMO's floating-car data: XML, metres, in the plane of the network; positions are those of the front bumper.
 
-Sizes come from the file where it states them, else from the network's vehicle types, else from SUMO's defaults.
+Sizes come from the file where it states them, else from the vehicle types in a file beside it (``fcd.vtypes.xml``
+beside ``fcd.xml``) or of the network, else from SUMO's defaults.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -25,6 +27,7 @@ from mmpf.road import Road
 # SUMO's own sizes of its vehicle classes, metres.
 DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.2, 0.9), "bus": (12.0, 2.5)}
 CHUNK_ROWS = 100_000
+Sizes = dict[str, tuple[float, float]]
 ON_FOOT = "person"
 
 NUMBERS = ("x", "y", "angle", "speed")
@@ -57,6 +60,18 @@ class _Collected:
         self.numbers.extend(float(given.get(column, "nan")) for column in SIZES)
 
 
+def types_file(path: Path) -> Path:
+    """Return where the vehicle types of a file of floating-car data are declared, if anywhere."""
+    return path.with_name(f"{path.name.removesuffix('.gz').removesuffix('.xml')}.vtypes.xml")
+
+
+def recording_files(path: Path) -> tuple[Path, ...]:
+    """Return the file and, if it is there, that of its vehicle types."""
+    types = types_file(path)
+    beside = [file for file in (types, types.with_name(f"{types.name}.gz")) if file.is_file()]
+    return (path, *beside[:1])
+
+
 def read_fcd(path: Path, net: str) -> ReadTraffic:
     """Read floating-car data; vehicles that never come within 15 m of the network's main road are left out.
 
@@ -67,6 +82,8 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     try:
         with unpacked(path, MOST_TABLE_BYTES) as file:
             collected = _collect(file, path)
+        types = [network.vehicle_types_file, *recording_files(path)[1:]]
+        sizes = dict(size for file in types if file is not None for size in _type_sizes(file))
     except ParseError as error:
         raise InputError(f"{path}: broken or truncated XML: {error}") from None
     except KeyError as error:
@@ -77,7 +94,7 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
         raise InputError(f"{path}: a value is no number: {error}") from None
     if not collected.names:
         raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
-    return _traffic(collected, network)
+    return _traffic(collected, network, sizes)
 
 
 def _collect(file: BinaryIO, path: Path) -> _Collected:
@@ -102,11 +119,10 @@ def _collect(file: BinaryIO, path: Path) -> _Collected:
     return collected
 
 
-def _traffic(collected: _Collected, network: Network) -> ReadTraffic:
+def _traffic(collected: _Collected, network: Network, of_type: Sizes) -> ReadTraffic:
     vehicle, kind = np.frombuffer(collected.codes, dtype=np.int64).reshape(-1, 2).T
     numbers = np.frombuffer(collected.numbers, dtype=np.float64).reshape(len(vehicle), -1)
     time_s, x, y, angle_deg, speed, length_m, width_m = np.ascontiguousarray(numbers.T)
-    of_type = _type_sizes(network)
     usual_m = np.array([_size_of(name, of_type) for name in collected.kinds])[kind]
     length_m = np.where(np.isnan(length_m), usual_m[:, 0], length_m)
     width_m = np.where(np.isnan(width_m), usual_m[:, 1], width_m)
@@ -143,18 +159,15 @@ def _in_road_frame(
     return lon_m, lat_m, heading
 
 
-def _size_of(kind: str, of_type: dict[str, tuple[float, float]]) -> tuple[float, float]:
+def _size_of(kind: str, of_type: Sizes) -> tuple[float, float]:
     # SUMO names a type that it drew from another one "other@number".
     return of_type.get(kind) or of_type.get(kind.partition("@")[0]) or DEFAULT_SIZES["passenger"]
 
 
-def _type_sizes(network: Network) -> dict[str, tuple[float, float]]:
-    sizes: dict[str, tuple[float, float]] = {}
-    if network.vehicle_types_file is None:
-        return sizes
-    for _, element in iterparse(network.vehicle_types_file):
-        if element.tag == "vType":
-            usual = DEFAULT_SIZES.get(element.attrib.get("vClass", "passenger"), DEFAULT_SIZES["passenger"])
-            length_m = float(element.attrib.get("length", usual[0]))
-            sizes[element.attrib["id"]] = (length_m, float(element.attrib.get("width", usual[1])))
-    return sizes
+def _type_sizes(path: Path) -> Iterator[tuple[str, tuple[float, float]]]:
+    with unpacked(path, MOST_TABLE_BYTES) as file:
+        for _, element in iterparse(file):
+            if element.tag == "vType":
+                usual = DEFAULT_SIZES.get(element.attrib.get("vClass", "passenger"), DEFAULT_SIZES["passenger"])
+                length_m = float(element.attrib.get("length", usual[0]))
+                yield element.attrib["id"], (length_m, float(element.attrib.get("width", usual[1])))

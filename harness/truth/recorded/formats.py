@@ -154,14 +154,16 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
 
 
 def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
-    """Return the files of a recording: the file itself, those of a highD recording, or all of a reader's folder."""
-    from harness.truth.recorded.highd import recording_files  # noqa: PLC0415
+    """Return the files of a recording: the file itself and those beside it that belong to it, or all of a folder."""
+    from harness.truth.recorded import fcd, highd  # noqa: PLC0415
 
     if format_name not in FORMATS:
         return tuple(sorted(file for file in path.iterdir() if file.is_file())) if path.is_dir() else (path,)
+    if format_name == "fcd" and not path.is_dir():
+        return fcd.recording_files(path)
     if not path.is_dir() and not path.name.endswith("_tracks.csv"):
         return (path,)
-    return recording_files(path)
+    return highd.recording_files(path)
 
 
 def _head(path: Path) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import errno
+import gzip
 import json
 import re
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,6 +21,8 @@ from harness.export.formats import export_run
 from harness.report.finished import read_recorded_run
 from harness.runfolder.lock import LOCK
 from harness.scoring.settings import ScoringSettings
+from harness.truth.network.network import load_network
+from harness.truth.recorded.fcd import read_fcd
 from mmpf.road import Lane, Road
 from tests.harness.recorded_scene import GIVEN_UP, STEPS, metrics_of, write_recorded_scene
 
@@ -52,43 +56,95 @@ def test_csv_holds_every_table_as_it_was(folder):
         np.testing.assert_array_equal(read[numbers].to_numpy(float), table[numbers].to_numpy(float))
 
 
+def schema(name):
+    """Return one of SUMO's own schemas."""
+    xmlschema = pytest.importorskip("xmlschema", reason="validates by SUMO's schemas")
+    sumo_data = pytest.importorskip("sumo_data", reason="has SUMO's schemas")
+    return xmlschema.XMLSchema(str(Path(next(iter(sumo_data.__path__))) / "data" / "xsd" / name))
+
+
 def test_sumo_reads_the_floating_car_data(bent):
     sumolib = pytest.importorskip("sumolib")
-    (file,) = export_run(bent, "fcd")
+    file, types = export_run(bent, "fcd")
     steps = list(sumolib.xml.parse(str(file), "timestep"))
+    sizes = {kind.id: (float(kind.length), float(kind.width)) for kind in sumolib.xml.parse(str(types), "vType")}
     assert [float(step.time) for step in steps] == pytest.approx(0.1 * np.arange(STEPS), abs=1e-9)
     run = read_recorded_run(bent)
     truth = run.truth[run.truth["step"] == 50].set_index("vehicle_id")
     for vehicle in steps[50].vehicle:
         row = truth.loc[vehicle.id]
         heading = np.radians(90.0 - float(vehicle.angle))
-        back = 0.5 * float(vehicle.length)
-        x, y = float(vehicle.x) - back * np.cos(heading), float(vehicle.y) - back * np.sin(heading)
+        length, width = sizes[vehicle.type]
+        x, y = float(vehicle.x) - 0.5 * length * np.cos(heading), float(vehicle.y) - 0.5 * length * np.sin(heading)
         lon, lat = run.road.to_road(np.array([x]), np.array([y]))
         assert lon[0] == pytest.approx(row["lon_m"], abs=1e-3)
         assert lat[0] == pytest.approx(row["lat_m"], abs=1e-3)
         along = float(run.road.heading_at(np.array(row["lon_m"])))
         assert heading - along == pytest.approx(row["heading_rad"], abs=1e-5)
         assert float(vehicle.speed) * np.cos(row["heading_rad"]) == pytest.approx(row["speed_mps"], abs=1e-3)
-        assert float(vehicle.width) == row["width_m"]
+        assert width == row["width_m"]
 
 
-def test_floating_car_data_tells_lane_and_place_to_sumos_plotting_scripts(bent):
-    (path,) = export_run(bent, "fcd")
-    vehicles = [line for line in path.read_text().splitlines() if "<vehicle " in line]
-    assert vehicles
-    for name in ("type", "pos", "lane"):
-        assert all(f' {name}="' in line for line in vehicles), name
+def test_the_floating_car_data_are_valid_by_sumos_own_schemas(tmp_path):
+    folder = write_recorded_scene(tmp_path / "run", {"far": 'a "quoted" <name> & more', "near": "bell\x07"}, road=BENT)
+    truth = pd.read_parquet(folder / "truth.parquet")
+    truth["lon_m"] -= 400.0  # before the road's zero, from where SUMO counts places
+    truth.to_parquet(folder / "truth.parquet")
+    file, types = export_run(folder, "fcd")
+    schema("fcd_file.xsd").validate(str(file))
+    schema("additional_file.xsd").validate(str(types))
 
 
-def test_the_harness_reads_its_own_floating_car_data(tmp_path):
-    fcd = pytest.importorskip("harness.truth.recorded.fcd")
-    from harness.truth.network.network import load_network  # noqa: PLC0415
+@pytest.mark.slow
+def test_sumos_own_script_plots_the_trajectories(bent, tmp_path):
+    sumo = pytest.importorskip("sumo", reason="the extra networks is not installed")
+    file, _ = export_run(bent, "fcd", tmp_path / "fcd.xml.gz")
+    script = Path(sumo.__file__).parent / "tools" / "plot_trajectories.py"
+    picture, table = tmp_path / "plot.png", tmp_path / "plot.csv"
+    command = [sys.executable, script, "-t", "td", "-v", "--blind", "-o", picture, "--csv-output", table, file]
+    said = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=120).stdout
+    assert f"Found {4 * STEPS} datapoints" in said
+    assert f"kept {4 * STEPS}" in said
+    assert picture.stat().st_size > 10_000
+    points = [line.split() for line in table.read_text().partition('"near"')[2].strip().split("\n\n")[0].splitlines()]
+    driven_m = float(points[-1][2]) - float(points[0][2])
+    assert driven_m == pytest.approx(20.0 * 0.1 * (STEPS - 1), rel=0.01)
 
+
+def test_floating_car_data_are_packed_where_the_files_name_says_so(folder, tmp_path):
+    plain, _ = export_run(folder, "fcd", tmp_path / "plain.xml")
+    packed, types = export_run(folder, "fcd", tmp_path / "packed.xml.gz")
+    assert gzip.decompress(packed.read_bytes()) == plain.read_bytes()
+    assert types.name == "packed.vtypes.xml"
+    before = packed.read_bytes()
+    with pytest.raises(InputError, match="`force`"):
+        export_run(folder, "fcd", packed)
+    assert export_run(folder, "fcd", packed, force=True) == [packed, types]
+    assert packed.read_bytes() == before
+    (tmp_path / "thesis.xml").write_text("<thesis/>")
+    with pytest.raises(InputError, match="no earlier export"):
+        export_run(folder, "fcd", tmp_path / "thesis.xml", force=True)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("run", "plain.xml", "plain.vtypes.xml", "packed.xml.gz", "packed.vtypes.xml", "thesis.xml"),
+    }
+
+
+@pytest.mark.parametrize("name", ["csv", "fcd"])
+def test_a_folder_of_files_is_packed_on_request(name, folder, tmp_path):
+    plain, packed = export_run(folder, name), export_run(folder, name, tmp_path / "out", packed=True)
+    assert [f"{file.name}.gz" for file in plain] == [file.name for file in packed]
+    assert [file.read_bytes() for file in plain] == [gzip.decompress(file.read_bytes()) for file in packed]
+    assert export_run(folder, name, tmp_path / "out", force=True, packed=True) == packed
+    with pytest.raises(InputError, match=r"^`gzip`: only csv and fcd"):
+        export_run(folder, "mot", packed=True)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_harness_reads_its_own_floating_car_data(packed, tmp_path):
     folder = write_recorded_scene(tmp_path / "run", road=load_network("us101").road)
-    (file,) = export_run(folder, "fcd")
+    file, _ = export_run(folder, "fcd", packed=packed)
     run = read_recorded_run(folder)
-    rows = fcd.read_fcd(file, "us101").rows
+    rows = read_fcd(file, "us101").rows
     order = np.lexsort((np.round(rows.lon_m, 2), rows.time_s))
     truth = run.truth.sort_values(["time_s", "lon_m"])
     for column in ("time_s", "lon_m", "lat_m", "speed_mps", "length_m", "width_m", "heading_rad"):

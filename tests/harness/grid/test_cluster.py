@@ -47,12 +47,12 @@ def stress(out: Path, *arguments: str, **options: object) -> subprocess.Popen:
 @pytest.fixture
 def cluster(tmp_path):
     """Start a scheduler and two workers; yield the scheduler's address and the workers' processes."""
-    with _cluster(tmp_path) as (address, processes):
+    with dask_cluster(tmp_path) as (address, processes):
         yield address, processes[1:]
 
 
 @contextmanager
-def _cluster(tmp_path):
+def dask_cluster(tmp_path):
     """Yield the scheduler's address, and its process with those of the workers."""
     pytest.importorskip("distributed")
     file = tmp_path / "scheduler.json"
@@ -104,7 +104,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluste
 @pytest.mark.slow
 def test_a_lost_scheduler_ends_a_grid_in_one_line_and_it_goes_on_without(tmp_path):
     out = tmp_path / "grid"
-    with _cluster(tmp_path) as (address, processes):
+    with dask_cluster(tmp_path) as (address, processes):
         running = stress(out, "--scheduler", address, stderr=subprocess.PIPE, text=True)
         _wait_until(lambda: any(out.glob("runs/*.json")) or running.poll() is not None)
         processes[0].send_signal(signal.SIGKILL)
