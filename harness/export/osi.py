@@ -1,7 +1,8 @@
 """A run as ASAM OSI traces: the ground truth, and as sensor data the sensor's detections and the tracker's tracks.
 
 Sensor data is in the frame of the ego, whose origin is declared to be the middle of its box (``bbcenter_to_rear`` is
-zero), since nothing is known of its axles. Detections have their measured sizes, tracks a usual car's; velocities of
+zero), since nothing is known of its axles. Lanes and the lines between them are in every message of the ground truth,
+since each stands for itself. Detections have their measured sizes, tracks a usual car's; velocities of
 tracks are over ground, in the axes of that frame. Numbers of vehicles are those of ``vehicles.csv``.
 """
 
@@ -19,6 +20,8 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 
+from harness.export.lanes import NO_STRIP, lanes_of
+from harness.export.osi_lanes import OsiLanes, osi_lanes
 from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
@@ -42,7 +45,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     codes, names = pd.factorize(run.truth["vehicle_id"])
     numbers = {str(name): number for number, name in enumerate(names, start=1)}
     files = [folder / name for name in (GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES)]
-    _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1))
+    lanes = osi_lanes(lanes_of(run), first_id=len(names) + 1)
+    _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, lanes))
     _write_trace(files[1], _sensor_data(run, run.detections, _describe_detection, numbers))
     _write_trace(files[2], _sensor_data(run, run.tracks, _describe_track, numbers))
     rows = [f"{number},{name}" for name, number in numbers.items()]
@@ -58,8 +62,9 @@ def _write_trace(path: Path, messages: Iterable[Any]) -> None:
             trace.write(struct.pack("<I", len(content)) + content)
 
 
-def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
+def _ground_truth(run: RecordedRun, number: IntArray, lanes: OsiLanes) -> Iterator[GroundTruth]:
     truth = run.truth
+    lane = lanes.assigned(floats(truth, "lon_m"), floats(truth, "lat_m"))
     x, y, heading = run.in_plane(truth)
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
     speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
@@ -70,6 +75,8 @@ def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
     for rows in _steps(truth).values():
         message = GroundTruth()
         _stamp(message, float(floats(truth, "time_s")[rows.start]))
+        host = np.flatnonzero(is_ego[rows])
+        lanes.add_to(message, int(lane[rows.start + host[0]]) if len(host) else NO_STRIP)
         for i in range(rows.start, rows.stop):
             vehicle = message.moving_object.add(type=MovingObject.TYPE_VEHICLE)
             vehicle.id.value = int(number[i])
@@ -77,6 +84,8 @@ def _ground_truth(run: RecordedRun, number: IntArray) -> Iterator[GroundTruth]:
             vehicle.base.velocity.x, vehicle.base.velocity.y = velocity_x[i], velocity_y[i]
             vehicle.base.acceleration.x = accel[i] * np.cos(along[i])
             vehicle.base.acceleration.y = accel[i] * np.sin(along[i])
+            if lane[i] != NO_STRIP:
+                vehicle.moving_object_classification.assigned_lane_id.add(value=int(lane[i]))
             if is_ego[i]:
                 message.host_vehicle_id.value = int(number[i])
                 vehicle.vehicle_attributes.bbcenter_to_rear.x = 0.0

@@ -280,15 +280,13 @@ TRACKERS_OF_OTHERS = [
 
 
 def check_grids_of_plug_ins(folder, **where):
-    """Make a simulated and a recorded grid of plug-ins, all of them named both ways."""
+    """Make a simulated and a recorded grid of plug-ins; trackers and models are named both ways."""
     few = {"duration": 1.0, "trackers": TRACKERS_OF_OTHERS, **where}
-    for name, sensor in enumerate(("far-sighted", "plugin_example:far_sighted")):
-        grid = harness.stress(densities=[20], seeds=1, sensor=sensor, out=folder / f"simulated-{name}", **few)
-        assert list(grid.runs["succeeded"]) == [True] * 4, list(grid.runs["error"])
     (folder / "queue.bin").write_bytes(bytes([1, 21, 41]))
-    for name, form in enumerate(("queue", "plugin_example:read_queue")):
-        recorded = {"replay": folder / "queue.bin", "format": form, "ego": "auto"}
-        grid = harness.stress(out=folder / f"recorded-{name}", **recorded, **few)
+    recorded = {"replay": folder / "queue.bin", "format": "plugin_example:read_queue", "ego": "auto"}
+    simulated = {"densities": [20], "seeds": 1, "sensor": "plugin_example:far_sighted"}
+    for name, traffic in (("simulated", simulated), ("recorded", recorded)):
+        grid = harness.stress(out=folder / name, **traffic, **few)
         assert list(grid.runs["succeeded"]) == [True] * 4, list(grid.runs["error"])
 
 

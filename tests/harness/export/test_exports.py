@@ -231,6 +231,53 @@ def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
     assert np.hypot(near.base.position.x - host.base.position.x, near.base.position.y - host.base.position.y) < 16.0
 
 
+def test_an_osi_reader_finds_lanes_and_the_lines_between_them(bent):
+    pytest.importorskip("osi3", reason="the extra osi is not installed")
+    from osi3.osi_lane_pb2 import LaneBoundary  # noqa: PLC0415
+    from osi3trace.osi_trace import OSITrace  # noqa: PLC0415
+
+    run = read_recorded_run(bent)
+    trace = OSITrace(str(export_run(bent, "osi")[0]), "GroundTruth")
+    truths = list(trace)
+    trace.close()
+    assert len(truths) == STEPS
+    truth = truths[7]
+    lanes, lines = {lane.id.value: lane for lane in truth.lane}, {line.id.value: line for line in truth.lane_boundary}
+    assert (len(lanes), len(lines)) == (5, 6)
+    vehicles = {vehicle.id.value: vehicle for vehicle in truth.moving_object}
+    assert not set(lanes) & set(lines) | set(lanes) & set(vehicles) | set(lines) & set(vehicles)
+    kinds = [LaneBoundary.Classification.Type.Name(line.classification.type) for line in lines.values()]
+    assert sorted(kinds) == ["TYPE_DASHED_LINE"] * 4 + ["TYPE_ROAD_EDGE"] * 2
+    leftmost = next(lane for lane in lanes.values() if not lane.classification.left_adjacent_lane_id)
+    order = [leftmost]
+    while order[-1].classification.right_adjacent_lane_id:
+        below = order[-1].classification
+        order.append(lanes[below.right_adjacent_lane_id[0].value])
+        assert order[-1].classification.left_lane_boundary_id == below.right_lane_boundary_id
+        assert order[-1].classification.left_adjacent_lane_id[0].value == order[-2].id.value
+    for lane, ours in zip(order, sorted(run.road.lanes, key=lambda lane: lane.number), strict=True):
+        for points, wanted in (
+            (lane.classification.centerline, ours.centre_m),
+            (
+                [p.position for p in lines[lane.classification.left_lane_boundary_id[0].value].boundary_line],
+                ours.left_m,
+            ),
+        ):
+            x, y = np.array([[point.x, point.y] for point in points]).T
+            assert len(x) >= 2
+            # Between two points too, where the road bends.
+            x, y = (np.interp(np.linspace(0, len(x) - 1, 300), range(len(x)), values) for values in (x, y))
+            lon, lat = run.road.to_road(x, y)
+            np.testing.assert_allclose(lat, wanted, atol=0.05)
+            assert (np.diff(lon) > 0.0).all()
+            assert lon[0] < 101.0
+            assert lon[-1] > 460.0
+    host = vehicles[truth.host_vehicle_id.value]
+    (assigned,) = host.moving_object_classification.assigned_lane_id
+    assert [lane.id.value for lane in order if lane.classification.is_host_vehicle_lane] == [assigned.value]
+    assert order.index(lanes[assigned.value]) == 3  # 5 m from the right edge: lane 4
+
+
 def messages(path, kind):
     content, found = path.read_bytes(), []
     while content:

@@ -1,0 +1,119 @@
+"""The lanes of a run's road as lines in the plane, cut to the stretch that was driven."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import LineString
+
+from harness.report.finished import RecordedRun
+from harness.runfolder.tables import floats
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Lane, Road
+
+BEYOND_M = 100.0
+# A bent line is drawn by as many points as keep it this close.
+SPACING_M, TOLERANCE_M = 2.0, 0.02
+SAME_M = 0.05
+NO_STRIP = -1
+
+
+@dataclass(frozen=True)
+class LaneLine:
+    """A line along the road.
+
+    Attributes:
+        side_m: Lateral position.
+        start_m: Longitudinal position of its begin.
+        end_m: That of its end.
+    """
+
+    side_m: float
+    start_m: float
+    end_m: float
+
+    def points(self, road: Road) -> FloatArray:
+        """Return the line in the plane, shape (n, 2), as few points as keep it within two centimetres."""
+        count = 2 if road.is_straight else max(2, round((self.end_m - self.start_m) / SPACING_M) + 1)
+        lon = np.linspace(self.start_m, self.end_m, count)
+        x, y = road.to_cartesian(lon, np.full_like(lon, self.side_m))
+        line = LineString(np.column_stack([x, y])).simplify(TOLERANCE_M)
+        return np.asarray(line.coords, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A lane between two lines.
+
+    Attributes:
+        lane: The lane.
+        left: Number of its left line among all lines.
+        right: Number of its right line.
+        left_neighbours: Strips that lie against it on its left, by number.
+        right_neighbours: Those on its right.
+    """
+
+    lane: Lane
+    left: int
+    right: int
+    left_neighbours: tuple[int, ...]
+    right_neighbours: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """The lanes of a stretch of road.
+
+    Attributes:
+        lines: Every line once, however many lanes it bounds.
+        strips: The lanes, from left to right.
+        road: The road.
+    """
+
+    lines: tuple[LaneLine, ...]
+    strips: tuple[Strip, ...]
+    road: Road
+
+    def strip_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
+        """Return the number of the strip at each position, shape (n,); -1 beside all of them."""
+        found = np.full(len(lon_m), NO_STRIP, dtype=np.int64)
+        for number, strip in enumerate(self.strips):
+            lane = strip.lane
+            inside = (lon_m >= lane.start_m) & (lon_m <= lane.end_m) & (lat_m >= lane.right_m) & (lat_m < lane.left_m)
+            found[inside] = number
+        return found
+
+
+def lanes_of(run: RecordedRun) -> Lanes:
+    """Return the lanes of a run's road as far as somebody drove on it, and 100 m more."""
+    lon_m = floats(run.truth, "lon_m")
+    first_m, last_m = (float(lon_m.min()) - BEYOND_M, float(lon_m.max()) + BEYOND_M) if len(lon_m) else (0.0, BEYOND_M)
+    lanes = [
+        Lane(lane.number, lane.right_m, lane.left_m, max(lane.start_m, first_m), min(lane.end_m, last_m))
+        for lane in sorted(run.road.lanes, key=lambda lane: (-lane.left_m, lane.start_m))
+    ]
+    lanes = [lane for lane in lanes if lane.end_m - lane.start_m > SAME_M]
+    numbers: dict[LaneLine, int] = {}
+    sides = [
+        tuple(
+            numbers.setdefault(LaneLine(round(side, 3), round(lane.start_m, 3), round(lane.end_m, 3)), len(numbers))
+            for side in (lane.left_m, lane.right_m)
+        )
+        for lane in lanes
+    ]
+    strips = [
+        Strip(lane, left, right, _beside(lane, lanes, is_left=True), _beside(lane, lanes, is_left=False))
+        for lane, (left, right) in zip(lanes, sides, strict=True)
+    ]
+    return Lanes(tuple(numbers), tuple(strips), run.road)
+
+
+def _beside(lane: Lane, lanes: Sequence[Lane], *, is_left: bool) -> tuple[int, ...]:
+    return tuple(
+        number
+        for number, other in enumerate(lanes)
+        if abs(other.right_m - lane.left_m if is_left else other.left_m - lane.right_m) <= SAME_M
+        and min(other.end_m, lane.end_m) - max(other.start_m, lane.start_m) > SAME_M
+    )
