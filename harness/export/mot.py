@@ -2,27 +2,29 @@
 
 The picture is the road from above, one pixel a centimetre: x runs along the road, y to the right of the driving
 direction. There is a sequence for each of the two sets of vehicles that the run's own scores are over, so that
-TrackEval on these files scores the same vehicles and tracks. Tracks have no size; their boxes have a usual car's.
+TrackEval on these files scores the same vehicles and tracks. Tracks' boxes are as large as what was measured of them.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from harness.export.sizes import track_sizes
 from harness.report.finished import RecordedRun
 from harness.scoring.history import DetectionHistory, detection_history
 from harness.scoring.pairs import Pairs, near_pairs
 from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import Selection, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import FloatArray, IntArray
 
 PIXELS_PER_M = 100.0
+SCRIPT = "trackeval_script.py"
 Select = Callable[[RunRows, DetectionHistory, Pairs, ScoringSettings], Selection]
 SEQUENCES: dict[str, Select] = {"in-sight": select_in_sight, "seen-in-10-s": select_remembered}
 # The one class that TrackEval evaluates in this format.
@@ -30,15 +32,12 @@ EVALUATED_CLASS = 1
 
 README = """Multi-object tracking files of a run, in the format of MOTChallenge, from above: 1 pixel is 1 cm.
 
-To score them in this folder with TrackEval (pip install trackeval):
+  pip install trackeval
+  python score.py              # by position: the run's own HOTA, MOTA, IDF1 and switches
+  python score.py --overlap    # by the overlap of boxes, TrackEval's usual similarity: lower, see there
 
-  import trackeval
-  data = trackeval.datasets.MotChallenge2DBox({"GT_FOLDER": "gt", "TRACKERS_FOLDER": "trackers", "SKIP_SPLIT_FOL": True,
-      "SEQMAP_FILE": "seqmap.txt", "DO_PREPROC": False})
-  trackeval.Evaluator({"USE_PARALLEL": False}).evaluate([data], [trackeval.metrics.HOTA(), trackeval.metrics.CLEAR()])
-
-TrackEval compares boxes by overlap, and tracks have no size, so that its figures are lower than the run's own, which
-compare positions; with the similarity of positions in place of the overlap they are the same to the last digit.
+Boxes of tracks are as large as the median of the sizes that the sensor measured of them; a usual car's where it
+measured none (radar).
 """
 
 
@@ -49,7 +48,9 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     history = detection_history(rows.truth, settings)
     pairs = near_pairs(rows.truth, rows.tracks, settings)
     files = [_written(folder / "README.txt", README)]
+    files.append(Path(shutil.copyfile(Path(__file__).with_name(SCRIPT), folder / "score.py")))
     files.append(_written(folder / "seqmap.txt", "\n".join(["name", *SEQUENCES]) + "\n"))
+    sizes = track_sizes(run).of(rows.episode[rows.tracks.step], rows.tracks.track_id)
     for name, select in SEQUENCES.items():
         selection = select(rows, history, pairs, settings)
         sequence = mot_sequence(rows, history, pairs, selection)
@@ -60,8 +61,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         truth_lines = _lines(
             sequence.truth_step, sequence.truth_identity, truth_boxes, [f"1,{EVALUATED_CLASS},{v:.4f}" for v in visible]
         )
-        nominal = np.broadcast_to([NOMINAL_LENGTH_M, NOMINAL_WIDTH_M], (int(selection.tracks.sum()), 2))
-        track_boxes = _boxes(rows.tracks.lon_m[selection.tracks], rows.tracks.lat_m[selection.tracks], nominal)
+        chosen = selection.tracks
+        track_boxes = _boxes(rows.tracks.lon_m[chosen], rows.tracks.lat_m[chosen], sizes[chosen])
         track_lines = _lines(
             sequence.track_step, sequence.track_identity, track_boxes, ["1,-1,-1,-1"] * len(track_boxes)
         )

@@ -2,8 +2,8 @@
 
 Sensor data is in the frame of the ego, whose origin is declared to be the middle of its box (``bbcenter_to_rear`` is
 zero), since nothing is known of its axles. Lanes and the lines between them are in every message of the ground truth,
-since each stands for itself. Detections have their measured sizes, tracks a usual car's; velocities of
-tracks are over ground, in the axes of that frame. Numbers of vehicles are those of ``vehicles.csv``.
+since each stands for itself. Detections have their measured sizes, tracks the median of those measured of them;
+velocities of tracks are over ground, in the axes of that frame. Numbers of vehicles are those of ``vehicles.csv``.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from osi3.osi_sensordata_pb2 import SensorData
 
 from harness.export.lanes import NO_STRIP, lanes_of
 from harness.export.osi_lanes import OsiLanes, osi_lanes
+from harness.export.sizes import track_sizes
 from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
@@ -48,7 +49,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     lanes = osi_lanes(lanes_of(run), first_id=len(names) + 1)
     _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, lanes))
     _write_trace(files[1], _sensor_data(run, run.detections, _describe_detection, numbers))
-    _write_trace(files[2], _sensor_data(run, run.tracks, _describe_track, numbers))
+    _write_trace(files[2], _sensor_data(run, _with_sizes(run), _describe_track, numbers))
     rows = [f"{number},{name}" for name, number in numbers.items()]
     files[3].write_text("\n".join(["number,vehicle_id", *rows]) + "\n", encoding="utf-8")
     return files
@@ -121,6 +122,11 @@ def _sensor_data(
                 found.base.velocity.y = speed * np.sin(turn) + lat_speed * np.cos(turn)
             describe(found, columns, i, numbers)
         yield message
+
+
+def _with_sizes(run: RecordedRun) -> pd.DataFrame:
+    sizes = track_sizes(run).of(*(run.tracks[name].to_numpy() for name in ("episode", "track_id")))
+    return run.tracks.assign(length_m=sizes[:, 0], width_m=sizes[:, 1])
 
 
 def _size(columns: Columns, row: int) -> tuple[float, float]:

@@ -18,6 +18,7 @@ import pytest
 from harness.cli import EXIT_USER_ERROR, run_command_line
 from harness.errors import InputError
 from harness.export.formats import export_run
+from harness.export.sizes import track_sizes
 from harness.report.finished import read_recorded_run
 from harness.runfolder.lock import LOCK
 from harness.scoring.settings import ScoringSettings
@@ -192,6 +193,42 @@ def by_position(trackeval):
             return np.clip(1.0 - (off / (2.0 * np.array([rules.gate_lon_m, rules.gate_lat_m]))).max(axis=-1), 0.0, 1.0)
 
     return ByPosition
+
+
+@pytest.mark.slow
+def test_the_script_beside_the_files_prints_the_runs_own_scores(folder):
+    pytest.importorskip("trackeval", reason="TrackEval is the reader of this format")
+    files = export_run(folder, "mot")
+    script = next(file for file in files if file.name == "score.py")
+    said = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, timeout=120).stdout
+    for sequence, key in (("in-sight", "mot"), ("seen-in-10-s", "mot_all")):
+        line = next(line.split() for line in said.splitlines() if line.startswith(sequence))
+        wanted = [metrics_of(folder)[key][name] for name in ("hota", "assa", "mota", "idf1", "id_switches")]
+        assert [float(word) for word in line[1:]] == pytest.approx(wanted, abs=0.006)
+
+
+def with_measured_sizes(folder, rng):
+    """Let the sensor of a run measure sizes, with noise: 4.5 by 1.8 m of all, which a usual car has not."""
+    path = folder / "detections.parquet"
+    table = pd.read_parquet(path)
+    for name, size in (("length_m", 4.5), ("width_m", 1.8)):
+        table[name], table[f"std_{name}"] = size + rng.normal(0.0, 0.2, len(table)), 0.2
+    table.loc[table.index[::7], "length_m"] = np.nan
+    table.to_parquet(path)
+
+
+def test_tracks_are_as_large_as_what_was_measured_of_them(folder):
+    assert track_sizes(read_recorded_run(folder)).of(np.array([0, 0]), np.array([1, 99])).tolist() == [[4.7, 1.9]] * 2
+    with_measured_sizes(folder, np.random.default_rng(2))
+    sizes = track_sizes(read_recorded_run(folder)).of(np.zeros(4, dtype=int), np.array([1, 2, 3, 99]))
+    np.testing.assert_allclose(sizes[:3], [[4.5, 1.8]] * 3, atol=0.15)
+    assert sizes[3].tolist() == [4.7, 1.9]  # no such track
+    files = {file.name: file for file in export_run(folder, "mot")}
+    boxes = np.loadtxt(files["in-sight.txt"], delimiter=",")
+    of_first = boxes[boxes[:, 1] == boxes[0, 1]]
+    np.testing.assert_allclose(of_first[:, 4:6], np.broadcast_to(100.0 * sizes[0], (len(of_first), 2)), atol=0.01)
+    truth = np.loadtxt(files["gt.txt"], delimiter=",")
+    assert set(map(tuple, truth[:, 4:6])) == {(450.0, 180.0)}
 
 
 def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):

@@ -1,0 +1,73 @@
+"""How large the vehicles are that tracks follow: no tracker has to say, so it is taken from the detections.
+
+A track's size is the median of those measured of the detections on it while it lived; a usual car's, where there are
+none. A detection is on a track if each is the other's nearest, within the gate of the scores. No truth is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from harness.report.finished import RecordedRun
+from harness.runfolder.tables import DETECTION_SIZES, floats
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from mmpf.compute.arrays import FloatArray, IntArray
+
+SIZE = list(DETECTION_SIZES[:2])
+NOMINAL_M = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
+
+
+@dataclass(frozen=True)
+class TrackSizes:
+    """Length and width by episode and track.
+
+    Attributes:
+        table: Columns ``length_m`` and ``width_m``, indexed by ``episode`` and ``track_id``.
+    """
+
+    table: pd.DataFrame
+
+    def of(self, episode: IntArray, track_id: IntArray) -> FloatArray:
+        """Return length and width of tracks, shape (m, 2)."""
+        wanted = pd.MultiIndex.from_arrays([episode, track_id])
+        return self.table.reindex(wanted).fillna(dict(zip(SIZE, NOMINAL_M, strict=True))).to_numpy(dtype=np.float64)
+
+
+def track_sizes(run: RecordedRun) -> TrackSizes:
+    """Return the sizes of a run's tracks."""
+    measured = run.detections
+    if set(SIZE) <= set(measured):
+        measured = measured[np.isfinite(measured[SIZE].to_numpy(dtype=np.float64)).all(axis=1)]
+    else:
+        measured = measured[:0].reindex(columns=[*measured, *SIZE])
+    track_row, detection_row = _on_each_other(run.tracks, measured)
+    on_track = measured.iloc[detection_row]
+    whose = [run.tracks[name].to_numpy()[track_row] for name in ("episode", "track_id")]
+    return TrackSizes(on_track[SIZE].groupby(whose).median())
+
+
+def _on_each_other(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntArray, IntArray]:
+    """Return the rows of tracks and of detections that are each other's nearest in their step, within the gate."""
+    gate = ScoringSettings()
+    scale = np.array([gate.gate_lon_m, gate.gate_lat_m])
+    here, there = (
+        np.column_stack([floats(table, "lon_m"), floats(table, "lat_m")]) / scale for table in (tracks, detections)
+    )
+    rows_there = detections.groupby("step").indices
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    for step, mine in tracks.groupby("step").indices.items():
+        theirs = rows_there.get(step)
+        if theirs is None:
+            continue
+        off = here[mine][:, None] - there[theirs][None]
+        far = np.hypot(off[..., 0], off[..., 1])
+        nearest = far.argmin(axis=1)
+        each = np.arange(len(mine))
+        mutual = (far.argmin(axis=0)[nearest] == each) & (np.abs(off[each, nearest]) <= 1.0).all(axis=1)
+        pairs.append(np.column_stack([mine[mutual], theirs[nearest[mutual]]]))
+    both = np.concatenate(pairs)
+    return both[:, 0], both[:, 1]
