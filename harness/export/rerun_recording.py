@@ -1,4 +1,4 @@
-"""A run as a recording for the rerun viewer: truth, detections and tracks in the plane, all steps in one batch each."""
+"""A run as a recording for the rerun viewer: truth, detections and tracks in the plane, curves beside, and a layout."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import rerun as rr
+import rerun.blueprint as rrb
 
+from harness.export.curves import Curves, curves_of
 from harness.report.finished import RecordedRun
 from harness.report.scene import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
 from mmpf.compute.arrays import FloatArray
@@ -19,20 +21,66 @@ HEIGHT_M = 1.5
 FLAT_M = 0.05
 COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION, "out": "#b0b0b0"}
 EGO_COLOUR, DETECTION_COLOUR, LANE_COLOUR = "#000000", "#0072B2", "#8c8c8c"
+CURVE_COLOURS = {
+    "seen": GREEN, "hidden": VERMILION, "seen vehicles": GREEN, "hidden vehicles": VERMILION,
+    "detections": DETECTION_COLOUR, "tracks": PURPLE, "tracks taken for hidden": ORANGE,
+}  # fmt: skip
+EGO, CURVES = "ego", "curves"
+SCENE = ("+ /road", "+ /truth", "+ /ego", "+ /detections", "+ /tracks")
 LANE_REACH_M = 2000.0
+VIEW_BACK_M, VIEW_HEIGHT_M = 60.0, 70.0
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
-    """Write ``run.rrd``: entities ``road``, ``truth``, ``detections`` and ``tracks``, shown with ``rerun run.rrd``."""
+    """Write ``run.rrd``, shown with ``rerun run.rrd``.
+
+    Entities are ``road``, ``truth``, ``ego``, ``detections`` and ``tracks``, and below ``curves`` the mean errors of
+    seen and of hidden vehicles and how many there were of each.
+    """
     path = folder / FILE
     with rr.RecordingStream("mmpf-harness", recording_id=run.config.title()) as recording:
-        recording.save(str(path))
+        recording.save(str(path), default_blueprint=_layout(run))
         recording.log("road", _lanes(run), static=True)
         _send(recording, "truth", run.truth, _truth_columns(run))
         _send(recording, "detections", run.detections, _detection_columns(run))
         _send(recording, "tracks", run.tracks, _track_columns(run))
+        ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
+        _send(recording, EGO, ego, rr.Points3D.columns(positions=_places(run, ego, HEIGHT_M)))
+        recording.log(EGO, rr.Points3D.from_fields(colors=[_rgb([EGO_COLOUR])[0]], radii=[0.3]), static=True)
+        _send_curves(recording, curves_of(run))
         recording.flush()
     return [path]
+
+
+def _layout(run: RecordedRun) -> rrb.Blueprint:
+    """Return the scene from above and behind the ego, which the view follows, over the curves."""
+    ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)][:1]
+    (place,), (_, _, turn) = _places(run, ego, 0.0), run.in_plane(ego)
+    back = VIEW_BACK_M * np.array([np.cos(turn[0]), np.sin(turn[0]), 0.0])
+    eye = rrb.EyeControls3D(
+        position=place - back + [0.0, 0.0, VIEW_HEIGHT_M],
+        look_target=place,
+        eye_up=[0.0, 0.0, 1.0],
+        tracking_entity=EGO,
+    )
+    scene = rrb.Spatial3DView(origin="/", contents=SCENE, name="scene", eye_controls=eye)
+    curves = (
+        rrb.TimeSeriesView(origin=f"{CURVES}/error_m", name="mean error, m"),
+        rrb.TimeSeriesView(origin=f"{CURVES}/count", name="how many"),
+    )
+    panels = (rrb.TimePanel(state="collapsed", timeline=TIMELINE), rrb.SelectionPanel(state="collapsed"))
+    return rrb.Blueprint(rrb.Vertical(scene, rrb.Horizontal(*curves), row_shares=[3, 1]), *panels)
+
+
+def _send_curves(recording: Any, curves: Curves) -> None:  # noqa: ANN401
+    for group, named in (("error_m", curves.error_m), ("count", curves.count)):
+        for name, values in named.items():
+            entity, there = f"{CURVES}/{group}/{name.replace(' ', '_')}", np.isfinite(values)
+            if not there.any():
+                continue
+            recording.log(entity, rr.SeriesLines(names=name, colors=[_rgb([CURVE_COLOURS[name]])[0]]), static=True)
+            times = rr.TimeColumn(TIMELINE, duration=curves.time_s[there])
+            rr.send_columns(entity, [times], rr.Scalars.columns(scalars=values[there]), recording=recording)
 
 
 def _send(recording: Any, entity: str, table: pd.DataFrame, columns: Any) -> None:  # noqa: ANN401

@@ -17,6 +17,7 @@ import pytest
 
 from harness.cli import EXIT_USER_ERROR, run_command_line
 from harness.errors import InputError
+from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
 from harness.report.finished import read_recorded_run
@@ -25,7 +26,7 @@ from harness.scoring.settings import ScoringSettings
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
 from mmpf.road import Lane, Road
-from tests.harness.recorded_scene import GIVEN_UP, STEPS, metrics_of, write_recorded_scene
+from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, SEEN_AGAIN, STEPS, metrics_of, write_recorded_scene
 
 # A road that turns from east to north-east, so that the road frame and the plane differ.
 BENT = Road(
@@ -324,14 +325,34 @@ def messages(path, kind):
     return found
 
 
+def test_curves_tell_how_far_off_the_followed_vehicles_are(folder):
+    curves = curves_of(read_recorded_run(folder))
+    assert len(curves.time_s) == STEPS
+    np.testing.assert_allclose(curves.error_m["seen"][5:LAST_SEEN], 0.1, atol=1e-6)
+    hidden = curves.error_m["hidden"]
+    np.testing.assert_allclose(hidden[LAST_SEEN + 1 : GIVEN_UP], 3.0, atol=1e-6)
+    assert np.isnan(hidden[GIVEN_UP:SEEN_AGAIN]).all()
+    assert curves.count["hidden vehicles"][25] == curves.count["seen vehicles"][25] == 1
+    assert (curves.count["tracks"][25], curves.count["tracks taken for hidden"][25]) == (2, 1)
+    assert curves.count["detections"][[0, 25]].tolist() == [2, 1]
+
+
 @pytest.mark.slow
-def test_rerun_reads_its_recording(folder):
+def test_rerun_reads_its_recording_with_curves_and_a_layout(folder):
     pytest.importorskip("rerun", reason="the extra viewer is not installed")
     (file,) = export_run(folder, "rerun")
     command = [sys.executable, "-m", "rerun", "rrd", "print", str(file)]
     text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
-    rows = {entity: int(count) for count, entity in re.findall(r"with (\d+) rows .*? - /(\w+) - data", text)}
+    # Names and colours of curves stand in rows of their own.
+    rows: dict[str, int] = {}
+    for count, entity in re.findall(r"with (\d+) rows .*? - /([\w/]+) - data", text):
+        rows[entity] = max(int(count), rows.get(entity, 0))
     assert {"truth": STEPS, "detections": STEPS, "tracks": STEPS, "road": 1}.items() <= rows.items()
+    assert rows["curves/count/tracks"] == STEPS
+    assert rows["curves/error_m/hidden"] == GIVEN_UP - LAST_SEEN - 1
+    assert re.search(r"BlueprintActivationCommand\(.*make_default: true", text)
+    assert text.count("ViewBlueprint:class_identifier") == 3
+    assert "EyeControls3D:tracking_entity" in text
 
 
 @pytest.mark.slow
