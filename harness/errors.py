@@ -13,5 +13,18 @@ class RunError(Exception):
     """A run failed part-way through no fault of the input: exit code 3; what was finished is kept."""
 
 
+class SumoError(RunError):
+    """SUMO failed.
+
+    Attributes:
+        reason: What it said.
+    """
+
+    def __init__(self, reason: str) -> None:
+        """Take what it said."""
+        super().__init__(f"SUMO failed: {reason}")
+        self.reason = reason
+
+
 class RunInterruptedError(Exception):
     """The user stopped a run: exit code 130; what was finished is kept."""

@@ -15,6 +15,7 @@ from harness.grid.rerun import command_of
 from harness.grid.rows import Row
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
+from harness.runfolder.checks import rows_of
 from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.runfolder.tables import RunTables, write_table
 from harness.scoring import ScoredRun
@@ -65,6 +66,6 @@ def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome) -> N
     ):
         write_table(table, folder / name)
     write_text(folder / runfolder.METRICS, as_json(dict(outcome.metrics)))
-    facts = RunFacts(runfolder.COMPLETE, command_of(config), config.seed, outcome.steps)
+    facts = RunFacts(runfolder.COMPLETE, command_of(config), config.seed, outcome.steps, rows=rows_of(folder))
     write_manifest(folder / runfolder.MANIFEST, facts)
     ownership.record_all(folder, ownership.RUN)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -118,6 +119,36 @@ def check_kinds(table: pd.DataFrame, columns: Collection[str], place: str) -> No
         # What is not finite is not below anything.
         if name in LARGEST and not (np.abs(table[name].to_numpy(dtype=np.float64)) < LARGEST[name]).all():
             raise InputError(f"{place}: {name} holds a number that none can be; make the run again")
+
+
+def check_order(table: pd.DataFrame, place: str) -> None:
+    """Refuse a table whose steps are not in the order of time, in which every run writes them.
+
+    Raises:
+        InputError: They are not.
+    """
+    if (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
+        raise InputError(f"{place}: its rows are not in the order of time; make the run again")
+
+
+def rows_of(folder: Path) -> dict[str, int]:
+    """Return how many rows each table of a folder has, by file, for the manifest."""
+    return {path.name: pq.read_metadata(path).num_rows for path in sorted(folder.glob("*.parquet"))}
+
+
+def check_rows(path: Path, manifest: Path, parameter: str) -> None:
+    """Refuse a table with more or fewer rows than the manifest has noted; one that noted none says nothing.
+
+    Raises:
+        InputError: It has.
+    """
+    try:
+        noted = json.loads(manifest.read_text(encoding="utf-8"))["rows"][path.name]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return
+    rows = pq.read_metadata(path).num_rows
+    if rows != noted:
+        raise InputError(f"`{parameter}`: {path} has {rows} rows, the run wrote {str(noted)[:20]}; make the run again")
 
 
 @contextmanager

@@ -22,7 +22,7 @@ import pyarrow as pa
 from harness.errors import InputError
 from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
 from harness.runfolder import ownership
-from harness.runfolder.checks import Until, check_kinds, read_parquet
+from harness.runfolder.checks import Until, check_kinds, check_order, check_rows, read_parquet
 from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.writing.files import write_text
 from mmpf.road import Lane, Road
@@ -37,6 +37,7 @@ TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
     "diagnostics.parquet",
 )
 PARTICLES = "particles.parquet"
+IN_ORDER = (TRUTH, DETECTIONS, TRACKS)
 FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
@@ -204,13 +205,14 @@ def read_table(
         until: The rows that are wanted; None for all.
 
     Raises:
-        InputError: It is missing, truncated, not parquet, or lacks columns.
+        InputError: It is missing, truncated, not parquet, lacks columns, or is not as the run left it.
     """
     path = folder / name
     if path.exists() and not path.is_file():
         raise InputError(f"`{parameter}`: {path} is no file; make the run again")
     try:
         table = read_parquet(path, parameter, until)
+        check_rows(path, folder / MANIFEST, parameter)
     except FileNotFoundError:
         raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
     except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError):
@@ -219,6 +221,8 @@ def read_table(
     if missing:
         raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
     check_kinds(table, columns, f"`{parameter}`: {path}")
+    if name in IN_ORDER and "step" in columns:
+        check_order(table, f"`{parameter}`: {path}")
     return table
 
 

@@ -28,6 +28,7 @@ class RunFacts:
         inputs: SHA-256 of each input file.
         wall_times_s: Wall time of each phase.
         problem: What ended the run, if it did not end by itself.
+        rows: Rows of each of the run's tables, by file.
     """
 
     status: str
@@ -37,6 +38,7 @@ class RunFacts:
     inputs: Mapping[str, str] = field(default_factory=dict)
     wall_times_s: Mapping[str, float] = field(default_factory=dict)
     problem: str | None = None
+    rows: Mapping[str, int] = field(default_factory=dict)
 
 
 def write_manifest(path: Path, facts: RunFacts) -> None:
@@ -47,6 +49,7 @@ def write_manifest(path: Path, facts: RunFacts) -> None:
         "command": facts.command,
         "seed": facts.seed,
         "steps": facts.steps,
+        "rows": dict(facts.rows),
         "versions": {name: _version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "git_revision": _git_revision(),
         "inputs_sha256": dict(facts.inputs),

@@ -19,6 +19,7 @@ from harness.config.model import RunConfig
 from harness.ends import told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
+from harness.runfolder.checks import rows_of
 from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
 from harness.running.follow import StageTimes, follow
@@ -255,7 +256,8 @@ class _Attempt:
     def write_manifest(self, status: str, problem: str | None, steps: int) -> None:
         """Write the manifest as things stand."""
         inputs = self.looks.hashes() if self.looks is not None else {}
-        facts = RunFacts(status, self.command, self.config.seed, steps, inputs, self.wall_s, problem=problem)
+        rows = rows_of(self.folder) if status == runfolder.COMPLETE else {}
+        facts = RunFacts(status, self.command, self.config.seed, steps, inputs, self.wall_s, problem, rows)
         write_manifest(self.folder / runfolder.MANIFEST, facts)
 
     def close(self) -> None:

@@ -17,6 +17,7 @@ import pandas as pd
 from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
 from harness.runfolder import folder as runfolder
+from harness.runfolder.checks import rows_of
 from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.runfolder.tables import write_table
 from harness.running.follow import StageTimes
@@ -48,7 +49,9 @@ def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, road
         write_table(table, folder / name)
     (folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
     (folder / runfolder.FIGURES).mkdir()
-    facts = RunFacts(runfolder.COMPLETE, "harness run", seed=7, steps=STEPS, wall_times_s={"loop": 1.0})
+    facts = RunFacts(
+        runfolder.COMPLETE, "harness run", seed=7, steps=STEPS, wall_times_s={"loop": 1.0}, rows=rows_of(folder)
+    )
     write_manifest(folder / runfolder.MANIFEST, facts)
     return folder
 

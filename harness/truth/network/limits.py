@@ -27,7 +27,9 @@ TYPE_LIMITS = {
 }  # fmt: skip
 FLOW_LIMITS = {
     "number": (-1.0, 1e6), "vehsPerHour": (-1e-9, 1e5), "perHour": (-1e-9, 1e5), "probability": (-1e-9, 1.0),
-    "begin": (-1.0, 1e9), "end": (-1.0, 1e9), "depart": (-1.0, 1e9),
+    "begin": (-1.0, 1e9), "end": (-1.0, 1e9), "depart": (-1.0, 1e9), "departSpeed": (-1e-9, 150.0),
+    "arrivalSpeed": (-1e-9, 150.0), "departPos": (-1e6, 1e6), "arrivalPos": (-1e6, 1e6), "departLane": (-1.0, 1e3),
+    "arrivalLane": (-1.0, 1e3), "departPosLat": (-200.0, 200.0), "arrivalPosLat": (-200.0, 200.0),
 }  # fmt: skip
 LIMITS: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "lane": LANE_LIMITS,

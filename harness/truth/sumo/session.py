@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
-from harness.errors import InputError, RunError
+from harness.errors import InputError, RunError, SumoError
 from harness.truth.sumo.window import FIRST_ERROR, SumoWindow, open_window
 
 QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")
@@ -87,14 +87,15 @@ def sumo_errors_in_words(sumo: Sumo) -> Iterator[None]:
     """Turn what SUMO raises inside into our own errors.
 
     Raises:
-        RunError: SUMO fails, or the user has closed its window.
+        SumoError: SUMO fails.
+        RunError: The user has closed its window.
     """
     try:
         yield
     except (sumo.TraCIException, sumo.FatalTraCIError, ConnectionError) as error:
         if isinstance(sumo, SumoWindow) and not isinstance(error, sumo.TraCIException):
             raise RunError(sumo.how_it_ended()) from error
-        raise RunError(f"SUMO failed: {_one_line(error)}") from error
+        raise SumoError(_one_line(error)) from error
 
 
 def show_ego(sumo: Sumo, vehicle_id: str) -> None:

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
-from harness.errors import InputError, RunError
+from harness.errors import InputError, RunError, SumoError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.limits import check_xml, write_without_outputs
@@ -71,6 +71,12 @@ def open_traffic(
     try:
         with sumo_errors_in_words(sumo):
             truth.warm_up(warm_up_s)
+    except SumoError as error:
+        truth.close()
+        if held is None:
+            # Nothing but the user's own files has been asked of SUMO yet, which reads vehicles only when they depart.
+            raise InputError(f"`net`: SUMO refuses the input: {error.reason}") from error
+        raise
     except BaseException:
         truth.close()
         raise

@@ -67,6 +67,38 @@ def test_identities_times_and_places_that_none_can_have_are_refused(table, colum
         assert f"{column} holds a number that none can be" in told(words, scene, capsys)
 
 
+@pytest.mark.parametrize("words", READERS, ids=lambda words: words[0])
+@pytest.mark.parametrize("table", ["truth", "detections", "tracks"])
+def test_a_table_that_lost_rows_is_not_taken_for_the_whole_run(table, words, scene, capsys):
+    path = scene / f"{table}.parquet"
+    rows = pd.read_parquet(path)
+    rows[: len(rows) // 2].to_parquet(path)
+    if table == "tracks" and words[0] == "run":
+        return  # A replay takes the traffic and the detections, and leaves the other tracker's tracks alone.
+    assert f"{table}.parquet has {len(rows) // 2} rows, the run wrote {len(rows)}" in told(words, scene, capsys)
+
+
+@pytest.mark.parametrize("words", READERS[:2], ids=lambda words: words[0])
+def test_a_table_whose_bytes_are_cut_is_told_in_one_line(words, scene, capsys):
+    path = scene / "tracks.parquet"
+    for share in (0.0, 0.3, 0.99):
+        content = path.read_bytes()
+        path.write_bytes(content[: int(share * len(content))])
+        assert "tracks.parquet" in told(words, scene, capsys)
+        path.write_bytes(content)
+    assert not (scene / "report.html").exists()
+
+
+@pytest.mark.parametrize("words", READERS, ids=lambda words: words[0])
+@pytest.mark.parametrize("table", ["truth", "detections", "tracks"])
+def test_a_table_with_its_rows_in_another_order_is_refused(table, words, scene, capsys):
+    path = scene / f"{table}.parquet"
+    pd.read_parquet(path).sample(frac=1.0, random_state=1).to_parquet(path)
+    if table == "tracks" and words[0] == "run":
+        return
+    assert f"{table}.parquet: its rows are not in the order of time" in told(words, scene, capsys)
+
+
 CHANGES = {
     "an unknown state": lambda truth: truth.assign(state="flying"),
     "texts for numbers": lambda truth: truth.assign(lon_m="far"),

@@ -11,6 +11,7 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.errors import InputError
+from harness.truth.network.limits import check_xml
 from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic
 
@@ -79,6 +80,24 @@ def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
     with pytest.raises(InputError, match=r"own\.rou\.xml") as told:
         load_network(own(tmp_path, routes=routes))
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("speed", ["2000000000", "1e308", "inf", "nan"])
+@pytest.mark.parametrize("element", ["flow", "vehicle", "trip"])
+def test_no_vehicle_departs_faster_than_any_can_drive(element, speed, tmp_path):
+    (tmp_path / "own.rou.xml").write_text(f'<routes><{element} id="f" departSpeed="{speed}"/></routes>')
+    with pytest.raises(InputError, match=f"{element} f has departSpeed {speed}; give 0 to 150"):
+        check_xml(tmp_path / "own.rou.xml")
+
+
+def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, capsys):
+    routes = VEHICLES.replace("<route ", '<vType id="t" maxSpeed="30"/><route ')
+    path = own(tmp_path, routes=routes.replace("<flow ", '<flow type="t" departSpeed="90" '))
+    assert run_command_line(["run", "--net", path, "--duration", "1", "--out", str(tmp_path / "run"), "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--net" in line
+    assert "too high for the vehicle type 't'" in line
+    assert not list(tmp_path.glob("*run*"))
 
 
 def test_nothing_but_inputs_and_behaviour_is_taken_from_a_configuration(tmp_path):
