@@ -1,4 +1,4 @@
-"""Starts ``run`` and ``stress``, ends them by a signal at a random moment, and looks at what is left."""
+"""Starts ``run``, ``stress`` and ``reference``, ends them by a signal at a random moment, and looks at what is left."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ from typing import Any
 
 import pandas as pd
 
+from harness.reference.making import MAKING
+from harness.reference.registry import FOLDER
+from harness.reference.registry import TABLES as TABLES_OF_REFERENCES
+from harness.reference.tree import SOURCES
+
 REPOSITORY = Path(__file__).parents[2]
 RUN = ("run", "--duration", "2", "--particles", "50", "--seed", "3", "--quiet")
 STRESS = (
@@ -26,6 +31,7 @@ STRESS = (
     *("--duration", "1", "--quiet", "--resume"),
 )
 WORKERS = ("--workers", "2")
+REFERENCE = "small-grid"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 EXIT_CODES = {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}
 TABLES = ("truth", "detections", "tracks")
@@ -43,7 +49,8 @@ class Kill:
     """One kill.
 
     Attributes:
-        command: ``run``, ``stress`` (on two workers of this machine) or ``dask`` (``stress`` on two of a cluster).
+        command: ``run``, ``stress`` (on two workers of this machine), ``reference`` (which runs the same grid within a
+            source tree of its own) or ``dask`` (``stress`` on two of a cluster).
         signal: What ended it.
         after_s: When, after its start.
         outcome: What was there at that moment, in words.
@@ -59,7 +66,7 @@ class Kill:
     def as_line(self) -> str:
         """Return it on one line."""
         faults = "; ".join(self.faults) or "nothing lost"
-        return f"{self.command:6} {self.signal.name:7} after {self.after_s:5.2f} s: {self.outcome}: {faults}"
+        return f"{self.command:9} {self.signal.name:7} after {self.after_s:5.2f} s: {self.outcome}: {faults}"
 
 
 def kill_often(
@@ -72,11 +79,12 @@ def kill_often(
         seed: Root of the moments and signals.
         folder: An empty folder.
         tell: Called after each kill.
-        dask: Whether every third is a grid on a cluster.
+        dask: Whether every fourth is a grid on a cluster.
     """
     draw = random.Random(seed)
     with cluster(folder) if dask else nullcontext() as scheduler:
-        targets = [_KilledRun(folder), _KilledGrid(folder, "stress", WORKERS)]
+        grid = _KilledGrid(folder, "stress", WORKERS)
+        targets = [_KilledRun(folder), grid, _KilledReference(folder, grid)]
         if scheduler is not None:
             targets.append(_KilledGrid(folder, "dask", ("--scheduler", scheduler)))
         done: list[Kill] = []
@@ -119,6 +127,8 @@ def cluster(folder: Path) -> Iterator[str]:
 class _Killed:
     """A command that is killed, beside a copy of it that never was."""
 
+    tree = REPOSITORY
+
     def __init__(self, folder: Path, name: str, command: tuple[str, ...]) -> None:
         self.name, self.command = name, command
         self.whole, self.out = folder / f"whole-{name}", folder / f"killed-{name}"
@@ -133,7 +143,7 @@ class _Killed:
         mark = uuid.uuid4().hex
         process = subprocess.Popen(
             self._words(self.out),
-            cwd=REPOSITORY,
+            cwd=self.tree,
             stderr=subprocess.PIPE,
             text=True,
             env={**os.environ, "KILL_MARK": mark},
@@ -226,6 +236,56 @@ class _KilledGrid(_Killed):
         faults = differences(self.out, self.whole)
         shutil.rmtree(self.out)
         return faults
+
+
+class _KilledReference(_KilledGrid):
+    def __init__(self, folder: Path, grid: _KilledGrid) -> None:
+        self.name, self.command = "reference", ("reference", REFERENCE, *WORKERS, "--quiet")
+        self.tree = source_tree(folder / "tree")
+        self.out, self.kept = self.tree / MAKING / REFERENCE, self.tree / FOLDER / REFERENCE
+        self.whole, self.rows, self.kills = grid.whole, grid.rows, 0
+        subprocess.run(self._words(self.out), cwd=self.tree, check=True)
+        self.whole_kept = self.kept.rename(folder / "whole-reference")
+        shutil.rmtree(self.out)
+        self.lasts_s = grid.lasts_s
+
+    def look(self, kill: Kill) -> str:
+        outcome = super().look(kill)
+        changed = subprocess.run(
+            ["git", "status", "--porcelain"], cwd=self.tree, capture_output=True, check=True
+        ).stdout
+        left = [line[3:] for line in changed.decode().splitlines() if not line[3:].startswith(FOLDER.as_posix())]
+        kill.faults += [f"{path} was left in the source tree" for path in left]
+        return outcome
+
+    def finish(self) -> list[str]:
+        self.kills = 0
+        subprocess.run(self._words(self.out), cwd=self.tree, check=True)
+        faults = differences(self.out, self.whole) + differences(self.kept, self.whole_kept)
+        shutil.rmtree(self.out)
+        shutil.rmtree(self.kept)
+        return faults
+
+    def _words(self, out: Path) -> list[str]:
+        return [sys.executable, "-m", "harness", *self.command]
+
+
+def source_tree(folder: Path) -> Path:
+    """Copy the sources with their compiled kernels into a repository of its own with one reference, a small grid."""
+    for name in SOURCES:
+        source = REPOSITORY / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name)
+        else:
+            shutil.copy2(source, folder / name)
+    shutil.copy2(REPOSITORY / ".gitignore", folder)
+    (folder / TABLES_OF_REFERENCES).parent.mkdir(parents=True)
+    words = [word for word in STRESS if word not in ("--quiet", "--resume")]
+    (folder / TABLES_OF_REFERENCES).write_text(f"[{REFERENCE}]\nabout = ''\ncommand = '{' '.join(words)}'\n")
+    git = ("git", "-c", "user.name=a", "-c", "user.email=a@example.org")
+    for step in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "Sources"]):
+        subprocess.run([*git, *step], cwd=folder, check=True)
+    return folder
 
 
 def differences(folder: Path, whole: Path) -> list[str]:
