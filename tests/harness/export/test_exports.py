@@ -355,6 +355,71 @@ def test_rerun_reads_its_recording_with_curves_and_a_layout(folder):
     assert "EyeControls3D:tracking_entity" in text
 
 
+def test_an_mcap_reader_finds_boxes_of_vehicles_detections_and_tracks(bent):
+    pytest.importorskip("foxglove_schemas_protobuf", reason="the extra mcap is not installed")
+    from mcap.reader import make_reader  # noqa: PLC0415
+    from mcap_protobuf.decoder import DecoderFactory  # noqa: PLC0415
+
+    (file,) = export_run(bent, "mcap")
+    before = file.read_bytes()
+    assert export_run(bent, "mcap") == [file]
+    assert file.read_bytes() == before
+    run = read_recorded_run(bent)
+    by_topic: dict[str, list] = {}
+    schemas = {}
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for schema, channel, message in reader.iter_messages():
+            decoder = DecoderFactory().decoder_for(channel.message_encoding, schema) or json.loads
+            by_topic.setdefault(channel.topic, []).append((message.log_time, decoder(message.data)))
+            schemas[channel.topic] = schema.name
+    scene = "foxglove.SceneUpdate"
+    assert schemas == {
+        **dict.fromkeys(("/road", "/truth", "/detections", "/tracks"), scene),
+        "/tf": "foxglove.FrameTransform",
+        "/curves": "harness.Curves",
+    }
+    assert {topic: len(found) for topic, found in by_topic.items()} == dict.fromkeys(schemas, STEPS) | {"/road": 1}
+    step = GIVEN_UP - 1
+    assert by_topic["/truth"][step][0] == round(1e8 * step)
+    (truth, detections, tracks) = (by_topic[topic][step][1].entities for topic in ("/truth", "/detections", "/tracks"))
+    assert {entity.id for entity in truth} == {"ego", "near", "far", "distant"}
+    assert (len(detections), {entity.id for entity in tracks}) == (1, {"1", "2"})
+    far = next(entity for entity in truth if entity.id == "far")
+    row = run.truth[(run.truth["step"] == step) & (run.truth["vehicle_id"] == "far")]
+    (x,), (y,), (heading,) = run.in_plane(row)
+    (box,) = far.cubes
+    assert (box.pose.position.x, box.pose.position.y) == pytest.approx((x, y))
+    assert 2.0 * np.arctan2(box.pose.orientation.z, box.pose.orientation.w) == pytest.approx(heading)
+    assert (box.size.x, box.size.y) == (4.5, 1.8)
+    assert {pair.key: pair.value for pair in far.metadata}["state"] == "hidden"
+    assert (far.frame_id, far.lifetime.nanos) == ("map", 100_000_000)
+    transform = by_topic["/tf"][step][1]
+    ego = next(entity for entity in truth if entity.id == "ego").cubes[0].pose
+    assert (transform.translation.x, transform.translation.y) == (ego.position.x, ego.position.y)
+    assert (transform.rotation.z, transform.rotation.w) == (ego.orientation.z, ego.orientation.w)
+    held = next(entity for entity in tracks if entity.id == "2")
+    ahead = np.hypot(held.cubes[0].pose.position.x - x, held.cubes[0].pose.position.y - y)
+    assert ahead == pytest.approx(3.0, abs=0.1)
+    assert held.texts[0].text == "2"
+    assert len(by_topic["/road"][0][1].entities[0].lines) == 6
+    curves = by_topic["/curves"][step][1]
+    assert (curves["error_hidden_m"], curves["tracks"]) == (3.0, 2)
+    assert "error_hidden_m" not in by_topic["/curves"][GIVEN_UP][1]
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "extra"), [("mcap", "foxglove_schemas_protobuf", "mcap"), ("osi", "osi3", "osi")]
+)
+def test_a_format_whose_extra_is_missing_names_it(name, package, extra, folder, monkeypatch):
+    for module in [module for module in sys.modules if module.startswith((package, "harness.export."))]:
+        if module != "harness.export.formats":
+            monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=rf"^`to`: {name} needs {package}.*pip install '\.\[{extra}\]'"):
+        export_run(folder, name)
+
+
 @pytest.mark.slow
 def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra video is not installed")
