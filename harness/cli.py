@@ -119,6 +119,9 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
 
 def _told(error: BaseException) -> tuple[str, int]:
     """Return the line and the exit code that an error becomes."""
+    if isinstance(error, InputError) and error.__cause__ is not None and os.environ.get(TRACEBACK):
+        # What the user's own code raised.
+        traceback.print_exception(error.__cause__)
     match error:
         case RunInterruptedError() | KeyboardInterrupt():
             told = str(error) or "interrupted", code_of_end()

@@ -21,6 +21,7 @@ from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
 from harness.runfolder.lock import lock_beside
 from harness.truth.recorded.fcd import types_file
+from harness.writing.problems import what_it_raised
 from mmpf.registry import Registry, UnknownNameError
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
@@ -176,8 +177,8 @@ def _from_outside(name: str) -> Exporter:
         except InputError:
             raise
         except Exception as error:
-            problem = " ".join(f"{type(error).__name__}: {error}".split())
-            raise InputError(f"`to` {name}: it can't export {run.folder} ({problem}); mend it") from None
+            problem = what_it_raised(error)
+            raise InputError(f"`to` {name}: it can't export {run.folder} ({problem}); mend it") from error
         if not isinstance(files, list | tuple) or not all(isinstance(file, Path) for file in files):
             raise InputError(f"`to` {name}: it returned {_kind(files)}, not the list of paths that it wrote; mend it")
         for file in files:

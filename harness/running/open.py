@@ -147,7 +147,7 @@ def tracker_builder(config: RunConfig) -> TrackerBuilder:
         try:
             return build_tracker(config.tracker.maker, setting, config.tracker.all_options())
         except UnknownNameError as error:
-            raise InputError(f"`model`: {error}") from None
+            raise InputError(f"`model`: {error}") from error.__cause__
         except (ValueError, TypeError) as error:
             raise InputError(f"`tracker` {config.tracker.name!r}: {error}") from None
 

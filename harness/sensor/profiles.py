@@ -15,7 +15,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from harness.errors import InputError
-from harness.writing.problems import first_problem
+from harness.writing.problems import first_problem, what_it_raised
 from mmpf.registry import Registry, UnknownNameError
 from mmpf.settings import WithoutTruthValues
 
@@ -180,6 +180,10 @@ def _of_profile(profile: str) -> SensorSettings:
         settings = sensor_profiles[profile]()
     except UnknownNameError as error:
         raise InputError(f"`sensor`: {error}") from None
+    except Exception as error:
+        if is_built_in(profile):
+            raise
+        raise InputError(f"`sensor` {profile}: it can't be made ({what_it_raised(error)}); mend it") from error
     if not isinstance(settings, SensorSettings):
         raise InputError(f"`sensor` {profile}: it returned {type(settings).__name__}, not SensorSettings")
     return settings

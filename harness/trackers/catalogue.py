@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from harness.errors import InputError
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
-from harness.writing.problems import first_problem
+from harness.writing.problems import first_problem, what_it_raised
 from mmpf.registry import UnknownNameError
 from mmpf.settings import Settings, fields_of
 
@@ -102,10 +102,23 @@ def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options:
         tracker = factory(setting, options)
     except ValidationError as error:
         raise InputError(_first_option_error(str(maker), error)) from None
+    except (InputError, ValueError, TypeError, UnknownNameError):
+        raise
+    except Exception as error:
+        if isinstance(maker, str) and maker in _CATALOGUE:
+            raise
+        raise InputError(
+            f"`tracker` {_name_of(maker)}: it can't be built ({what_it_raised(error)}); mend it"
+        ) from error
     if not callable(getattr(tracker, "step", getattr(tracker, "step_associated", None))):
-        name = maker if isinstance(maker, str) else getattr(maker, "__name__", "factory")
-        raise InputError(f"`tracker` {name}: it returned {type(tracker).__name__}, which has no method step(scan)")
+        raise InputError(
+            f"`tracker` {_name_of(maker)}: it returned {type(tracker).__name__}, which has no method step(scan)"
+        )
     return tracker
+
+
+def _name_of(maker: str | TrackerFactory) -> str:
+    return maker if isinstance(maker, str) else getattr(maker, "__name__", "factory")
 
 
 def _over(base: Mapping[str, object], above: Mapping[str, object]) -> dict[str, object]:

@@ -6,16 +6,24 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.trackers.protocol import TrackerSetting, trackers
+from harness.writing.problems import what_it_raised
 from mmpf.motion.learned.driver import load_learned_driver
 from mmpf.motion.learned.short_driver import load_short_driver
-from mmpf.motion.protocol import MotionModel, motion_models
+from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
 from mmpf.options import FilterOptions
+from mmpf.registry import UnknownNameError
+from mmpf.state import SPEED, STATE_SIZE
 from mmpf.tracker import MixtureTracker
 
 # The models that are fitted to data, and so can come from a file of the user's own.
 MODEL_LOADERS: dict[str, Callable[[Path], MotionModel]] = {"gmm": load_learned_driver, "gmm-short": load_short_driver}
+
+# A motion model from outside is tried on two vehicles at this speed before a run begins.
+TRIAL_SPEED_MPS = 20.0
 
 
 class MixtureTrackerOptions(FilterOptions):
@@ -45,7 +53,30 @@ def build_mixture_tracker(setting: TrackerSetting, options: Mapping[str, object]
 def _motion_model(name: str, file: Path | None) -> MotionModel:
     model = motion_models[name]
     if file is None:
-        return model()
+        return model() if name in motion_models.in_order() else _checked(name, model)
     if name not in MODEL_LOADERS:
         raise ValueError(f"model_file: the model {name!r} is not read from a file; choose {' or '.join(MODEL_LOADERS)}")
     return MODEL_LOADERS[name](file)
+
+
+def _checked(name: str, factory: MotionModelFactory) -> MotionModel:
+    """Return another package's motion model, if it is one."""
+    try:
+        model = factory()
+        latents: object = None
+        missing = [part for part in ("name", "latent_size", "draw_latents", "propagate") if not hasattr(model, part)]
+        if not missing:
+            state = np.zeros((STATE_SIZE, 2))
+            state[SPEED] = TRIAL_SPEED_MPS
+            latents = model.draw_latents(state, np.random.default_rng(0))
+    except Exception as error:
+        raise UnknownNameError(f"the motion model {name} can't be built ({what_it_raised(error)}); mend it") from error
+    if missing:
+        raise UnknownNameError(f"the motion model {name} is {type(model).__name__}, which has no {missing[0]}; mend it")
+    if not isinstance(latents, np.ndarray) or latents.shape != (model.latent_size, 2):
+        found = f"shape {latents.shape}" if isinstance(latents, np.ndarray) else type(latents).__name__
+        raise UnknownNameError(
+            f"the motion model {name}: draw_latents returned {found} for 2 particles, not (latent_size, 2) = "
+            f"({model.latent_size}, 2); mend it"
+        )
+    return model

@@ -1,7 +1,9 @@
-"""What pydantic refuses, in words."""
+"""What pydantic refuses, and what code from outside raises, in words."""
 
 from __future__ import annotations
 
+import traceback
+from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import ValidationError
@@ -33,3 +35,10 @@ def first_problem(error: ValidationError) -> Problem:
         given=problem["input"],
         unknown=problem["type"] == "extra_forbidden",
     )
+
+
+def what_it_raised(error: Exception) -> str:
+    """Return an error of somebody's code on one line: what it is, and the file and line that raised it."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
+    return " ".join(f"{type(error).__name__}: {error}{place}".split())

@@ -233,6 +233,43 @@ def test_a_motion_model_that_returns_nonsense_is_told_what_is_wrong_with_it(step
     assert told in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("option", "written", "told"),
+    [
+        ("tracker", "def make(setting, options): return {}['gain']", "can't be built (KeyError: 'gain', odd_parts.py"),
+        ("sensor", "def make(): return {}['range']", "can't be made (KeyError: 'range', odd_parts.py line 1"),
+        ("sensor", "def make(which): return None", "missing 1 required positional argument: 'which'"),
+        ("sensor", "def make(): return None", "it returned NoneType, not SensorSettings"),
+        ("model", "def make(): return {}['weights']", "can't be built (KeyError: 'weights', odd_parts.py line"),
+        ("model", "class make: pass", "is make, which has no name"),
+        ("model", "from mmpf import Memoryless\nclass make(Memoryless):\n    latent_size = 2\n"
+         "    def __init__(self): super().__init__('odd', None)", "draw_latents returned shape (0, 2)"),
+        ("model", "class make:\n    name, latent_size, propagate = 'odd', 0, None\n"
+         "    def draw_latents(self, *_): return None", "draw_latents returned NoneType for 2 particles"),
+    ],
+)  # fmt: skip
+def test_what_can_not_be_built_is_told_before_the_run_and_where(option, written, told, tmp_path, monkeypatch, capsys):
+    (tmp_path / "odd_parts.py").write_text(f"{written}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "odd_parts", raising=False)
+    assert run_command_line(["run", "--duration", "0.5", f"--{option}", "odd_parts:make"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"error: --{option}")
+    assert told in err
+    assert err.count("\n") == 1
+    assert not Path("results").exists() or not list(Path("results").iterdir())
+
+
+def test_the_traceback_of_ones_own_code_is_shown_on_request(tmp_path, monkeypatch, capsys):
+    (tmp_path / "odd_parts.py").write_text("def make(setting, options): return {}['gain']\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("HARNESS_TRACEBACK", "1")
+    monkeypatch.delitem(sys.modules, "odd_parts", raising=False)
+    assert run_command_line(["run", "--tracker", "odd_parts:make"]) == 2
+    assert 'odd_parts.py", line 1, in make' in capsys.readouterr().err
+
+
 def test_an_unknown_name_is_answered_with_the_plug_ins_too(example, setting):
     with pytest.raises(harness.InputError, match=r"choose one of echo, .*mmpf"):
         build_tracker("ecko", setting, {})

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows
+from harness.writing.problems import what_it_raised
 from mmpf.registry import Registry, UnknownNameError
 from mmpf.road import Road
 
@@ -59,8 +60,8 @@ def read_outside(name: str, path: Path, net: str) -> ReadTraffic:
     except InputError:
         raise
     except Exception as error:
-        problem = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"`format` {name}: it can't read {path} ({problem}); mend the reader or the file") from None
+        problem = what_it_raised(error)
+        raise InputError(f"`format` {name}: it can't read {path} ({problem}); mend the reader or the file") from error
     fault = fault_of(traffic)
     if fault is not None or not isinstance(traffic, ReadTraffic):
         raise InputError(f"`format` {name}: of {path} it returned what is no traffic: {fault}; mend the reader")
