@@ -65,6 +65,12 @@ class RecordedRun:
     particles: pd.DataFrame | None
     whole: bool = True
 
+    @property
+    def step_s(self) -> float:
+        """Time between two steps; 0.1 of a run of a single one."""
+        times = self.truth["time_s"].unique()
+        return float(np.median(np.diff(times))) if len(times) > 1 else 0.1
+
     def in_plane(self, table: pd.DataFrame) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return x, y and heading of a table's rows in the plane; what has no heading points along the road."""
         lon = floats(table, "lon_m")

@@ -22,6 +22,7 @@ from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_
 from harness.report.replay_data import Beside, replay_data
 from harness.report.sentences import headlines, summary_sentences
 from harness.report.tables import error_table, hidden_table, mot_table
+from harness.report.vehicles import vehicle_table
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.writing.files import write_text
@@ -127,6 +128,8 @@ def run_page(run: RecordedRun) -> str:
         mot_table=mot_table(run.metrics),
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
+        vehicles=vehicle_table(run.errors, run.events, run.step_s),
+        sorting_script=Markup(_template_text("sorting.js")),
         by_visibility=by_visibility,
         over_time=over_time,
         **chart_parts([by_visibility, over_time]),

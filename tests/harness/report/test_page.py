@@ -60,7 +60,9 @@ def test_a_vehicles_name_cannot_break_the_page(tmp_path):
     reader = read_page(page)
     assert name in json.loads(reader.scripts[0])["vehicles"]["names"]
     assert "x" not in reader.addresses
-    assert len(reader.scripts) == 5, "the replay and its data, the charts, their data and their library"
+    assert len(reader.scripts) == 6, (
+        "the replay, its data, the charts, their data, their library, and what sorts a table"
+    )
 
 
 def test_a_run_that_did_not_end_has_no_page(tmp_path):

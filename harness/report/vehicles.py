@@ -1,0 +1,98 @@
+"""The table of a run's vehicles: how long each was seen and hidden, and how well it was followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from urllib.parse import quote
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from harness.report.tables import html_table
+from harness.runfolder.tables import floats
+from harness.scoring.errors import OUTCOMES, TRACKED
+from harness.scoring.settings import ScoringSettings
+from mmpf.compute.arrays import BoolArray, FloatArray
+
+MOST_ROWS = 300
+HIDDEN = "hidden"
+HEADINGS = (
+    "vehicle", "seen s", "hidden s", "followed in sight %", "error in sight m", "own track while hidden %",
+    "error hidden m", "hidden cost by identity m", "tracks lost or taken",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class VehicleTable:
+    """The table of vehicles.
+
+    Attributes:
+        table: One row a vehicle, the costliest first; its name leads to its worst moment in the replay.
+        left_out: How many vehicles are not listed.
+        cutoff_m: What a hidden vehicle costs whose own track does not follow it.
+    """
+
+    table: Markup
+    left_out: int
+    cutoff_m: float
+
+
+def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> VehicleTable | None:
+    """Return the table; None where no vehicle was ever detected.
+
+    Args:
+        errors: The rows of ``errors.parquet``.
+        events: The rows of ``occlusions.parquet``.
+        step_s: Length of a step.
+    """
+    if not len(errors):
+        return None
+    cutoff_m = ScoringSettings().follow_cutoff_m
+    distance_m = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
+    tracked = (errors["outcome"].astype(object) == OUTCOMES[TRACKED]).to_numpy()
+    hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
+    cost_m = np.where(hidden, np.where(tracked, np.minimum(distance_m, cutoff_m), cutoff_m), 0.0)
+    bad = events[events["outcome"].astype(object).isin(["lost", "hijacked"])]
+    failures = bad["vehicle_id"].astype(object).value_counts()
+    times = floats(errors, "time_s")
+    rows: list[tuple[float, list[str | Markup]]] = []
+    for name, at in errors.groupby(errors["vehicle_id"].astype(object), sort=False).indices.items():
+        own = _Own(tracked[at], hidden[at], distance_m[at], cost_m[at])
+        moment_s = float(times[at[own.worst()]])
+        address = f"#t={moment_s:.1f}&vehicle={quote(str(name))}"
+        link = Markup("<a href='{}'>{}</a>").format(address, str(name))
+        rows.append((float(own.cost_m.sum()), [link, *own.cells(step_s), str(int(failures.get(name, 0)))]))
+    rows.sort(key=lambda row: -row[0])
+    table = html_table(HEADINGS, [cells for _, cells in rows[:MOST_ROWS]])
+    return VehicleTable(table, max(0, len(rows) - MOST_ROWS), cutoff_m)
+
+
+@dataclass(frozen=True)
+class _Own:
+    """The rows of one vehicle, arrays of shape (n,)."""
+
+    tracked: BoolArray
+    hidden: BoolArray
+    distance_m: FloatArray
+    cost_m: FloatArray
+
+    def worst(self) -> int:
+        """Return where it first costs most; of one that was never hidden, where it is farthest off."""
+        if self.hidden.any():
+            return int(np.argmax(self.cost_m))
+        return int(np.argmax(np.nan_to_num(np.where(self.tracked, self.distance_m, 0.0))))
+
+    def cells(self, step_s: float) -> list[str]:
+        """Return its numbers as they stand in the table."""
+        seen = ~self.hidden
+        return [
+            f"{step_s * seen.sum():.1f}", f"{step_s * self.hidden.sum():.1f}",
+            _mean(100.0 * self.tracked[seen], 0), _mean(self.distance_m[seen & self.tracked], 2),
+            _mean(100.0 * self.tracked[self.hidden], 0), _mean(self.distance_m[self.hidden & self.tracked], 2),
+            _mean(self.cost_m[self.hidden], 2),
+        ]  # fmt: skip
+
+
+def _mean(values: FloatArray, decimals: int) -> str:
+    return f"{values.mean():.{decimals}f}" if len(values) else "-"
