@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 
 from harness.comparison.sources import STANDARD
@@ -53,6 +54,11 @@ def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) 
         out,
         lambda cells, on_row: run_cells(cells, workers, None, on_row),
         resume=resume,
-        user=Telling(quiet),
+        user=Telling(
+            quiet,
+            warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
+            tell=lambda line: None if quiet else sys.stderr.write(f"{line}\n"),
+            workers=workers,
+        ),
         command=f"harness compare --suite {name}",
     )

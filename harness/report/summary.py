@@ -105,8 +105,9 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"{number(traffic['vehicles_in_range'], 1)} in range"
     )
     speed = (
-        f"Time: {timing['steps']} steps in {number(timing['total_s'], 1)} s, real-time factor "
-        f"{number(timing['realtime_factor'], 1)}, tracker {number(timing['tracker_ms']['p50'], 1)} ms a step"
+        f"Time: {timing['steps']} steps of traffic, sensor and tracker {number(timing['realtime_factor'], 1)} times as "
+        f"fast as real time, the tracker {number(timing['tracker_ms']['p50'], 1)} ms a step; "
+        f"{number(timing['total_s'], 1)} s in all, with loading, warm-up, scoring and drawing"
     )
     others = (": ".join(score) for score in other_scores(metrics))
     return Text("\n".join((events, *others, road, speed)))
