@@ -49,7 +49,9 @@ def command(options: Options) -> None:
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_grid(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
     if not quiet and (finished.summary["grid"]["replay"] or finished.summary["grid"]["mismatch"]):
-        typer.echo((finished.folder / "table.md").read_text(encoding="utf-8"), err=True)
+        from harness.writing.markdown import show_markdown  # noqa: PLC0415
+
+        show_markdown((finished.folder / "table.md").read_text(encoding="utf-8"), on_stderr=True)
     elif not quiet:
         from harness.grid.tables import print_result  # noqa: PLC0415
 

@@ -113,7 +113,12 @@ def command(options: Options) -> None:
     from harness.report.folderpage import write_page  # noqa: PLC0415
 
     write_page(folder)
-    typer.echo(json.dumps(told.numbers) if options["json"] else told.text)
+    if options["json"]:
+        typer.echo(json.dumps(told.numbers))
+    else:
+        from harness.writing.markdown import show_markdown  # noqa: PLC0415
+
+        show_markdown(told.text)
     typer.echo(f"written to {folder}", err=True)
 
 

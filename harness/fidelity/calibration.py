@@ -238,7 +238,9 @@ def _line(number: int, trial: Trial) -> str:
         f"{trial.vehicles.lane_changes_per_km:.2f} lane changes a vehicle-km, "
         f"accelerations spread by {trial.vehicles.acceleration_spread_mps2:.2f} m/s²"
     )
-    return f"trial {number}, misfit {trial.misfit:.2f} (1 = targets just met); " + "; ".join((*parts, driving))
+    return f"trial {number}, misfit {trial.misfit:.2f} (1 = just within what is allowed); " + "; ".join(
+        (*parts, driving)
+    )
 
 
 def _trial_table(trial: Trial) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from harness.writing.markdown import markdown_table
 from harness.writing.plots import strip
 from mmpf.compute.arrays import FloatArray
 
-TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "target")
+TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")
 DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
 LANE_HEADINGS = ("lane", "speed, simulated", "speed, recorded", "flow, simulated", "flow, recorded")
 # Okabe and Ito's blue and vermilion.
@@ -101,9 +101,10 @@ def print_fidelity(result: Fidelity) -> None:
 
 
 def summary(result: Fidelity) -> str:
-    """Return in one sentence how many targets are met."""
+    """Return in one sentence how many figures agree."""
     listed = [target for period in result.periods for target in period.targets]
-    return f"{sum(target.met for target in listed)} of {len(listed)} targets are met."
+    agree = f"{sum(target.met for target in listed)} of {len(listed)} figures agree"
+    return f"{agree} with the measured ones within what is allowed."
 
 
 def _target_rows(result: Fidelity) -> list[tuple[str, ...]]:
@@ -119,7 +120,7 @@ def _target_row(period: Period, target: Target) -> tuple[str, ...]:
         _digits(target.measured),
         f"{target.error:+.1f}{unit}",
         f"{target.tolerance:g}{unit}",
-        "met" if target.met else "missed",
+        "yes" if target.met else "no",
     )
 
 

@@ -32,13 +32,23 @@ def as_json(result: StudyResult, setting: Mapping[str, Any]) -> dict[str, Any]:
 
 def as_markdown(result: StudyResult, setting: Mapping[str, Any]) -> str:
     """Return the tables as Markdown."""
-    parts = [f"# Study: {result.study}", "", setting_line(setting), ""]
+    parts = [f"# Study: {result.study}", ""]
     for occlusion in result.occlusions():
         rows = [row for row in result.rows if row["occlusion"] == occlusion]
-        parts += [f"## {occlusion.capitalize()} occlusion", "", *_tables(rows, result.study == "lane-change"), ""]
+        parts += [f"## {occlusion.capitalize()} occlusion", "", sentence(rows), ""]
+        parts += [*_tables(rows, result.study == "lane-change"), ""]
         parts += [f"![errors]({result.study}-{occlusion}-errors.png)", ""]
         parts += [f"![particles]({result.study}-{occlusion}-particles.png)", ""]
-    return "\n".join(parts)
+    return "\n".join([*parts, "## Setting", "", setting_line(setting), ""])
+
+
+def sentence(rows: Sequence[Row]) -> str:
+    """Return in one sentence how far off each model is at the longest horizon, the closest first."""
+    horizon_s = max(row["horizon_s"] for row in rows if row["horizon_s"] is not None)
+    last = sorted((row for row in rows if row["horizon_s"] == horizon_s), key=lambda row: row["lon_m"])
+    first, *others = (f"{row['model']} {row['lon_m']:.2f} m" for row in last)
+    then = f", then {', '.join(others)}" if others else ""
+    return f"After {horizon_s:g} s the mean error of the position along the road is smallest with {first}{then}."
 
 
 def setting_line(setting: Mapping[str, Any]) -> str:

@@ -51,18 +51,14 @@ def as_markdown(result: TransferResult) -> str:
         [
             "# Study: transfer",
             "",
+            *summary_lines(result.comparisons),
+            "",
             "Complete occlusion: the true state at the start, the true leader throughout, nothing measured. "
             "Mean absolute error of the longitudinal position, m, with 95 % intervals over vehicles.",
-            "",
-            setting_line(result.setting),
             "",
             *_table(result.rows, partial(error_cell, quantity="lon_m")),
             "",
             f"![errors]({FIGURE})",
-            "",
-            "## What was found",
-            "",
-            *summary_lines(result.comparisons),
             "",
             "## Every comparison",
             "",
@@ -89,6 +85,10 @@ def as_markdown(result: TransferResult) -> str:
             "",
             *_input_table(result.inputs),
             "",
+            "## Setting",
+            "",
+            setting_line(result.setting),
+            "",
         ]
     )
 
@@ -100,7 +100,7 @@ def summary_lines(comparisons: Sequence[Comparison]) -> list[str]:
         lost = [entry for entry in comparisons if (entry.tested_on, entry.own) == own and not entry.better]
         rivals = [entry for entry in lost if entry.rival_trained_on != ON_REAL]
         kin = [entry for entry in lost if entry.rival_trained_on == ON_REAL]
-        told = f"LOSES to {_by_rival(rivals)}" if rivals else "loses to no rival"
+        told = f"loses to {_by_rival(rivals)}" if rivals else "loses to no rival"
         behind = f"; behind {_by_rival(kin)}" if kin else ""
         lines.append(f"- on {own[0]}, {own[1]} {told}{behind}.")
     return lines

@@ -90,8 +90,8 @@ def test_without_recorded_fields_the_committed_figures_are_the_measure(no_sumo, 
     assert result["periods"]["us101-0805"]["real"]["mean_speed_mps"] == pytest.approx(8.576)
     assert len(result["periods"]["us101-0805"]["sim_by_seed"]) == 2
     assert any("`fields`" in reason for reason in result["left_out"])
-    assert "missed" in output.err
-    assert "met" in (tmp_path / "fidelity.md").read_text()
+    assert "within what is allowed" in output.err
+    assert "| yes |" in (tmp_path / "fidelity.md").read_text()
     assert not list(tmp_path.glob("speed_field*"))
 
 

@@ -118,6 +118,20 @@ def test_the_page_has_a_line_for_every_model_and_a_column_for_every_horizon(resu
     assert all(page.count(f"| {model} |") == 2 * 3 for model in ("cvm", "cam"))
 
 
+def test_a_sentence_names_the_models_by_their_error_at_the_longest_horizon_before_the_table(result):
+    page = as_markdown(result, {"seed": 0})
+    for occlusion in (PARTIAL, COMPLETE):
+        last = {
+            row["model"]: row["lon_m"]
+            for row in result.rows
+            if row["occlusion"] == occlusion and row["horizon_s"] == 5.0
+        }
+        told = page.partition(f"## {occlusion.capitalize()} occlusion")[2].split("\n")[2]
+        assert told.startswith("After 5 s ")
+        named = [model for _, model in sorted((told.index(f" {model} "), model) for model in last)]
+        assert named == sorted(last, key=last.__getitem__)
+
+
 def test_a_study_leaves_numbers_a_page_and_pictures(result, tmp_path):
     write_study(result, {"seed": 0}, tmp_path)
     stored = json.loads((tmp_path / "results.json").read_text())
