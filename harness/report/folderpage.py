@@ -21,6 +21,7 @@ from harness.report.tables import html_table
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
+from harness.scoring.metrics import quantities
 from harness.writing.files import write_text
 
 PICTURES = (".png", ".svg")
@@ -107,7 +108,16 @@ def as_html(text: str) -> Markup:
     tokens = parser.parse("\n".join(lines))
     _colour_verdicts(tokens)
     _break_before_intervals(tokens)
+    tokens = [boxed for token in tokens for boxed in _in_box(token)]
     return Markup(parser.renderer.render(tokens, parser.options, {}))
+
+
+def _in_box(token: Token) -> list[Token]:
+    """Return a token of a table's begin or end with that of a box of its own, in which the table scrolls."""
+    if token.type == "table_open":
+        begin = "<div class='scroll' tabindex='0' role='group' aria-label='Table'>\n"
+        return [Token("html_block", "", 0, content=begin), token]
+    return [token, Token("html_block", "", 0, content="</div>\n")] if token.type == "table_close" else [token]
 
 
 def _colour_verdicts(tokens: Sequence[Token]) -> None:
@@ -145,7 +155,14 @@ def _tables(folder: Path) -> dict[str, Markup]:
     runs = runfolder.read_table(folder, path.name, "folder", ()).head(MOST_ROWS)
     shown = [name for name in runs if runs[name].notna().any()]
     rows = [[_cell(value) for value in row] for row in runs[shown].itertuples(index=False)]
-    return {path.name: html_table([str(name) for name in shown], rows)}
+    labels = {quantity.key: quantity.label for quantity in quantities()}
+    headings = [_heading(str(name), labels.get(str(name))) for name in shown]
+    return {"Every run (runs.parquet)": html_table(headings, rows)}
+
+
+def _heading(key: str, label: str | None) -> str | Markup:
+    """Return a column's name in words with its key below, as far as there are words for it."""
+    return key if label is None else Markup("{}<br><span class='key'>{}</span>").format(label, key)
 
 
 def _cell(value: object) -> str:

@@ -15,7 +15,7 @@ MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
 POSITION_COLUMN = ("position_m", "position m")
 
 
-def html_table(headings: Sequence[str], rows: Sequence[Sequence[str | Markup]]) -> Markup:
+def html_table(headings: Sequence[str | Markup], rows: Sequence[Sequence[str | Markup]]) -> Markup:
     """Return a table whose rows begin with their name; plain text is escaped."""
     head = Markup("").join(Markup("<th scope='col'>{}</th>").format(heading) for heading in headings)
     body = Markup("").join(

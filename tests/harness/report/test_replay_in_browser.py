@@ -74,7 +74,7 @@ def test_the_page_loads_without_a_complaint_and_fetches_nothing(page):
 
 def test_play_advances_and_pause_stops(page):
     play = page.find_element(By.ID, "play")
-    Select(page.find_element(By.ID, "speed")).select_by_value("4")
+    Select(page.find_element(By.ID, "speed")).select_by_value("0.5")
     play.click()
     WebDriverWait(page, 10).until(lambda page: asked(page, "step") > 2)
     play.click()
