@@ -15,6 +15,7 @@ import numpy as np
 from harness.errors import InputError
 from harness.fidelity.statistics import MAIN_LANES
 from harness.truth.frame import STEP_S, Frame
+from harness.truth.recorded.fcd import declares_types
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble
 from mmpf.compute.arrays import FloatArray
@@ -194,7 +195,8 @@ def recording_files(paths: Sequence[Path]) -> tuple[Path, ...]:
     for path in paths:
         if not path.exists():
             raise InputError(f"`recordings` {path}: does not exist; give files or folders of recorded traffic")
-        inside = sorted(file for file in path.iterdir() if file.suffix in SUFFIXES) if path.is_dir() else [path]
+        in_folder = sorted(file for file in path.iterdir() if file.suffix in SUFFIXES) if path.is_dir() else [path]
+        inside = [file for file in in_folder if file == path or not declares_types(file)]
         if not inside:
             raise InputError(f"`recordings` {path}: the folder holds no recorded traffic")
         found += inside

@@ -29,6 +29,7 @@ DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.
 CHUNK_ROWS = 100_000
 Sizes = dict[str, tuple[float, float]]
 ON_FOOT = "person"
+TYPES = ".vtypes.xml"
 
 NUMBERS = ("x", "y", "angle", "speed")
 SIZES = ("length", "width")
@@ -62,7 +63,12 @@ class _Collected:
 
 def types_file(path: Path) -> Path:
     """Return where the vehicle types of a file of floating-car data are declared, if anywhere."""
-    return path.with_name(f"{path.name.removesuffix('.gz').removesuffix('.xml')}.vtypes.xml")
+    return path.with_name(f"{path.name.removesuffix('.gz').removesuffix('.xml')}{TYPES}")
+
+
+def declares_types(path: Path) -> bool:
+    """Return whether a file, by its name, belongs to floating-car data beside it."""
+    return path.name.removesuffix(".gz").endswith(TYPES)
 
 
 def recording_files(path: Path) -> tuple[Path, ...]:

@@ -1,13 +1,16 @@
 """Every layout of one scene gives the scene back: positions exact, motion as it was, nobody left out in silence."""
 
 import gzip
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from harness.config.options import declared
 from harness.errors import InputError
-from harness.truth.recorded.formats import network_of, recognise
+from harness.grid.options import GridOptions, request_of
+from harness.truth.recorded.formats import files_of, network_of, recognise
 from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
 from tests.harness.truth.recorded.layouts import (
     CARS,
@@ -173,6 +176,31 @@ def test_rows_a_second_apart_are_joined_by_a_curve_that_keeps_their_speeds(tmp_p
         t = frame.time_s
         assert frame.lon_m[0] == pytest.approx(100.0 + 10.0 * t + 0.75 * t**2, abs=1e-6)
         assert frame.accel_mps2[0] == pytest.approx(1.5, abs=1e-6)
+
+
+def without_sizes(path):
+    """Take the sizes out of floating-car data, as SUMO writes them by default."""
+    path.write_text(re.sub(r' (length|width)="[^"]*"', "", path.read_text()))
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["", ".gz"])
+def test_fcd_sizes_come_from_the_types_declared_beside(suffix, tmp_path):
+    path = without_sizes(write_fcd(tmp_path / "fcd.xml"))
+    types = b'<additional><vType id="car" length="6.5" width="2.1"/></additional>'
+    (tmp_path / f"fcd.vtypes.xml{suffix}").write_bytes(gzip.compress(types) if suffix else types)
+    frame = next(iter(opened(path).frames()))
+    assert (set(frame.length_m), set(frame.width_m)) == ({6.5}, {2.1})
+    assert [file.name for file in files_of(path, "fcd")] == ["fcd.xml", f"fcd.vtypes.xml{suffix}"]
+    assert request_of(dict.fromkeys(declared(GridOptions)) | {"replay": tmp_path}).replay == (str(path),)
+
+
+@pytest.mark.parametrize("types", ['<additional><vType id="car" width="wide"/></additional>', "<additional><vType", ""])
+def test_fcd_types_that_are_broken_are_refused_in_one_line(types, tmp_path):
+    path = without_sizes(write_fcd(tmp_path / "fcd.xml"))
+    (tmp_path / "fcd.vtypes.xml").write_text(types)
+    with pytest.raises(InputError, match=r"fcd\.xml: (a value is no number|broken or truncated XML)"):
+        opened(path)
 
 
 def test_fcd_vehicles_on_other_roads_are_left_out_and_counted(tmp_path):
