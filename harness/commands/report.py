@@ -23,6 +23,10 @@ class Options(TypedDict):
             is_argument=True,
         ),
     ]
+    figures: Annotated[
+        str | None,
+        Option("Draw the figures of a run or a stress test anew for a paper: png, svg or pdf.", metavar="KIND"),
+    ]
     json: Annotated[
         bool, Option("Print the page's path and size as JSON on stdout, nothing else there.", default=False)
     ]
@@ -33,14 +37,22 @@ def command(options: Options) -> None:
 
     A run's page has a summary in words, numbers with intervals, figures, the
     five worst occlusions, and a replay of the road from above. 'run' writes it
-    too; this writes it anew.
+    too; this writes it anew. --figures draws errors over time and by
+    visibility, what went on in the tracker and the worst occlusions, or of a
+    stress test its curves, into RUN/figures, from the folder's own tables.
 
     Examples:
       python -m harness report results/us101-mmpf-gmm-d20-s0
+      python -m harness report results/stress --figures pdf
     """
     from harness.report.folderpage import write_page  # noqa: PLC0415
 
     page = write_page(options["folder"])
+    if options["figures"] is not None:
+        from harness.report.pictures import write_pictures  # noqa: PLC0415
+
+        for picture in write_pictures(options["folder"], options["figures"]):
+            typer.echo(str(picture), err=True)
     size_mb = page.stat().st_size / 1e6
     if options["json"]:
         typer.echo(json.dumps({"page": str(page), "size_mb": round(size_mb, 3)}))

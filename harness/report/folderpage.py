@@ -86,7 +86,9 @@ def _can_be_shown(folder: Path) -> bool:
 
 
 def _pictures(folder: Path) -> Iterable[Path]:
-    return sorted(path for path in (*folder.glob("*"), *folder.glob("figures/*")) if path.suffix in PICTURES)
+    found = sorted(path for path in (*folder.glob("*"), *folder.glob("figures/*")) if path.suffix in PICTURES)
+    # One picture may be there in several formats.
+    return {path.with_suffix(""): path for path in reversed(found)}.values()
 
 
 def title_of(texts: Iterable[str]) -> str | None:

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from harness.errors import InputError
 from harness.report.charts.chart import Charts, charts_data, library
 from harness.report.charts.run import error_charts, visibility_charts
-from harness.report.figures import DIAGNOSTICS, SCENE
+from harness.report.figures import DIAGNOSTICS, OVER_TIME, SCENE
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import Beside, replay_data
@@ -34,6 +34,7 @@ SCRIPTS = tuple(f"replay_{part}.js" for part in ("frame", "picture", "course", "
 MOST_SHOWN = 800_000
 """Rows of the truth that a page is made of; of a longer run it shows the beginning."""
 FIGURES = {
+    OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
     SCENE: "The road from above at the moment with the most hidden tracks, with the tracker's particles if it has any",
     DIAGNOSTICS: "What the tracker did at each step: its particles' effective number, births, deaths and merges",
 }
@@ -107,7 +108,9 @@ def run_page(run: RecordedRun) -> str:
     """Return the page of a run; its failure gallery is drawn into the run's folder on the way."""
     recorded_s = run.truth["time_s"].max() - run.truth["time_s"].min() if len(run.truth) else 0.0
     shown = f"{recorded_s:.0f} s" if run.whole else f"replay and failures of its first {recorded_s:.0f} s"
-    by_visibility, over_time = visibility_charts(run.metrics["mae"]), error_charts(run.errors)
+    by_visibility = visibility_charts(run.metrics["mae"])
+    # Of a long run the picture shows it all, where the chart would only know the beginning.
+    over_time = error_charts(run.errors) if run.whole else Charts(())
     return render(
         "run.html.j2",
         title=f"Tracking run: {run.config.title()}",
@@ -121,13 +124,14 @@ def run_page(run: RecordedRun) -> str:
         figures=[
             PageFigure(embedded(path), description)
             for name, description in FIGURES.items()
-            if (path := run.folder / runfolder.FIGURES / name).is_file()
+            if not (name == OVER_TIME and run.whole) and (path := run.folder / runfolder.FIGURES / name).is_file()
         ],
         error_table=error_table(run.metrics["mae"]),
         hidden_table=hidden_table(run.metrics["mae"]),
         mot_table=mot_table(run.metrics),
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
+        whole=run.whole,
         vehicles=vehicle_table(run.errors, run.events, run.step_s),
         sorting_script=Markup(_template_text("sorting.js")),
         by_visibility=by_visibility,

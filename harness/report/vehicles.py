@@ -85,11 +85,11 @@ class _Own:
 
     def cells(self, step_s: float) -> list[str]:
         """Return its numbers as they stand in the table."""
-        seen = ~self.hidden
+        seen, percent = ~self.hidden, np.where(self.tracked, 100.0, 0.0)
         return [
             f"{step_s * seen.sum():.1f}", f"{step_s * self.hidden.sum():.1f}",
-            _mean(100.0 * self.tracked[seen], 0), _mean(self.distance_m[seen & self.tracked], 2),
-            _mean(100.0 * self.tracked[self.hidden], 0), _mean(self.distance_m[self.hidden & self.tracked], 2),
+            _mean(percent[seen], 0), _mean(self.distance_m[seen & self.tracked], 2),
+            _mean(percent[self.hidden], 0), _mean(self.distance_m[self.hidden & self.tracked], 2),
             _mean(self.cost_m[self.hidden], 2),
         ]  # fmt: skip
 

@@ -1,0 +1,50 @@
+import json
+from dataclasses import asdict
+
+import pandas as pd
+import pytest
+
+from harness.cli import EXIT_USER_ERROR, run_command_line
+from harness.grid.grid import GridRequest, plan_grid
+from harness.report.folderpage import write_page
+from harness.report.pictures import write_pictures
+from tests.harness.recorded_scene import write_recorded_scene
+
+MAGIC = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+
+
+@pytest.fixture
+def grid(tmp_path):
+    request = GridRequest(densities="20,45", trackers="mmpf", seeds="2")
+    rows = [run.identity() | {"succeeded": True, "mot.hota": 90.0} for run in plan_grid(request).runs]
+    (tmp_path / "grid.json").write_text(json.dumps(asdict(request)))
+    pd.DataFrame(rows).to_parquet(tmp_path / "runs.parquet")
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", MAGIC)
+def test_a_stress_tests_curves_are_drawn_in_the_format_asked_for_with_the_same_bytes_each_time(grid, kind):
+    (picture,) = write_pictures(grid, kind)
+    assert picture == grid / "figures" / f"over_density.{kind}"
+    first = picture.read_bytes()
+    assert first.startswith(MAGIC[kind])
+    write_pictures(grid, kind)
+    assert picture.read_bytes() == first
+
+
+def test_a_runs_errors_and_worst_moments_are_drawn_and_the_page_stays_as_it_was(tmp_path):
+    folder = write_recorded_scene(tmp_path / "run")
+    before = write_page(folder).read_bytes()
+    names = {path.name for path in write_pictures(folder, "svg")}
+    assert names == {"error_over_time.svg", "error_by_visibility.svg", "gallery-1.svg"}
+    assert write_page(folder).read_bytes() == before
+
+
+def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, capsys):
+    (grid / "table.md").write_text("# T\n")
+    assert run_command_line(["report", str(grid), "--figures", "jpeg"]) == EXIT_USER_ERROR
+    assert "choose one of png, svg, pdf" in capsys.readouterr().err
+    study = tmp_path_factory.mktemp("study")
+    (study / "results.md").write_text("# Study\n")
+    assert run_command_line(["report", str(study), "--figures", "svg"]) == EXIT_USER_ERROR
+    assert "only their figures are drawn anew" in capsys.readouterr().err
