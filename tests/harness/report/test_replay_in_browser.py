@@ -210,3 +210,19 @@ def test_the_page_fits_a_phone(browser, address):
         assert asked(browser, "followed") == "near"
     finally:
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_the_table_of_vehicles_sorts_and_leads_to_a_vehicles_worst_moment(page):
+    def names() -> list[str]:
+        return [cell.text for cell in page.find_elements(By.CSS_SELECTOR, "#vehicles tbody th")]
+
+    assert names() == ["far", "near"], "the costliest comes first"
+    seen = page.find_elements(By.CSS_SELECTOR, "#vehicles thead th")[1]
+    seen.find_element(By.TAG_NAME, "button").click()
+    assert names() == ["near", "far"]
+    assert seen.get_attribute("aria-sort") == "descending"
+    seen.find_element(By.TAG_NAME, "button").click()
+    assert names() == ["far", "near"]
+    page.find_element(By.LINK_TEXT, "far").click()
+    WebDriverWait(page, 10).until(lambda page: asked(page, "followed") == "far")
+    assert asked(page, "step") == GIVEN_UP
