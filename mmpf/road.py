@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.lanes.graph import LaneGraph
 
 NO_LANE = 0
 # A segment that faces a position goes before one that is nearer but does not.
@@ -52,12 +53,15 @@ class Road:
             it goes on straight.
         reference_start_m: Longitudinal position of the line's first point, metres.
         section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
+        graph: Lanes of any shape. With them the road frame is the Cartesian plane itself: longitudinal is x, lateral is
+            y, headings count from the x axis, speeds are along each vehicle's own heading, and there are no ``lanes``.
     """
 
     lanes: tuple[Lane, ...]
     reference_xy: tuple[tuple[float, float], ...] = ((0.0, 0.0), (1.0, 0.0))
     reference_start_m: float = 0.0
     section_m: tuple[float, float] = (0.0, 640.0)
+    graph: LaneGraph | None = None
 
     @cached_property
     def _vertices(self) -> FloatArray:
