@@ -29,7 +29,7 @@ def reported_tracks(
     """
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
-    reported = ~unseen | (moments.std[LON] <= options.reported_std_lon_m)
+    reported = ~unseen | (moments.std_along_m <= options.reported_std_lon_m)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     variance = moments.variance.copy()
     variance[LON] += correlated_share * components.noise_lon_m**2

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.lanes.graph import LaneGraph
+
+if TYPE_CHECKING:
+    from mmpf.lanes.graph import LaneGraph
 
 NO_LANE = 0
 # A segment that faces a position goes before one that is nearer but does not.

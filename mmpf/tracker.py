@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mmpf.around.on_graph import surroundings_on_graph
 from mmpf.around.plane import SensorPlane
 from mmpf.around.surroundings import surroundings_of
 from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
@@ -16,6 +17,7 @@ from mmpf.compute.threads import one_blas_thread
 from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
+from mmpf.lanes.guided import LaneGuided
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
@@ -23,7 +25,7 @@ from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
 from mmpf.report import StepReport, Stopwatch, reported_tracks
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel, check_scan
-from mmpf.state import LON, SPEED
+from mmpf.state import LAT, LON, SPEED
 from mmpf.tracks import Tracks
 from mmpf.update import Situation, Updated, UpdateRule
 
@@ -56,12 +58,13 @@ class MixtureTracker:
             options: Settings; the defaults track well.
             proposal: What new states are drawn from; the prior by default.
         """
-        self._road, self._sensor, self._motion, self._rng = road, sensor, motion, rng
+        self._road, self._sensor, self._rng = road, sensor, rng
+        self._motion = motion if road.graph is None else LaneGuided(motion, road.graph)
         self._options = options or FilterOptions()
         self._proposal = proposal
         is_joint = self._options.update == "joint"
         self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
-        self._mixture = Mixture.empty(motion.latent_size)
+        self._mixture = self._nobody
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
         self.last_report = StepReport()
@@ -127,13 +130,17 @@ class MixtureTracker:
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
-        chosen = np.flatnonzero(~lies_on_ego(scan.detections, scan.ego))
+        chosen = np.flatnonzero(~lies_on_ego(scan.detections, SensorPlane(scan.ego, self._road)))
         existence = np.full(len(chosen), self._options.birth.first_existence)
         births = Births(
             scan.detections, chosen, existence, traffic, first_log_odds(len(chosen), self._options.joint.ghosts)
         )
-        nobody, none = Mixture.empty(self._motion.latent_size), np.zeros(0, dtype=np.bool_)
-        return self._rule.weight_update(give_birth(nobody, none, births, self._motion, self._options, self._rng))
+        none = np.zeros(0, dtype=np.bool_)
+        return self._rule.weight_update(give_birth(self._nobody, none, births, self._motion, self._options, self._rng))
+
+    @property
+    def _nobody(self) -> Mixture:
+        return Mixture.empty(self._motion.latent_size, has_headings=self._road.graph is not None)
 
     def _count_clutter(self, updated: Updated, dt_s: float) -> None:
         memory_s = self._options.joint.association.clutter_memory_s
@@ -149,6 +156,7 @@ class MixtureTracker:
         traffic = Traffic(
             lon_m=np.append(mean[LON][known], scan.ego.lon_m),
             speed_mps=np.append(mean[SPEED][known], scan.ego.speed_mps),
+            lat_m=None if self._road.graph is None else np.append(mean[LAT][known], scan.ego.lat_m),
         )
         plane = SensorPlane(scan.ego, self._road)
         return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic, plane)
@@ -156,8 +164,10 @@ class MixtureTracker:
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""
         ego_accel_mps2 = (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s
-        surroundings = surroundings_of(
-            self._mixture, self._moments, self._is_seen, previous.ego, ego_accel_mps2, self._road, self._options.flow
+        around = self._mixture, self._moments, self._is_seen, previous.ego, ego_accel_mps2
+        graph, flow = self._road.graph, self._options.flow
+        surroundings = (
+            surroundings_of(*around, self._road, flow) if graph is None else surroundings_on_graph(*around, graph, flow)
         )
         return prior_update(self._mixture, surroundings, situation, self._proposal, self._options, self._rng)
 

@@ -47,6 +47,11 @@ class SensorPlane:
             return np.zeros_like(lon_m)
         return self.road.heading_at(lon_m) - self.turn_rad
 
+    @property
+    def ego_turn_rad(self) -> float:
+        """Where the ego's body points against the frame's longitudinal axis; its drift within the road is left out."""
+        return 0.0 if self.road.graph is None else self.ego.heading_rad
+
     def distance_m(self, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
         """Return how far from the sensor road-frame positions lie, metres, the arguments' shape."""
         x, y = self.seen_from_sensor(lon_m, lat_m)

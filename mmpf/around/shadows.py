@@ -30,10 +30,12 @@ class Bodies:
     Attributes:
         length_m: Lengths.
         width_m: Widths.
+        turn_rad: Where they point against the frame's longitudinal axis; None for along it.
     """
 
     length_m: FloatArray
     width_m: FloatArray
+    turn_rad: FloatArray | None = None
 
     @property
     def halves(self) -> tuple[FloatArray, FloatArray]:
@@ -71,7 +73,7 @@ def depth_table(
     depth = np.full((2, BEARINGS), np.inf)
     caster = np.full((2, BEARINGS), -1, dtype=np.int64)
     x, y = plane.seen_from_sensor(lon_m, lat_m)
-    heading = plane.heading_rad(lon_m)
+    heading = _headings(plane, lon_m, bodies)
     _cast_shadows(x, y, casts_shadow, *bodies.halves, np.cos(heading), np.sin(heading), depth, caster)
     return DepthTable(depth, caster, heading)
 
@@ -118,13 +120,19 @@ def shadowed_share(
     distance = np.hypot(x, y)
     bearing = np.arctan2(y, x)
     # The rectangle's silhouette across the line of sight.
-    slant = bearing - plane.heading_rad(lon_m)
+    slant = bearing - _headings(plane, lon_m, bodies)
     across = 0.5 * (bodies.length_m * np.abs(np.sin(slant)) + bodies.width_m * np.abs(np.cos(slant)))
     half = np.arctan(across / np.maximum(distance, 1e-6))
     sectors = len(free_space.range_m)
     rays = plane.turn_rad + bearing + half * RAY_PLACES[:, None]
     sector = np.floor((rays + np.pi) * sectors / (2.0 * np.pi)).astype(np.int64) % sectors
     return np.asarray((free_space.range_m[sector] < distance).mean(axis=0))
+
+
+def _headings(plane: SensorPlane, lon_m: FloatArray, bodies: Bodies) -> FloatArray:
+    """Return where bodies point against the plane's x axis, shape (m,)."""
+    along_the_road = plane.heading_rad(lon_m)
+    return along_the_road if bodies.turn_rad is None else along_the_road + bodies.turn_rad
 
 
 @numba.njit(cache=True)

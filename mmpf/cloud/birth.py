@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
-from mmpf.scan import Detections, EgoPose
+from mmpf.scan import Detections
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 
@@ -22,10 +23,12 @@ class Traffic:
     Attributes:
         lon_m: Longitudinal positions, shape (k,).
         speed_mps: Speeds, shape (k,).
+        lat_m: Lateral positions, shape (k,), where they matter as much: in the plane. None along one road.
     """
 
     lon_m: FloatArray
     speed_mps: FloatArray
+    lat_m: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -49,12 +52,11 @@ class Births:
     noise_factor: float = 1.0
 
 
-def lies_on_ego(detections: Detections, ego: EgoPose) -> BoolArray:
+def lies_on_ego(detections: Detections, plane: SensorPlane) -> BoolArray:
     """Return which detections lie on the ego itself, where no other vehicle can be, shape (d,)."""
-    return np.asarray(
-        (np.abs(detections.lon_m - ego.lon_m) < 0.5 * ego.length_m)
-        & (np.abs(detections.lat_m - ego.lat_m) < 0.5 * ego.width_m)
-    )
+    ego = plane.ego
+    along, across = turned(detections.lon_m - ego.lon_m, detections.lat_m - ego.lat_m, plane.ego_turn_rad)
+    return np.asarray((np.abs(along) < 0.5 * ego.length_m) & (np.abs(across) < 0.5 * ego.width_m))
 
 
 def give_birth(
@@ -111,7 +113,7 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
         spread = np.broadcast_to(std, mean.shape)
         return mean[:, None] + spread[:, None] * rng.standard_normal(shape)
 
-    flow = local_speed(detections.lon_m[chosen], births.traffic, options.local_range_m)
+    flow = local_speed(detections.lon_m[chosen], detections.lat_m[chosen], births.traffic, options.local_range_m)
     near = normal(flow, options.local_speed_std_mps)
     anything = normal(flow, options.other_speed_std_mps)
     speed = np.where(rng.uniform(size=shape) < options.local_speed_share, near, anything)
@@ -131,7 +133,10 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
     return state.reshape(STATE_SIZE, -1)
 
 
-def local_speed(lon_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:
+def local_speed(lon_m: FloatArray, lat_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:
     """Return the mean speed of the traffic around places, the nearer the heavier, shape (k,)."""
-    weight = np.exp(-0.5 * ((lon_m[:, None] - traffic.lon_m[None, :]) / range_m) ** 2) + 1e-9
+    away = ((lon_m[:, None] - traffic.lon_m[None, :]) / range_m) ** 2
+    if traffic.lat_m is not None:
+        away += ((lat_m[:, None] - traffic.lat_m[None, :]) / range_m) ** 2
+    weight = np.exp(-0.5 * away) + 1e-9
     return np.asarray(weight @ traffic.speed_mps / weight.sum(axis=1))

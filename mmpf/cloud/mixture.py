@@ -185,11 +185,13 @@ class Mixture:
         cloud: The particles.
         components: What is kept of each component.
         next_track_id: The identity that the next new component gets.
+        has_headings: Whether the last row of the latents is each particle's direction, as on a lane graph.
     """
 
     cloud: ParticleCloud
     components: Components
     next_track_id: int = 1
+    has_headings: bool = False
 
     def __len__(self) -> int:
         return len(self.components)
@@ -200,11 +202,11 @@ class Mixture:
         return self.cloud.starts(len(self.components))
 
     @classmethod
-    def empty(cls, latent_size: int) -> Mixture:
+    def empty(cls, latent_size: int, has_headings: bool = False) -> Mixture:
         """Return a belief without components."""
         none, no_index = np.zeros(0), np.zeros(0, dtype=np.int64)
         cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
-        return cls(cloud, Components.newborn(no_index, none))
+        return cls(cloud, Components.newborn(no_index, none), has_headings=has_headings)
 
     def keep(self, keep: BoolArray) -> Self:
         """Return the belief with only the components where ``keep`` is true, shape (m,)."""

@@ -21,15 +21,30 @@ class Moments:
     Attributes:
         mean: Mean state, shape (6, m).
         variance: Variance of each state variable, shape (6, m).
+        direction_rad: Mean direction of each component's vehicle, shape (m,); None on a road frame, along which they
+            point.
     """
 
     mean: FloatArray
     variance: FloatArray
+    direction_rad: FloatArray | None = None
 
     @property
     def std(self) -> FloatArray:
         """Standard deviations, shape (6, m)."""
         return np.sqrt(self.variance)
+
+    @property
+    def heading_rad(self) -> FloatArray:
+        """Where each component's vehicle points against the frame's longitudinal axis, shape (m,)."""
+        return np.zeros(self.mean.shape[1]) if self.direction_rad is None else self.direction_rad
+
+    @property
+    def std_along_m(self) -> FloatArray:
+        """Standard deviation of the place along the road, shape (m,); in the plane that of the place in all."""
+        if self.direction_rad is None:
+            return np.asarray(np.sqrt(self.variance[LON]))
+        return np.asarray(np.sqrt(self.variance[LON] + self.variance[LAT]))
 
 
 def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Moments:
@@ -51,7 +66,7 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Momen
         _accumulate_moments(begin, end, which, state, weight, starts, mean, variance)
 
     in_shares(accumulate, len(which), cost=500.0)
-    return Moments(mean, variance)
+    return Moments(mean, variance, _mean_directions(mixture, weight)[which] if mixture.has_headings else None)
 
 
 def effective_sizes(mixture: Mixture) -> FloatArray:
@@ -81,6 +96,15 @@ def gate_table(
         (np.abs(detections.lon_m - moments.mean[LON][:, None]) <= gate_std * lon)
         & (np.abs(detections.lat_m - moments.mean[LAT][:, None]) <= gate_std * lat)
     )
+
+
+def _mean_directions(mixture: Mixture, weight: FloatArray) -> FloatArray:
+    """Return the directions of the components' mean unit vectors, shape (m,)."""
+    heading, component = mixture.cloud.latents[-1], mixture.cloud.component
+    sine, cosine = (
+        np.bincount(component, weight * part, minlength=len(mixture)) for part in (np.sin(heading), np.cos(heading))
+    )
+    return np.asarray(np.arctan2(sine, cosine))
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True)

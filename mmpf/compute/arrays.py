@@ -32,6 +32,12 @@ def taken(rows: Rows, index: IntArray | BoolArray) -> Rows:
     return _by_column(lambda column: column[index], rows)
 
 
+def turned(x: FloatArray, y: FloatArray, turn_rad: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+    """Return differences in x and y as differences along and across a direction that is turned to the left."""
+    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    return x * cosine + y * sine, y * cosine - x * sine
+
+
 def joined(first: Rows, second: Rows) -> Rows:
     """Return the rows of one struct of arrays followed by those of another; see ``taken``."""
     return _by_column(lambda *columns: np.concatenate(columns), first, second)

@@ -74,7 +74,8 @@ def log_odds_at_birth(
     ghosts, sensor, plane, vehicle = options.joint.ghosts, situation.sensor, situation.plane, options.vehicle
     lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
     components, nobody = mixture.components, len(mixture)
-    bodies = Bodies(np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m))
+    length, width = np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
+    bodies = Bodies(length, width, np.append(moments.heading_rad, 0.0))
     casts = np.append(is_vehicle(components) & components.confirmed, values=False)
     table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
     visible = visible_fractions(plane, lon, lat, np.full(len(chosen), nobody), bodies, table)
@@ -163,7 +164,7 @@ def shadow_wrong_after(sightings: Sightings, sensor: SensorModel, options: Joint
 def speed_log_odds(moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float) -> FloatArray:
     """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,)."""
     speed, variance = moments.mean[SPEED], moments.variance[SPEED]
-    flow = local_speed(moments.mean[LON], traffic, range_m)
+    flow = local_speed(moments.mean[LON], moments.mean[LAT], traffic, range_m)
     vehicle = _normal(speed - flow, variance + options.flow_std_mps**2)
     standing = _normal(speed, variance + options.standing_std_mps**2)
     false = options.standing_share * standing + (1.0 - options.standing_share) * vehicle

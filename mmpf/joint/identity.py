@@ -56,6 +56,7 @@ def hand_over_identity(
         mixture.starts,
         old,
         moments.mean[:, new],
+        moments.heading_rad[new],
         np.array([options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps]),
         density,
     )
@@ -85,14 +86,17 @@ def _density_at(
     starts: IntArray,
     hidden: IntArray,
     place: FloatArray,
+    heading: FloatArray,
     kernel: FloatArray,
     density: FloatArray,
 ) -> None:
+    cosine, sine = np.cos(heading), np.sin(heading)
     normaliser = 1.0 / ((2.0 * np.pi) ** 1.5 * kernel[0] * kernel[1] * kernel[2])
     for h in range(len(hidden)):
         for n in range(starts[hidden[h]], starts[hidden[h] + 1]):
             for c in range(place.shape[1]):
-                lon = (state[LON, n] - place[LON, c]) / kernel[0]
-                lat = (state[LAT, n] - place[LAT, c]) / kernel[1]
+                off_lon, off_lat = state[LON, n] - place[LON, c], state[LAT, n] - place[LAT, c]
+                lon = (off_lon * cosine[c] + off_lat * sine[c]) / kernel[0]
+                lat = (off_lat * cosine[c] - off_lon * sine[c]) / kernel[1]
                 speed = (state[SPEED, n] - place[SPEED, c]) / kernel[2]
                 density[c, h] += normaliser * weight[n] * np.exp(-0.5 * (lon * lon + lat * lat + speed * speed))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.scan import EgoPose
 from mmpf.state import LAT, LON
 
 # Half a footprint, a little wider across: cars do not drive mirror to mirror.
@@ -19,7 +19,7 @@ def room_beside_seen_vehicles(
     mixture: Mixture,
     moments: Moments,
     is_seen: BoolArray,
-    ego: EgoPose,
+    plane: SensorPlane,
     strength: float,
 ) -> FloatArray:
     """Return each particle's weight factor, below one where a hidden particle overlaps a seen vehicle, shape (n,).
@@ -30,11 +30,12 @@ def room_beside_seen_vehicles(
         mixture: The belief.
         moments: Its components' moments.
         is_seen: Components that were seen lately; the others are hidden, shape (m,).
-        ego: The sensor's own vehicle, which is always seen.
+        plane: The plane around the sensor, whose own vehicle is always seen.
         strength: Exponent of full overlap; zero for no interaction.
     """
     factor = np.ones(len(mixture.cloud))
     holds_place = is_seen & mixture.components.confirmed
+    ego, heading = plane.ego, np.append(moments.heading_rad[holds_place], plane.ego_turn_rad)
     if strength > 0.0:
         length, width = mixture.components.length_m[holds_place], mixture.components.width_m[holds_place]
         _discount_overlaps(
@@ -44,6 +45,8 @@ def room_beside_seen_vehicles(
             ~is_seen,
             np.append(moments.mean[LON][holds_place], ego.lon_m),
             np.append(moments.mean[LAT][holds_place], ego.lat_m),
+            np.cos(heading),
+            np.sin(heading),
             strength,
             SCALE_ALONG * np.append(length, ego.length_m),
             SCALE_ACROSS * np.append(width, ego.width_m),
@@ -60,6 +63,8 @@ def _discount_overlaps(
     is_excluded: BoolArray,
     seen_lon: FloatArray,
     seen_lat: FloatArray,
+    cosine: FloatArray,
+    sine: FloatArray,
     strength: float,
     scale_lon: FloatArray,
     scale_lat: FloatArray,
@@ -71,14 +76,16 @@ def _discount_overlaps(
             continue
         rear, front, right, left = own_lon.min(), own_lon.max(), own_lat.min(), own_lat.max()
         for s in range(len(seen_lon)):
-            reach_lon, reach_lat = 2.0 * scale_lon[s], 2.0 * scale_lat[s]
+            reach_lon = 2.0 * (scale_lon[s] * abs(cosine[s]) + scale_lat[s] * abs(sine[s]))
+            reach_lat = 2.0 * (scale_lat[s] * abs(cosine[s]) + scale_lon[s] * abs(sine[s]))
             if not (rear - reach_lon <= seen_lon[s] <= front + reach_lon):
                 continue
             if not (right - reach_lat <= seen_lat[s] <= left + reach_lat):
                 continue
             for n in range(len(own_lon)):
-                along = (own_lon[n] - seen_lon[s]) / scale_lon[s]
-                across = (own_lat[n] - seen_lat[s]) / scale_lat[s]
+                off_lon, off_lat = own_lon[n] - seen_lon[s], own_lat[n] - seen_lat[s]
+                along = (off_lon * cosine[s] + off_lat * sine[s]) / scale_lon[s]
+                across = (off_lat * cosine[s] - off_lon * sine[s]) / scale_lat[s]
                 if abs(along) <= 2.0 and abs(across) <= 2.0:
                     overlap = np.exp(-0.5 * (along**4 + across**4))
                     factor[starts[m] + n] *= np.exp(-strength * overlap)

@@ -9,9 +9,12 @@ import numpy as np
 from mmpf.cloud.mixture import NEVER, Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
-from mmpf.compute.arrays import BoolArray
+from mmpf.compute.arrays import BoolArray, turned
 from mmpf.joint_options import JointMerging
 from mmpf.state import LAT, LON, SPEED
+
+# Two whose directions differ by more than 60 degrees are two.
+SAME_WAY = 0.5
 
 
 def merge_lasting_overlaps(
@@ -42,13 +45,11 @@ def merge_lasting_overlaps(
         return mixture, alive
     mean, lon_m, lat_m = moments.mean, options.lon_m, options.lat_m
     is_hidden = components.unseen_s > hidden_after_s
-    distance = np.hypot(
-        (mean[LON][:, None] - mean[LON][None, :]) / lon_m, (mean[LAT][:, None] - mean[LAT][None, :]) / lat_m
-    )
-    apart = (np.abs(mean[LON][:, None] - mean[LON][None, :]) >= lon_m) | (
-        np.abs(mean[LAT][:, None] - mean[LAT][None, :]) >= lat_m
-    )
+    along, across = turned(mean[LON][:, None] - mean[LON], mean[LAT][:, None] - mean[LAT], moments.heading_rad[:, None])
+    distance = np.hypot(along / lon_m, across / lat_m)
+    apart = (np.abs(along) >= lon_m) | (np.abs(across) >= lat_m)
     apart |= np.abs(mean[SPEED][:, None] - mean[SPEED][None, :]) >= options.speed_mps
+    apart |= np.cos(moments.heading_rad[:, None] - moments.heading_rad) < SAME_WAY
     both = components.confirmed[:, None] & components.confirmed[None, :]
     there = alive & (components.existence > options.existence_above)
     apart |= ~(there[:, None] & there[None, :])

@@ -6,7 +6,7 @@ import numpy as np
 
 from mmpf.cloud.mixture import Components
 from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import BoolArray
+from mmpf.compute.arrays import BoolArray, turned
 from mmpf.state import LAT, LON
 
 
@@ -19,7 +19,10 @@ def overlapping(components: Components, moments: Moments, share: float) -> BoolA
         share: Two overlap whose means are nearer than this share of their mean length, and of their mean width.
     """
     mean, length, width = moments.mean, components.length_m, components.width_m
-    overlaps = np.abs(mean[LON][:, None] - mean[LON]) < share * 0.5 * (length[:, None] + length)
-    overlaps &= np.abs(mean[LAT][:, None] - mean[LAT]) < share * 0.5 * (width[:, None] + width)
+    along, across = turned(mean[LON][:, None] - mean[LON], mean[LAT][:, None] - mean[LAT], moments.heading_rad[:, None])
+    overlaps = np.abs(along) < share * 0.5 * (length[:, None] + length)
+    overlaps &= np.abs(across) < share * 0.5 * (width[:, None] + width)
+    # Where directions differ, one sees the other beside it and not the other way round.
+    overlaps |= overlaps.T
     np.fill_diagonal(overlaps, val=False)
     return np.asarray(overlaps)

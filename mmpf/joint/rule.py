@@ -56,7 +56,7 @@ class JointUpdate:
         options, plane, cloud = self.options.joint.detectability, situation.plane, prior.cloud
         if options.shadow:
             casts = (prior.components.existence > options.occluder_existence) & is_vehicle(prior.components)
-            bodies = Bodies(prior.components.length_m, prior.components.width_m)
+            bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.direction_rad)
             table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
             distance = plane.distance_m(cloud.state[LON], cloud.state[LAT])
@@ -103,7 +103,7 @@ class JointUpdate:
             prior,
             moments,
             prior.components.unseen_s <= self.options.reporting.hidden_after_s,
-            situation.scan.ego,
+            situation.plane,
             options.exclusion_per_s * situation.dt_s,
         )
         claimed = (evidence * marginals.detection_message).sum(axis=1)
@@ -141,7 +141,7 @@ class JointUpdate:
             updated.mixture, moments, alive, self.options.joint.merging, self.options.reporting.hidden_after_s
         )
         chosen = np.flatnonzero(updated.birth_claim > association.birth_unexplained)
-        chosen = chosen[~lies_on_ego(situation.scan.detections, situation.scan.ego)[chosen]]
+        chosen = chosen[~lies_on_ego(situation.scan.detections, situation.plane)[chosen]]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
         births = Births(
@@ -224,14 +224,14 @@ class JointUpdate:
         return np.asarray(
             (components.existence >= removal.existence_below)
             & (components.unseen_s <= patience_s)
-            & (moments.std[LON] <= removal.largest_std_lon_m)
+            & (moments.std_along_m <= removal.largest_std_lon_m)
             & ~left
         )
 
 
 def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
     """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
-    blocks = components.confirmed & (moments.std[LON] < options.known_place_std_lon_m)
+    blocks = components.confirmed & (moments.std_along_m < options.known_place_std_lon_m)
     overlaps = overlapping(components, moments, options.same_place_share)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 

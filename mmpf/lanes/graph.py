@@ -1,7 +1,7 @@
 """Lanes as a graph of lines in the plane: curves, junctions, roundabouts, both directions of traffic.
 
-What a driver does happens on a lane of this graph; what a sensor sees happens in the plane. A place is either x and y, or
-a lane with the arc length along its middle line and the offset to the left of it.
+What a driver does happens on a lane of this graph; what a sensor sees happens in the plane. A place is either x and y,
+or a lane with the arc length along its middle line and the offset to the left of it.
 """
 
 from __future__ import annotations
@@ -195,10 +195,22 @@ class LaneGraph:
         """
         shape = len(x), most
         found = LanesNear(np.full(shape, NOWHERE), np.zeros(shape), np.zeros(shape), np.zeros(shape))
+        cells = self.cells
         _find_lanes(
-            *(x, y, self.cells.origin, self.cells.size_m, self.cells.shape, self.cells.first, self.cells.segment),
-            *(self.segments.as_arrays(), self.segments.lane, 0.5 * self.width_m + BESIDE_M),
-            *(found.lane, found.along_m, found.left_m, found.heading_rad),
+            x,
+            y,
+            cells.origin,
+            cells.size_m,
+            cells.shape,
+            cells.first,
+            cells.segment,
+            self.segments.as_arrays(),
+            self.segments.lane,
+            0.5 * self.width_m + BESIDE_M,
+            found.lane,
+            found.along_m,
+            found.left_m,
+            found.heading_rad,
         )
         return found
 

@@ -38,7 +38,7 @@ class MaxLikelihoodUpdate:
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
         plane, free_space, mean = situation.plane, situation.scan.free_space, moments.mean
-        bodies = Bodies(prior.components.length_m, prior.components.width_m)
+        bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.direction_rad)
         if free_space is not None:
             shadowed = shadowed_share(plane, mean[LON], mean[LAT], bodies, free_space)
         else:
@@ -102,7 +102,7 @@ class MaxLikelihoodUpdate:
         keep = self._worth_keeping(updated.mixture, situation)
         detections = situation.scan.detections
         is_wanted = updated.birth_claim > 1.0 - rule.existence.added_particles
-        chosen = np.flatnonzero(is_wanted & ~lies_on_ego(detections, situation.scan.ego))
+        chosen = np.flatnonzero(is_wanted & ~lies_on_ego(detections, situation.plane))
         births = Births(detections, chosen, np.ones(len(chosen)), situation.traffic)
         mixture = give_birth(updated.mixture, keep, births, situation.motion, self.options, rng)
         mixture, merged = _merge_overlaps(mixture, rule.merging, self.options.reporting.hidden_after_s)

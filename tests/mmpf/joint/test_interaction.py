@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint.interaction import room_beside_seen_vehicles
-from tests.mmpf.scenes import belief_of, ego_at, spot
+from tests.mmpf.scenes import ROAD, belief_of, ego_at, spot
 
 SEEN_LON_M, SEEN_LAT_M = 40.0, 5.0
 LENGTH_M, WIDTH_M = 6.0, 2.0
@@ -28,7 +29,9 @@ def hidden_beside_seen(along_m: float, across_m: float, seen_is_confirmed: bool 
 
 def factors(mixture: Mixture, strength: float, is_seen: tuple[bool, bool] = (False, True)) -> FloatArray:
     far_ego = ego_at(lon_m=-500.0)
-    return room_beside_seen_vehicles(mixture, component_moments(mixture), np.array(is_seen), far_ego, strength)
+    return room_beside_seen_vehicles(
+        mixture, component_moments(mixture), np.array(is_seen), SensorPlane(far_ego, ROAD), strength
+    )
 
 
 def test_far_from_every_seen_vehicle_nothing_is_lost() -> None:
@@ -56,7 +59,8 @@ def test_what_is_lost_falls_with_the_fourth_power_of_the_distance_in_footprints(
 def test_every_seen_vehicle_counts_the_ego_among_them() -> None:
     mixture = hidden_beside_seen(0.0, 0.0)
     ego = ego_at(lon_m=SEEN_LON_M, lat_m=SEEN_LAT_M)
-    factor = room_beside_seen_vehicles(mixture, component_moments(mixture), np.array([False, True]), ego, 0.5)
+    is_seen, plane = np.array([False, True]), SensorPlane(ego, ROAD)
+    factor = room_beside_seen_vehicles(mixture, component_moments(mixture), is_seen, plane, 0.5)
     assert factor[:4] == pytest.approx([np.exp(-1.0)] * 4)
 
 

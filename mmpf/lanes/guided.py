@@ -1,0 +1,217 @@
+"""Motion along the lanes of a graph: any motion model drives in its own lane's frame, whatever the lane's shape.
+
+Each particle carries the lane it is on and the one it means to take next. Particles of one vehicle that mean to take
+different ways at a junction are hypotheses about its route, which the detections sort out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.state import LAT, LON, SPEED
+
+LANE, NEXT, HEADING = -3, -2, -1
+"""Rows of the latents, from the end: index of the lane, index of the lane that follows, direction in the plane."""
+GUIDANCE_SIZE = 3
+
+# A driver makes up its mind anew, on average after this time, until it is in the junction.
+CHANGE_OF_MIND_S = 2.0
+# Drivers exceed speed limits by this factor at most, and brake for a slower lane by this much.
+ABOVE_LIMIT, BRAKING_MPS2 = 1.3, 3.0
+# Who is this far outside of its lane has lost it; another is taken whose direction differs by less than this.
+LOST_M, ASTRAY_RAD = 1.5, np.deg2rad(60.0)
+LOOKS_AROUND = 0.2
+# How near to a lane's middle a vehicle was born that belongs to it.
+BESIDE_STD_M = 1.0
+
+
+def guidance(latents: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return each particle's lane and the lane that it means to take next, each (n,); ``NOWHERE`` for none."""
+    return latents[LANE].astype(np.int64), latents[NEXT].astype(np.int64)
+
+
+@dataclass(frozen=True)
+class LaneGuided:
+    """A motion model on a lane graph; see ``mmpf.motion.protocol.MotionModel``.
+
+    Positions of the state are x and y; speeds and accelerations are along and across the particle's own lane.
+
+    Attributes:
+        inner: How a vehicle moves within its lane.
+        graph: The lanes.
+    """
+
+    inner: MotionModel
+    graph: LaneGraph
+
+    @property
+    def name(self) -> str:
+        """Name of the model within."""
+        return self.inner.name
+
+    @property
+    def latent_size(self) -> int:
+        """The inner model's rows and three of guidance."""
+        return self.inner.latent_size + GUIDANCE_SIZE
+
+    @property
+    def spreads_speed(self) -> bool:
+        """What the inner model says."""
+        return spreads_speed(self.inner)
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Draw the inner model's latents, and for each particle one of the lanes beside it, near ones rather than far.
+
+        Off every lane the direction is anybody's guess.
+        """
+        latents = np.empty((self.latent_size, state.shape[1]))
+        latents[:-GUIDANCE_SIZE] = self.inner.draw_latents(state, rng)
+        lane, heading = self._draw_lanes(state[LON], state[LAT], np.full(state.shape[1], np.nan), rng)
+        latents[LANE], latents[HEADING] = lane, heading
+        latents[NEXT] = _pick_successors(
+            lane, rng.uniform(size=len(lane)), self.graph.successor, self.graph.first_successor
+        )
+        return latents
+
+    def propagate(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Take the particles to their lanes' frames, let the inner model move them there, and bring them back."""
+        graph = self.graph
+        lane, following = guidance(latents)
+        along, left, _ = graph.on_lane(lane, state[LON], state[LAT])
+        free = lane == NOWHERE
+        local = state.copy()
+        # Off every lane a vehicle goes on as it points, from where it is.
+        local[LON], local[LAT] = np.where(free, 0.0, along), np.where(free, 0.0, left)
+        moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
+        moved[SPEED] = np.minimum(moved[SPEED], self._speed_allowed(lane, following, along))
+
+        change, choice = rng.uniform(size=(2, len(lane)))
+        along, left = moved[LON].copy(), moved[LAT].copy()
+        _go_along(
+            lane,
+            following,
+            along,
+            left,
+            change < dt_s / CHANGE_OF_MIND_S,
+            choice,
+            graph.length_m,
+            graph.width_m,
+            graph.left,
+            graph.right,
+            graph.in_junction,
+            graph.successor,
+            graph.first_successor,
+        )
+        x, y, direction = graph.place(lane, along, left)
+        cosine, sine = np.cos(latents[HEADING]), np.sin(latents[HEADING])
+        moved[LON] = np.where(free, state[LON] + along * cosine - left * sine, x)
+        moved[LAT] = np.where(free, state[LAT] + along * sine + left * cosine, y)
+        direction = np.where(free, latents[HEADING], direction)
+        beyond = (along < -LOST_M) | (along > graph.length_m[lane] + LOST_M)
+        astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)
+        self._find_way_back(moved, np.flatnonzero(astray), lane, following, direction, rng)
+        guided = np.stack([lane.astype(np.float64), following.astype(np.float64), direction])
+        return moved, np.concatenate([carried, guided])
+
+    def _speed_allowed(self, lane: IntArray, following: IntArray, along: FloatArray) -> FloatArray:
+        """Return how fast one may go, so as to have slowed down to the next lane's limit at its beginning, (n,)."""
+        limit, free = ABOVE_LIMIT * self.graph.speed_limit_mps, lane == NOWHERE
+        left_m = np.maximum(self.graph.length_m[lane] - along, 0.0)
+        ahead = np.where(following == NOWHERE, np.inf, limit[following])
+        allowed = np.minimum(limit[lane], np.sqrt(ahead**2 + 2.0 * BRAKING_MPS2 * left_m))
+        return np.where(free, np.inf, allowed)
+
+    def _find_way_back(
+        self,
+        state: FloatArray,
+        astray: IntArray,
+        lane: IntArray,
+        following: IntArray,
+        direction: FloatArray,
+        rng: np.random.Generator,
+    ) -> None:
+        """Look for a lane for those that are on none or far beside theirs; all is changed in place."""
+        # A share of them at a time: most find none, and looking costs.
+        index = astray[rng.uniform(size=len(astray)) < LOOKS_AROUND]
+        if len(index) == 0:
+            return
+        lane[index], direction[index] = self._draw_lanes(state[LON, index], state[LAT, index], direction[index], rng)
+        choice = rng.uniform(size=len(index))
+        following[index] = _pick_successors(lane[index], choice, self.graph.successor, self.graph.first_successor)
+
+    def _draw_lanes(
+        self, x: FloatArray, y: FloatArray, heading: FloatArray, rng: np.random.Generator
+    ) -> tuple[IntArray, FloatArray]:
+        """Draw a lane beside each place that leads a vehicle's way (any way where that is nan), and the direction."""
+        near = self.graph.lanes_near(x, y)
+        weight = np.where(near.lane >= 0, np.exp(-0.5 * (near.left_m / BESIDE_STD_M) ** 2) + 1e-3, 0.0)
+        off = np.abs(np.remainder(near.heading_rad - heading[:, None] + np.pi, 2.0 * np.pi) - np.pi)
+        weight[off > ASTRAY_RAD] = 0.0
+        share = np.cumsum(weight, axis=1)
+        drawn = (rng.uniform(size=len(x))[:, None] * share[:, -1:] >= share).sum(axis=1)
+        rows, found = np.arange(len(x)), share[:, -1] > 0.0
+        drawn = np.where(found, np.minimum(drawn, near.lane.shape[1] - 1), 0)
+        anywhere = np.where(np.isnan(heading), rng.uniform(-np.pi, np.pi, len(x)), heading)
+        lane = np.where(found, near.lane[rows, drawn], NOWHERE)
+        return lane, np.where(found, near.heading_rad[rows, drawn], anywhere)
+
+
+@numba.njit(cache=True)
+def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray) -> int:
+    count = first_successor[lane + 1] - first_successor[lane]
+    return successor[first_successor[lane] + min(int(choice * count), count - 1)] if count > 0 else NOWHERE
+
+
+@numba.njit(cache=True)
+def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray) -> IntArray:
+    picked = np.full(len(lane), NOWHERE)
+    for n in range(len(lane)):
+        if lane[n] >= 0:
+            picked[n] = _pick(lane[n], choice[n], successor, first_successor)
+    return picked
+
+
+@numba.njit(cache=True, nogil=True)
+def _go_along(
+    lane: IntArray,
+    following: IntArray,
+    along: FloatArray,
+    left: FloatArray,
+    changes_mind: BoolArray,
+    choice: FloatArray,
+    length: FloatArray,
+    width: FloatArray,
+    left_of: IntArray,
+    right_of: IntArray,
+    in_junction: BoolArray,
+    successor: IntArray,
+    first_successor: IntArray,
+) -> None:
+    """Take particles over their lanes' edges and ends, in place; who changes its mind chooses its next lane anew."""
+    for n in range(len(lane)):
+        if lane[n] < 0:
+            continue
+        own, u = lane[n], choice[n]
+        beside = left_of[own] if left[n] > 0.5 * width[own] else (right_of[own] if left[n] < -0.5 * width[own] else -1)
+        if beside >= 0:
+            apart = 0.5 * (width[own] + width[beside])
+            left[n] += -apart if left[n] > 0.0 else apart
+            along[n] *= length[beside] / length[own]
+            own = beside
+            following[n] = _pick(own, u, successor, first_successor)
+        elif changes_mind[n] and not in_junction[own]:
+            following[n] = _pick(own, u, successor, first_successor)
+        while along[n] >= length[own] and following[n] >= 0:
+            along[n] -= length[own]
+            own = following[n]
+            u = (u * 7919.0) % 1.0
+            following[n] = _pick(own, u, successor, first_successor)
+        lane[n] = own

@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.lanes.guided import HEADING, LANE, NEXT, LaneGuided
+from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from tests.mmpf.lanes.scenes import arc, graph_of
+
+
+def glide(state: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator) -> FloatArray:
+    """Go on with the speeds that there are, exactly."""
+    del surroundings, rng
+    moved = state.copy()
+    moved[LON] += dt_s * state[SPEED]
+    moved[LAT] += dt_s * state[LAT_SPEED]
+    return moved
+
+
+class Drive:
+    """Particles that glide along a graph."""
+
+    def __init__(self, graph: LaneGraph, lane: list[str], along_m: list[float], speed_mps: float, left_m: float = 0.0):
+        self.motion, self.graph = LaneGuided(Memoryless("glide", glide), graph), graph
+        index = np.array([graph.name.index(name) for name in lane])
+        self.state = np.zeros((6, len(lane)))
+        offset = np.full(len(lane), left_m)
+        self.state[LON], self.state[LAT], heading = graph.place(index, np.array(along_m, dtype=float), offset)
+        self.state[SPEED] = speed_mps
+        self.latents = np.stack([index.astype(float), np.full(len(lane), float(NOWHERE)), heading])
+        first = graph.first_successor
+        for n, k in enumerate(index):
+            if first[k + 1] > first[k]:
+                self.latents[NEXT, n] = graph.successor[first[k]]
+        self.rng = np.random.default_rng(0)
+
+    def go(self, steps: int, dt_s: float = 0.1) -> None:
+        nobody = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
+        nothing = np.zeros(0)
+        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, nothing, nothing)  # type: ignore[arg-type]
+        for _ in range(steps):
+            self.state, self.latents = self.motion.propagate(self.state, self.latents, around, dt_s, self.rng)
+
+    @property
+    def lanes(self) -> list[str]:
+        return [self.graph.name[int(k)] if k >= 0 else "none" for k in self.latents[LANE]]
+
+
+def test_round_a_bend_a_vehicle_goes_as_far_as_its_speed_takes_it_along_the_bend() -> None:
+    drive = Drive(graph_of({"bend": arc(60.0, np.pi / 2, 600)}), ["bend"] * 2, [5.0, 20.0], 8.0)
+    drive.go(50)
+    angle = np.array([45.0, 60.0]) / 60.0
+    assert drive.state[LON] == pytest.approx(60.0 * np.sin(angle), abs=0.02)
+    assert drive.state[LAT] == pytest.approx(60.0 * (1.0 - np.cos(angle)), abs=0.02)
+    assert drive.latents[HEADING] == pytest.approx(angle, abs=0.01)
+
+
+def test_oncoming_traffic_has_a_positive_speed_and_goes_the_other_way() -> None:
+    drive = Drive(
+        graph_of({"there": [(0, 0), (100, 0)], "back": [(100, 3), (0, 3)]}), ["there", "back"], [20, 20], 10.0
+    )
+    drive.go(10)
+    assert drive.state[LON] == pytest.approx([30.0, 70.0])
+    assert drive.state[LAT] == pytest.approx([0.0, 3.0])
+    assert (drive.state[SPEED] == 10.0).all()
+
+
+def fork() -> LaneGraph:
+    lines = {"in": [(0, 0), (50, 0)], "straight": [(50, 0), (120, 0)], "left": np.add(arc(20.0, np.pi / 2), [50, 0])}
+    return graph_of(lines, [("in", "straight"), ("in", "left")], in_junction=("left",))
+
+
+def test_at_a_fork_the_particles_part_and_each_way_gets_its_share() -> None:
+    drive = Drive(fork(), ["in"] * 4000, [0.0] * 4000, 10.0)
+    drive.go(80)
+    taken = np.array(drive.lanes)
+    assert set(taken) == {"straight", "left"}
+    assert 0.4 < np.mean(taken == "left") < 0.6
+    assert drive.state[LAT, taken == "straight"] == pytest.approx(0.0, abs=1e-9)
+    assert drive.state[LON, taken == "left"] == pytest.approx(50.0 + 20.0 * np.sin(30.0 / 20.0), abs=0.1)
+
+
+def test_in_the_junction_nobody_changes_its_way() -> None:
+    drive = Drive(fork(), ["left"] * 200, [1.0] * 200, 2.0)
+    drive.go(50)
+    assert set(drive.lanes) == {"left"}
+
+
+def test_past_the_middle_line_a_vehicle_is_in_the_lane_beside() -> None:
+    lines = {"right": [(0, 0), (100, 0)], "left": [(0, 3.2), (100, 3.2)]}
+    drive = Drive(graph_of(lines, beside=[("right", "left")]), ["right"], [10.0], 10.0)
+    drive.state[LAT_SPEED] = 1.0
+    drive.go(15)
+    assert drive.lanes == ["right"]
+    drive.go(2)
+    assert drive.lanes == ["left"]
+    assert drive.state[LON] == pytest.approx([27.0])
+    assert drive.state[LAT] == pytest.approx([1.7])
+
+
+def test_before_a_slower_lane_one_has_slowed_down() -> None:
+    graph = graph_of({"fast": [(0, 0), (100, 0)], "slow": [(100, 0), (150, 0)]}, [("fast", "slow")])
+    graph.speed_limit_mps[1] = 5.0
+    drive = Drive(graph, ["fast"], [50.0], 14.0)
+    while drive.lanes == ["fast"]:
+        drive.go(1)
+    assert drive.state[SPEED] == pytest.approx([1.3 * 5.0], abs=0.5)
+
+
+def test_newborn_vehicles_take_the_lanes_beside_them_in_every_direction_and_none_where_there_is_none() -> None:
+    lines = {"there": [(0, 0), (100, 0)], "back": [(100, 2), (0, 2)], "across": [(50, -40), (50, 40)]}
+    motion = LaneGuided(Memoryless("glide", glide), graph_of(lines))
+    state = np.zeros((6, 3000))
+    state[LON], state[LAT] = np.repeat([20.0, 50.0, 20.0], 1000), np.repeat([1.0, 1.0, 30.0], 1000)
+    latents = motion.draw_latents(state, np.random.default_rng(0))
+    beside, crossing, nowhere = latents[:, :1000], latents[:, 1000:2000], latents[:, 2000:]
+    assert np.mean(beside[LANE] == 0) == pytest.approx(0.5, abs=0.06)
+    assert set(beside[LANE]) == {0.0, 1.0}
+    assert set(crossing[LANE]) == {0.0, 1.0, 2.0}
+    assert np.abs(np.cos(beside[HEADING])) == pytest.approx(1.0)
+    assert set(nowhere[LANE]) == {float(NOWHERE)}
+    assert nowhere[HEADING].min() < -3.0 < 3.0 < nowhere[HEADING].max()
+
+
+def test_off_every_lane_a_vehicle_goes_on_as_it_points() -> None:
+    drive = Drive(graph_of({"there": [(0, 0), (100, 0)]}), ["there"], [50.0], 6.0)
+    drive.latents[LANE], drive.latents[HEADING] = NOWHERE, 0.5 * np.pi
+    drive.state[LAT] = 20.0
+    drive.go(10)
+    assert (drive.state[LON, 0], drive.state[LAT, 0]) == (pytest.approx(50.0), pytest.approx(26.0))
+    assert drive.lanes == ["none"]
