@@ -58,6 +58,8 @@ class Road:
         section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
         graph: Lanes of any shape. With them the road frame is the Cartesian plane itself: longitudinal is x, lateral is
             y, headings count from the x axis, speeds are along each vehicle's own heading, and there are no ``lanes``.
+        walls_xy: Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4); only
+            beside a graph.
     """
 
     lanes: tuple[Lane, ...]
@@ -65,6 +67,16 @@ class Road:
     reference_start_m: float = 0.0
     section_m: tuple[float, float] = (0.0, 640.0)
     graph: LaneGraph | None = None
+    walls_xy: FloatArray | None = None
+
+    def walls_near(self, x: float, y: float, within_m: float) -> FloatArray:
+        """Return the walls that come nearer to a place than a distance, metres, shape (k, 4)."""
+        if self.walls_xy is None:
+            return np.zeros((0, 4))
+        start, step = self.walls_xy[:, :2] - (x, y), self.walls_xy[:, 2:] - self.walls_xy[:, :2]
+        share = -(start * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-12)
+        nearest = start + np.clip(share, 0.0, 1.0)[:, None] * step
+        return np.asarray(self.walls_xy[np.hypot(nearest[:, 0], nearest[:, 1]) < within_m])
 
     @cached_property
     def _vertices(self) -> FloatArray:

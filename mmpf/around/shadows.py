@@ -18,6 +18,8 @@ from mmpf.compute.threads import in_shares
 from mmpf.scan import FreeSpace
 
 BEARINGS = 1440
+# Walls farther away hide nothing within any sensor's range; they are as thick as a brick is wide.
+WALLS_WITHIN_M, WALL_WIDTH_M = 250.0, 0.1
 LARGEST_RAY_COUNT = 16
 # Where the rays over a vehicle's extent lie, as shares of its half-width.
 RAY_PLACES = (2.0 * np.arange(LARGEST_RAY_COUNT) + 1.0) / LARGEST_RAY_COUNT - 1.0
@@ -75,6 +77,8 @@ def depth_table(
     x, y = plane.seen_from_sensor(lon_m, lat_m)
     heading = _headings(plane, lon_m, bodies)
     _cast_shadows(x, y, casts_shadow, *bodies.halves, np.cos(heading), np.sin(heading), depth, caster)
+    if plane.road.walls_xy is not None:
+        _cast_walls(plane, depth, caster)
     return DepthTable(depth, caster, heading)
 
 
@@ -127,6 +131,31 @@ def shadowed_share(
     rays = plane.turn_rad + bearing + half * RAY_PLACES[:, None]
     sector = np.floor((rays + np.pi) * sectors / (2.0 * np.pi)).astype(np.int64) % sectors
     return np.asarray((free_space.range_m[sector] < distance).mean(axis=0))
+
+
+def _cast_walls(plane: SensorPlane, depth: FloatArray, caster: IntArray) -> None:
+    """Add the surfaces of walls, as thin rectangles; they belong to no component."""
+    ego = plane.ego
+    walls = plane.road.walls_near(ego.lon_m, ego.lat_m, WALLS_WITHIN_M)
+    middle, step = 0.5 * (walls[:, :2] + walls[:, 2:]) - (ego.lon_m, ego.lat_m), walls[:, 2:] - walls[:, :2]
+    half_length = 0.5 * np.hypot(step[:, 0], step[:, 1])
+    cosine, sine = step.T / np.maximum(2.0 * half_length, 1e-9)
+    half_width, casts = np.full(len(walls), 0.5 * WALL_WIDTH_M), np.ones(len(walls), dtype=np.bool_)
+    x, y = np.ascontiguousarray(middle.T)
+    surfaces, of_wall = np.full_like(depth, np.inf), np.full_like(caster, -1)
+    _cast_shadows(x, y, casts, half_length, half_width, cosine, sine, surfaces, of_wall)
+    _put_before(surfaces[0], depth, caster)
+
+
+@numba.njit(cache=True)
+def _put_before(surface: FloatArray, depth: FloatArray, caster: IntArray) -> None:
+    """Take nobody's surfaces, one a sector, in among the two nearest of each sector."""
+    for k in range(len(surface)):
+        if surface[k] < depth[0, k]:
+            depth[1, k], caster[1, k] = depth[0, k], caster[0, k]
+            depth[0, k], caster[0, k] = surface[k], -1
+        elif surface[k] < depth[1, k]:
+            depth[1, k], caster[1, k] = surface[k], -1
 
 
 def _headings(plane: SensorPlane, lon_m: FloatArray, bodies: Bodies) -> FloatArray:

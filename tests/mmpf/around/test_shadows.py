@@ -12,7 +12,8 @@ from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fra
 from mmpf.compute.arrays import FloatArray
 from mmpf.options import MEAN_CAR
 from mmpf.road import Road
-from mmpf.scan import FreeSpace
+from mmpf.scan import EgoPose, FreeSpace
+from tests.mmpf.lanes.scenes import graph_of
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre
 
 PLANE = SensorPlane(ego_at(), ROAD)
@@ -184,3 +185,36 @@ def test_visible_fractions_are_those_of_each_particle_ray_by_ray(spread_m: float
         own = table.caster[0, sector] == component[n]
         surface = np.where(own, table.depth_m[1, sector], table.depth_m[0, sector])
         assert found[n] == pytest.approx((surface >= distance).mean(), abs=1e-12)
+
+
+def test_walls_hide_what_is_behind_them_from_the_tracker_too() -> None:
+    walls = np.array([[20.0, -5.0, 20.0, 5.0], [-40.0, 10.0, -20.0, 10.0]])
+    graph = graph_of({"there": [(-200, 0), (200, 0)]})
+    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), Road(lanes=(), graph=graph, walls_xy=walls))
+    lon, lat = np.array([15.0, 40.0, 40.0, -30.0, -60.0]), np.array([0.0, 0.0, 15.0, 8.0, 20.0])
+    table = depth_table(plane, lon, lat, np.zeros(5, dtype=np.bool_), cars(5))
+    found = visible_fractions(plane, lon, lat, np.arange(5), cars(5), table)
+    assert found == pytest.approx([1.0, 0.0, 1.0, 1.0, 0.0], abs=0.05)
+
+
+def test_a_wall_between_two_vehicles_hides_the_farther_one_and_the_nearer_still_hides_it_where_the_wall_ends() -> None:
+    graph = graph_of({"there": [(-200, 0), (200, 0)]})
+    lon, lat, casts = np.array([10.0, 30.0]), np.zeros(2), np.array([True, True])
+    for walls, fraction in ((np.array([[20.0, -1.0, 20.0, 9.0]]), 0.0), (np.array([[20.0, 5.0, 20.0, 9.0]]), 0.0)):
+        plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), Road(lanes=(), graph=graph, walls_xy=walls))
+        table = depth_table(plane, lon, lat, casts, cars(2))
+        found = visible_fractions(plane, lon, lat, np.arange(2), cars(2), table)
+        assert found == pytest.approx([1.0, fraction], abs=0.01)
+
+
+def test_crossing_vehicles_hide_each_other_by_the_sides_that_they_show() -> None:
+    graph = graph_of({"there": [(-200, 0), (200, 0)]})
+    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), Road(lanes=(), graph=graph))
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        lon, lat = np.array([20.0, 40.0]), rng.uniform(-1.5, 1.5, 2)
+        bodies = Bodies(np.array([8.0, 5.0]), np.array([2.0, 1.8]), rng.uniform(-np.pi, np.pi, 2))
+        table = depth_table(plane, lon, lat, np.ones(2, dtype=np.bool_), bodies)
+        found = visible_fractions(plane, lon, lat, np.arange(2), bodies, table)
+        assert bodies.turn_rad is not None
+        assert found == pytest.approx(traced(np.stack([lon, lat]), bodies.turn_rad, bodies), abs=0.12)
