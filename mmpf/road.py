@@ -58,8 +58,8 @@ class Road:
         section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
         graph: Lanes of any shape. With them the road frame is the Cartesian plane itself: longitudinal is x, lateral is
             y, headings count from the x axis, speeds are along each vehicle's own heading, and there are no ``lanes``.
-        walls_xy: Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4); only
-            beside a graph.
+        walls_xy: Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4);
+            only beside a graph.
     """
 
     lanes: tuple[Lane, ...]

@@ -18,6 +18,7 @@ from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
 from mmpf.lanes.guided import LaneGuided
+from mmpf.lanes.ways import on_heaviest_way
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
@@ -123,9 +124,11 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        return reported_tracks(
-            self._mixture, self._moments, self._options.reporting, self._sensor.noise_correlated_share
-        )
+        graph, mixture, moments = self._road.graph, self._mixture, self._moments
+        if graph is not None:
+            mixture = on_heaviest_way(mixture, graph)
+            moments = moments if mixture is self._mixture else component_moments(mixture)
+        return reported_tracks(mixture, moments, self._options.reporting, self._sensor.noise_correlated_share)
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
