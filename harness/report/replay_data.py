@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+import shapely
 
 from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
 from harness.scoring.errors import OUTCOMES
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.lanes.graph import LaneGraph
+from mmpf.road import Road
 from mmpf.tracks import TRACK_STATES
 
 # Vehicles beyond the sensor are shown this far, so that those that come into range do not spring up.
@@ -54,7 +57,8 @@ def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any
         run: The run.
         beside: Another tracker on the same detections, which is shown beside it.
     """
-    kept_truth = run.truth[_near_ego(run.truth, run.sensor.range_m + BEYOND_RANGE_M)]
+    reach_m = run.sensor.range_m + BEYOND_RANGE_M
+    kept_truth = run.truth[_near_ego(run.truth, reach_m, run.road)]
     size = _bytes(run, kept_truth) + (0 if beside is None else _bytes(beside.run, kept_truth))
     stride = 1 + size // MOST_BYTES
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
@@ -65,10 +69,10 @@ def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,
         "field_of_view_deg": run.sensor.field_of_view_deg,
-        "road": _road(run),
+        "road": _road(run, reach_m),
         "vehicles": _vehicles(kept_truth, codes, names),
         "truth": _truth(kept_truth, run.errors, codes, steps),
-        "detections": _detections(run.detections, steps),
+        "detections": _detections(run.detections, steps, run.road),
         "tracks": _tracks(run.tracks, steps),
         "particles": _particles(run, steps),
         "events": _events(run.events, steps, names),
@@ -92,10 +96,15 @@ def pack(values: npt.ArrayLike, kind: str) -> dict[str, str]:
     return {"type": kind, "data": base64.b64encode(array.tobytes()).decode("ascii")}
 
 
-def _near_ego(truth: pd.DataFrame, reach_m: float) -> npt.NDArray[np.bool_]:
-    ego = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")["lon_m"]
-    away = truth["lon_m"].to_numpy(dtype=np.float64) - ego.reindex(truth["step"]).to_numpy(dtype=np.float64)
-    return np.asarray(np.abs(away) <= reach_m)
+def _near_ego(truth: pd.DataFrame, reach_m: float, road: Road) -> npt.NDArray[np.bool_]:
+    near = np.abs(_away_from_ego(truth, truth, "lon_m")) <= reach_m
+    return near if road.graph is None else near & (np.abs(_away_from_ego(truth, truth, "lat_m")) <= reach_m)
+
+
+def _away_from_ego(table: pd.DataFrame, truth: pd.DataFrame, column: str) -> FloatArray:
+    """Return by how much the places in a table differ from the ego's at that step in one direction, metres."""
+    ego = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")[column]
+    return table[column].to_numpy(dtype=np.float64) - ego.reindex(table["step"]).to_numpy(dtype=np.float64)
 
 
 def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
@@ -103,7 +112,10 @@ def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
     return 27 * len(truth) + 12 * len(run.detections) + 17 * len(run.tracks) + 4 * particles
 
 
-def _road(run: RecordedRun) -> dict[str, Any]:
+def _road(run: RecordedRun, reach_m: float) -> dict[str, Any]:
+    if run.road.graph is not None:
+        return _lines(run, run.road.graph, reach_m)
+
     def finite(value: float) -> float:
         return float(np.clip(value, -FAR_M, FAR_M))
 
@@ -111,6 +123,30 @@ def _road(run: RecordedRun) -> dict[str, Any]:
         "lanes": [[ln.right_m, ln.left_m, finite(ln.start_m), finite(ln.end_m)] for ln in run.road.lanes],
         "reference_xy": [list(point) for point in run.road.reference_xy],
         "reference_start_m": run.road.reference_start_m,
+    }
+
+
+def _lines(run: RecordedRun, graph: LaneGraph, reach_m: float) -> dict[str, Any]:
+    """Return the lanes and walls near the ego's way, as lines in the plane."""
+    ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].iloc[::10]
+    way = shapely.MultiPoint(ego[["lon_m", "lat_m"]].to_numpy()).buffer(reach_m)
+    lines = [graph.xy[graph.first_point[k] : graph.first_point[k + 1]] for k in range(len(graph))]
+    near = shapely.intersects(way, [shapely.LineString(line) for line in lines])
+    walls = np.zeros((0, 4)) if run.road.walls_xy is None else run.road.walls_xy
+    seen = shapely.intersects(way, [shapely.LineString(wall.reshape(2, 2)) for wall in walls])
+    return {
+        "lanes": [],
+        "reference_xy": [list(point) for point in run.road.reference_xy],
+        "reference_start_m": run.road.reference_start_m,
+        "lines": [
+            {
+                "xy": np.round(lines[k], 2).tolist(),
+                "width": round(float(graph.width_m[k]), 2),
+                "junction": bool(graph.in_junction[k]),
+            }
+            for k in np.flatnonzero(near)
+        ],
+        "walls": np.round(walls[seen], 2).tolist() if len(walls) else [],
     }
 
 
@@ -144,14 +180,18 @@ def _truth(truth: pd.DataFrame, errors: pd.DataFrame, codes: npt.NDArray[np.intp
     )  # fmt: skip
 
 
-def _detections(detections: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
+def _detections(detections: pd.DataFrame, steps: IntArray, road: Road) -> dict[str, Any]:
     """Pack the detections with the sizes that cast their shadows: the measured ones, or else a mean car's."""
     mean_car = {"length_m": NOMINAL_LENGTH_M, "width_m": NOMINAL_WIDTH_M}
     unmeasured = {name: size for name, size in mean_car.items() if name not in detections}
+    turned: dict[str, tuple[str, str, float]] = {}
+    if road.graph is not None:
+        near = road.graph.lanes_near(floats(detections, "lon_m"), floats(detections, "lat_m"), most=1)
+        detections, turned = detections.assign(turn=near.heading_rad[:, 0]), {"turn": ("turn", "i2", 1e4)}
     return _rows(
         detections.assign(**unmeasured), steps,
         lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0), length=("length_m", "u2", 100.0),
-        width=("width_m", "u2", 100.0),
+        width=("width_m", "u2", 100.0), **turned,
     )  # fmt: skip
 
 
@@ -165,12 +205,15 @@ def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
 
 
 def _particles(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
-    """Pack the particles relative to the ego, along the road in decimetres and across it in centimetres."""
+    """Pack the particles relative to the ego, along the road in decimetres and across it in centimetres.
+
+    Across one road they count from its right edge, in the plane from the ego as well.
+    """
     if run.particles is None:
         return None
-    ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].set_index("step")["lon_m"]
-    away = run.particles["lon_m"] - ego.reindex(run.particles["step"]).to_numpy(dtype=np.float64)
-    columns = run.particles.assign(away_m=away)
+    columns = run.particles.assign(away_m=_away_from_ego(run.particles, run.truth, "lon_m"))
+    if run.road.graph is not None:
+        columns = columns.assign(lat_m=_away_from_ego(run.particles, run.truth, "lat_m"))
     return _rows(columns, steps, away=("away_m", "i2", 10.0), lat=("lat_m", "i2", 100.0))
 
 

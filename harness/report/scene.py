@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -21,6 +22,7 @@ from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observatio
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import LaneGraph
 from mmpf.road import Road
 from mmpf.scan import Detections, EgoPose
 from mmpf.tracks import HIDDEN as TRACK_HIDDEN
@@ -71,6 +73,8 @@ class Scene:
 def scene_figure(scene: Scene, title: str = "") -> Figure:
     """Return a figure of the whole range in two strips: what lies ahead of the ego above, what lies behind it below."""
     low, high = _road_edges(scene)
+    if scene.road.graph is not None:
+        return _plane_figure(scene, title)
     overlap, range_m = 8.0, scene.range_m
     windows = ((-overlap, range_m + MARGIN_M), (-range_m - MARGIN_M, overlap))
     width_in = 13.0
@@ -83,6 +87,18 @@ def scene_figure(scene: Scene, title: str = "") -> Figure:
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     with_particles = scene.particles is not None
     figure.legend(handles=legend_entries(with_particles), loc="outside lower center", ncols=6, frameon=False)
+    return figure
+
+
+def _plane_figure(scene: Scene, title: str) -> Figure:
+    """Return a figure of the whole range on a network of many roads, north up."""
+    figure = Figure(figsize=(9.0, 9.8), dpi=120, layout="constrained")
+    axes = figure.subplots()
+    draw_scene(axes, scene, (-scene.range_m - MARGIN_M, scene.range_m + MARGIN_M))
+    axes.set(xlabel="metres east of the ego", ylabel="north (m)")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    entries = legend_entries(scene.particles is not None)
+    figure.legend(handles=entries, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
@@ -122,7 +138,10 @@ def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
 
 
 def _road_edges(scene: Scene) -> tuple[float, float]:
-    """Return the lowest and highest lateral position of the lanes within range."""
+    """Return the lowest and highest lateral position of the lanes within range; in the plane of all that is."""
+    if scene.road.graph is not None:
+        middle = float(scene.frame.lat_m[scene.frame.ego])
+        return middle - scene.range_m, middle + scene.range_m
     _, right, left, start, end = scene.road.lane_table.T
     near = (end > scene.origin_m - scene.range_m) & (start < scene.origin_m + scene.range_m)
     return float(right[near].min()), float(left[near].max())
@@ -176,6 +195,12 @@ def in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:
 
 def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, float]) -> None:
     """Draw each lane's two lines: dashed where the next lane begins, solid at the road's edge."""
+    if road.graph is not None:
+        for edge in lane_edges(road.graph):
+            axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
+        for wall in road.walls_near(0.0, 0.0, np.inf):
+            axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
+        return
     sides = [(ln.right_m, ln.start_m, ln.end_m) for ln in road.lanes] + [
         (ln.left_m, ln.start_m, ln.end_m) for ln in road.lanes
     ]
@@ -188,6 +213,16 @@ def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, floa
             both_sides = road.lane_index_at(middle, lat + np.array([-0.5, 0.5])) >= 0
             style: Any = (0, (6, 8)) if both_sides.all() else "solid"
             axes.plot([begin, finish], [lat, lat], color="#8c8c8c", lw=0.9, ls=style, zorder=2)
+
+
+def lane_edges(graph: LaneGraph) -> Iterator[FloatArray]:
+    """Yield the left and the right edge of each lane that is no path across a junction, in the plane, shape (k, 2)."""
+    for k in np.flatnonzero(~graph.in_junction):
+        line = shapely.LineString(graph.xy[graph.first_point[k] : graph.first_point[k + 1]])
+        for side in (0.5, -0.5):
+            edge = shapely.get_coordinates(shapely.offset_curve(line, side * float(graph.width_m[k])))
+            if len(edge):
+                yield edge
 
 
 def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: float) -> None:

@@ -78,7 +78,7 @@ function zoom(factor) {
 
 function fit() {
   const whole = canvas.clientWidth / (2 * data.range_m + 10);
-  view.scale = Math.max(whole, Math.min(8.5, canvas.clientWidth / 70));
+  view.scale = road.lines ? canvas.clientHeight / 130 : Math.max(whole, Math.min(8.5, canvas.clientWidth / 70));
   view.pan = view.across = 0;
   redraw();
 }

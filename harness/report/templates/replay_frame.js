@@ -1,5 +1,6 @@
 /* The road from above, replayed from a run's recorded tables. Positions are in the road frame (metres along the road,
-   metres to the left); the picture is the plane that the road lies in, turned so that the road points to the right. */
+   metres to the left); the picture is the plane that the road lies in, turned so that the road points to the right.
+   On a network of many roads the frame is the plane itself (metres east, metres north), and north is up. */
 
 const data = unpack(JSON.parse(document.getElementById("replay-data").textContent));
 const element = (id) => document.getElementById(id);
@@ -20,6 +21,7 @@ const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2;
 const steps = data.time_s.length;
 const stepS = steps > 1 ? (data.time_s[steps - 1] - data.time_s[0]) / (steps - 1) : 0.1;
 const road = openRoad(data.road);
+if (road.lines) document.querySelectorAll(".road").forEach((each) => each.classList.add("square"));
 const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, across: 0, until: Infinity, followed: -1, clock: 0, left: 0 };
 const shown = { vehicles: true, shadows: true, detections: true, tracks: true, tentative: false, numbers: true,
   particles: false };
@@ -51,7 +53,7 @@ function openRoad(fields) {
   };
   const middle = fields.lanes.reduce((sum, lane) => sum + lane[0] + lane[1], 0) / (2 * fields.lanes.length);
   return {
-    lanes: fields.lanes, middle, straight: headings.length === 1,
+    lanes: fields.lanes, middle, straight: headings.length === 1, lines: fields.lines, walls: fields.walls || [],
     width: Math.max(...fields.lanes.map((l) => l[1])) - Math.min(...fields.lanes.map((l) => l[0])),
     heading: (lon) => headings[segment(lon)],
     plane: (lon, lat) => {
@@ -64,7 +66,8 @@ function openRoad(fields) {
 function makeCamera(pane = panes[0]) {
   const row = rowOf(view.followed, view.step), ego = egoRow(view.step);
   const lon = data.truth.lon[row >= 0 ? row : ego] + view.pan;
-  const [cx, cy] = road.plane(lon, road.middle + view.across), turn = road.heading(lon);
+  const middle = road.lines ? data.truth.lat[row >= 0 ? row : ego] : road.middle;
+  const [cx, cy] = road.plane(lon, middle + view.across), turn = road.heading(lon);
   const cos = Math.cos(turn), sin = Math.sin(turn);
   const width = pane.canvas.clientWidth, height = pane.canvas.clientHeight, scale = view.scale;
   return {

@@ -48,8 +48,25 @@ function drawPane(pane, side) {
   drawScale(pen, camera);
 }
 
+/* The outline of a lane of a network, as wide as the lane and some more to either side. */
+function ribbon(camera, line, moreM) {
+  const half = line.width / 2 + moreM, left = [], right = [];
+  line.xy.forEach(([x, y], k) => {
+    const [ax, ay] = line.xy[Math.max(k - 1, 0)], [bx, by] = line.xy[Math.min(k + 1, line.xy.length - 1)];
+    const long = Math.hypot(bx - ax, by - ay) || 1, nx = (-(by - ay) / long) * half, ny = ((bx - ax) / long) * half;
+    left.push(camera.point(x + nx, y + ny));
+    right.push(camera.point(x - nx, y - ny));
+  });
+  return [left, right];
+}
+
 function clipToRoad(pen, camera) {
   pen.beginPath();
+  for (const line of road.lines || []) {
+    const [left, right] = ribbon(camera, line, 1.2);
+    [...left, ...right.reverse()].forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.closePath();
+  }
   for (const lane of road.lanes) {
     const edge = [...alongLane(camera, lane, lane[0] - 1.2), ...alongLane(camera, lane, lane[1] + 1.2).reverse()];
     edge.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
@@ -72,11 +89,26 @@ function drawSensorView(pen, camera) {
   pen.fillStyle = SHADOW;
   const [begin, end] = range(data.detections, view.step);
   for (let k = begin; k < end; k++) drawShadow(pen, camera, sensor, k);
+  for (const wall of road.walls) drawWallShadow(pen, camera, sensor, wall);
+}
+
+function drawWallShadow(pen, camera, sensor, wall) {
+  const ends = [[wall[0] - sensor[0], wall[1] - sensor[1]], [wall[2] - sensor[0], wall[3] - sensor[1]]];
+  if (Math.min(...ends.map(([x, y]) => Math.hypot(x, y))) >= data.range_m) return;
+  const from = Math.atan2(ends[1][1], ends[1][0]), turn = Math.atan2(ends[0][1], ends[0][0]) - from;
+  const swept = turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI)), pieces = Math.max(2, Math.ceil(Math.abs(swept) / 0.02));
+  const points = [...ends];
+  for (let k = 0; k <= pieces; k++) {
+    const angle = from + (swept * k) / pieces;
+    points.push([data.range_m * Math.cos(angle), data.range_m * Math.sin(angle)]);
+  }
+  outline(pen, points.map(([x, y]) => camera.point(x + sensor[0], y + sensor[1])));
+  pen.fill();
 }
 
 function drawShadow(pen, camera, sensor, k) {
   const detected = data.detections, lon = detected.lon[k], [x, y] = road.plane(lon, detected.lat[k]);
-  const length = detected.length[k] / 100, width = detected.width[k] / 100, heading = road.heading(lon);
+  const length = detected.length[k] / 100, width = detected.width[k] / 100, heading = road.heading(lon) + (detected.turn ? detected.turn[k] / 1e4 : 0);
   const corners = boxCorners(x - sensor[0], y - sensor[1], heading, length, width);
   const towards = Math.atan2(y - sensor[1], x - sensor[0]);
   const along = Math.abs(Math.cos(heading) * (x - sensor[0]) + Math.sin(heading) * (y - sensor[1]));
@@ -110,6 +142,7 @@ function drawLaneLines(pen, camera) {
   const beside = (lon, lat) => road.lanes.some((l) => lat > l[0] && lat < l[1] && lon >= l[2] && lon < l[3]);
   pen.strokeStyle = "#8c8c8c";
   pen.lineWidth = 1;
+  if (road.lines) return drawNetwork(pen, camera);
   const sides = new Map();
   for (const lane of road.lanes) for (const lat of [lane[0], lane[1]]) sides.set(`${lat}/${lane[2]}`, [lane, lat]);
   const cuts = [...new Set(road.lanes.flatMap((lane) => [lane[2], lane[3]]))].sort((a, b) => a - b);
@@ -128,6 +161,26 @@ function drawLaneLines(pen, camera) {
     }
   }
   pen.setLineDash([]);
+}
+
+function drawNetwork(pen, camera) {
+  for (const line of road.lines) {
+    pen.globalAlpha = line.junction ? 0.25 : 1; // paths across a junction are no lines on the ground
+    for (const edge of ribbon(camera, line, 0)) {
+      pen.beginPath();
+      edge.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.stroke();
+    }
+  }
+  pen.globalAlpha = 1;
+  pen.strokeStyle = "#4a4038";
+  pen.lineWidth = 3;
+  for (const wall of road.walls) {
+    pen.beginPath();
+    pen.moveTo(...camera.point(wall[0], wall[1]));
+    pen.lineTo(...camera.point(wall[2], wall[3]));
+    pen.stroke();
+  }
 }
 
 function bodyOf(camera, row, grownM = 0) {
@@ -158,10 +211,10 @@ function drawVehicles(pen, camera) {
 
 function drawParticles(pen, camera) {
   const particles = camera.data.particles, [begin, end] = range(particles, view.step);
-  const egoLon = data.truth.lon[egoRow(view.step)];
+  const ego = egoRow(view.step), egoLon = data.truth.lon[ego], fromLat = road.lines ? data.truth.lat[ego] : 0;
   pen.fillStyle = "rgba(0, 114, 178, 0.75)";
   for (let k = begin; k < end; k++) {
-    const [x, y] = camera.at(egoLon + particles.away[k] / 10, particles.lat[k] / 100);
+    const [x, y] = camera.at(egoLon + particles.away[k] / 10, fromLat + particles.lat[k] / 100);
     pen.fillRect(x - 1, y - 1, 2, 2);
   }
 }
@@ -223,8 +276,9 @@ function drawScale(pen, camera) {
   pen.textAlign = "left";
   pen.lineWidth = 3;
   pen.strokeStyle = "rgba(255,255,255,0.9)";
-  pen.strokeText(`${long} m, driving direction →`, 12, y - 5);
-  pen.fillText(`${long} m, driving direction →`, 12, y - 5);
+  const text = road.lines ? `${long} m, north is up` : `${long} m, driving direction →`;
+  pen.strokeText(text, 12, y - 5);
+  pen.fillText(text, 12, y - 5);
 }
 
 function write(pen, text, x, y, colour, weight = "", size = "11px") {
