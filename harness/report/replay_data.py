@@ -104,7 +104,7 @@ def _near_ego(truth: pd.DataFrame, reach_m: float, road: Road) -> npt.NDArray[np
 def _away_from_ego(table: pd.DataFrame, truth: pd.DataFrame, column: str) -> FloatArray:
     """Return by how much the places in a table differ from the ego's at that step in one direction, metres."""
     ego = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")[column]
-    return table[column].to_numpy(dtype=np.float64) - ego.reindex(table["step"]).to_numpy(dtype=np.float64)
+    return np.asarray(table[column].to_numpy(dtype=np.float64) - ego.reindex(table["step"]).to_numpy(dtype=np.float64))
 
 
 def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
