@@ -20,7 +20,7 @@ from harness.scoring.sequence import select_in_sight
 from mmpf.compute.arrays import FloatArray, IntArray
 
 REACH_M = 100.0
-"""Distance along the road from which two vehicles have nothing to do with each other."""
+"""Distance from which two vehicles have nothing to do with each other; along the road, if it has a frame of its own."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,21 @@ def closeness(truth: TruthRows, vehicles: int) -> FloatArray:
 
     At a step it falls along the road from 1 at the same place to 0 at ``REACH_M``; over a run it is the sum over common
     steps divided by the geometric mean of both vehicles' numbers of steps, so that the matrix is positive semidefinite.
+    In the plane it falls with the square of what is left to ``REACH_M``, since a straight fall is positive semidefinite
+    along a line alone (Askey 1973).
     """
+    in_plane = bool(truth.direction_rad.any())
     total = np.zeros((vehicles, vehicles))
     rows = np.flatnonzero(truth.in_range)
     rows = rows[np.argsort(truth.step[rows], kind="stable")]
     for at_step in np.split(rows, np.flatnonzero(np.diff(truth.step[rows])) + 1):
         lon_m, vehicle = truth.lon_m[at_step], truth.vehicle[at_step]
-        total[np.ix_(vehicle, vehicle)] += np.maximum(0.0, 1.0 - np.abs(lon_m[:, None] - lon_m) / REACH_M)
+        away_m = np.abs(lon_m[:, None] - lon_m)
+        if in_plane:
+            lat_m = truth.lat_m[at_step]
+            away_m = np.hypot(away_m, lat_m[:, None] - lat_m)
+        left = np.maximum(0.0, 1.0 - away_m / REACH_M)
+        total[np.ix_(vehicle, vehicle)] += left**2 if in_plane else left
     steps = np.sqrt(np.maximum(np.diagonal(total), 1.0))
     near = total / np.outer(steps, steps)
     np.fill_diagonal(near, 1.0)

@@ -3,6 +3,8 @@
 The picture is the road from above, one pixel a centimetre: x runs along the road, y to the right of the driving
 direction. There is a sequence for each of the two sets of vehicles that the run's own scores are over, so that
 TrackEval on these files scores the same vehicles and tracks. Tracks' boxes are as large as what was measured of them.
+Where the road has no frame of its own x and y are the plane's, and since boxes of this format can't be turned all of
+them are squares as long as a usual car.
 """
 
 from __future__ import annotations
@@ -56,6 +58,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         sequence = mot_sequence(rows, history, pairs, selection)
         truth_row = rows.truth.name_row[selection.truth]
         size_m = run.truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)[truth_row]
+        if rows.ego_direction_rad is not None:
+            size_m, sizes = (np.full_like(each, NOMINAL_LENGTH_M) for each in (size_m, sizes))
         truth_boxes = _boxes(rows.truth.lon_m[selection.truth], rows.truth.lat_m[selection.truth], size_m)
         visible = run.truth["visible_fraction"].to_numpy(dtype=np.float64)[truth_row]
         truth_lines = _lines(

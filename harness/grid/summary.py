@@ -126,12 +126,13 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
         varied: Keys of the axes other than density and demand.
     """
     done = common_steps.with_ratios(labelled(table))
+    told = [each for each in told_quantities() if not each.optional or np.isfinite(column_of(done, each.key)).any()]
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:
         for (label, value), runs in done.groupby(["label", axis], sort=False):
             points += [
                 _point(str(label), axis, value if isinstance(value, str) else float(str(value)), quantity, runs)
-                for quantity in told_quantities()
+                for quantity in told
             ]
     return points
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +35,7 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
     lines = [f"# {title}", "", "Means over seeds with Student's 95 % intervals over seeds.", ""]
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [f"## Over {axis}", ""]
-        for heading, columns in _themes():
+        for heading, columns in _themes({point.metric for point in points}):
             labels = [column.label for column in columns]
             table = markdown_table(["tracker", axis, *labels, "seeds"], _rows(points, axis, columns, True))
             lines += [heading, "", *table, ""]
@@ -99,17 +99,20 @@ FOLLOWED_NOTE = (
     f"the tracker and coasting ({COASTING}, told the true association) follow:"
 )
 REST_NOTE = "Identities, sets and time:"
+MANOEUVRE_NOTE = "By what vehicles do (docs/scores.md):"
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
     **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),
+    "manoeuvre": MANOEUVRE_NOTE,
 }
 
 
-def _themes() -> list[tuple[str, list[Quantity]]]:
-    """Return the columns of each table with what stands over it."""
+def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
+    """Return the columns of each table with what stands over it; of optional ones those among the given metrics."""
     themes: dict[str, list[Quantity]] = {HIDDEN_NOTE: [], FOLLOWED_NOTE: [], REST_NOTE: []}
     for quantity in told_quantities():
-        themes[THEMES.get(quantity.key.partition(".")[0], REST_NOTE)].append(quantity)
+        if not quantity.optional or quantity.key in metrics:
+            themes.setdefault(THEMES.get(quantity.key.partition(".")[0], REST_NOTE), []).append(quantity)
     return list(themes.items())
 
 

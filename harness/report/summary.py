@@ -27,8 +27,12 @@ def mot_columns() -> list[Quantity]:
 
 def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
     """Return name and value of every other score that its metric wants shown."""
-    others = [quantity for quantity in _reported() if not quantity.key.startswith(MOT)]
-    return [[quantity.label, number(quantity.of(metrics), quantity.decimals)] for quantity in others]
+    others = [(quantity, quantity.of(metrics)) for quantity in _reported() if not quantity.key.startswith(MOT)]
+    return [
+        [quantity.label, number(value, quantity.decimals)]
+        for quantity, value in others
+        if value is not None or not quantity.optional
+    ]
 
 
 def _reported() -> list[Quantity]:

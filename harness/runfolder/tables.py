@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.sensor.observation import VISIBILITY_STATES, Look
-from harness.truth.frame import EVERYWHERE, WINDOW_COLUMNS, Frame
+from harness.truth.frame import DIRECTION_COLUMN, EVERYWHERE, WINDOW_COLUMNS, Frame
 from harness.writing.files import replacing
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodySizes, Detections
@@ -148,6 +148,7 @@ def _truth_columns(look: Look) -> Columns:
         "state": _named(VISIBILITY_STATES, observation.state),
         "occluder_id": occluder.astype(object),
         **_window_columns(frame, count),
+        **({} if frame.direction_rad is None else {DIRECTION_COLUMN: frame.direction_rad}),
     }
 
 
@@ -166,6 +167,7 @@ def frame_of(rows: pd.DataFrame) -> Frame:
             float(first.get(WINDOW_COLUMNS[0], EVERYWHERE[0])),
             float(first.get(WINDOW_COLUMNS[1], EVERYWHERE[1])),
         ),
+        direction_rad=floats(rows, DIRECTION_COLUMN) if DIRECTION_COLUMN in rows else None,
         **{name: rows[name].to_numpy(dtype=np.float64) for name in TRUTH_NUMBERS if name != "lane"},
     )
 

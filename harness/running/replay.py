@@ -16,7 +16,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES, Observation
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from harness.sensor.shadows import free_space
-from harness.truth.frame import Frame
+from harness.truth.frame import DIRECTION_COLUMN, Frame
 from mmpf.road import Road
 from mmpf.scan import Scan
 
@@ -74,7 +74,8 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     """
     if not len(truth):
         raise ValueError("there is no vehicle in the truth")
-    numbers = truth[[*TRUTH_NUMBERS, "time_s"]].to_numpy(dtype=np.float64)
+    columns = [*TRUTH_NUMBERS, "time_s", *({DIRECTION_COLUMN} & set(truth))]
+    numbers = truth[columns].to_numpy(dtype=np.float64)
     if not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError("the truth holds a value that is not finite or beyond any road")
     sizes = truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)

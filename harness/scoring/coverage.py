@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.scoring.directions import along_and_across
 from harness.scoring.evidence import Evidence
 from harness.scoring.history import first_of_group
 from harness.scoring.parts import Basis
@@ -92,9 +93,12 @@ def measure_detection_noise(evidence: Evidence) -> NoisePart:
     rows = evidence.rows
     real = rows.detections.truth_row >= 0
     row = rows.detections.truth_row[real]
-    lon_m = np.abs(rows.detections.lon_m[real] - rows.truth.lon_m[row])
-    lat_m = np.abs(rows.detections.lat_m[real] - rows.truth.lat_m[row])
-    return NoisePart(float(lon_m.sum()), float(lat_m.sum()), len(lon_m))
+    lon_m, lat_m = along_and_across(
+        rows.detections.lon_m[real] - rows.truth.lon_m[row],
+        rows.detections.lat_m[real] - rows.truth.lat_m[row],
+        rows.truth.direction_rad[row],
+    )
+    return NoisePart(float(np.abs(lon_m).sum()), float(np.abs(lat_m).sum()), len(lon_m))
 
 
 def detection_noise(parts: Sequence[NoisePart], basis: Basis) -> dict[str, float]:  # noqa: ARG001

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from harness.scoring.directions import along_and_across
 from harness.scoring.history import DetectionHistory
 from harness.scoring.matching import Matching
 from harness.scoring.pairs import similarity
@@ -54,6 +55,8 @@ def error_table(
     or *missed*. Outcomes of a hidden vehicle, judged by the track that held it when it was last detected: *tracked*,
     *lost* (that track is no longer reported), *hijacked* (that track is matched to another vehicle and nearer to it),
     or *untracked* (no track held it). The errors of a hijacked vehicle are in the table but in no mean.
+    Errors of the position are along and across the vehicle's direction; deviations are as the tracker reports them,
+    along the frame's axes.
 
     Returns:
         Columns step, time_s, episode, vehicle_id, track_id (-1 if none), state, seconds_hidden (since the last
@@ -72,6 +75,11 @@ def error_table(
         np.where(stolen, HIJACKED, TRACKED),
         np.where(hidden, np.where(held, LOST, UNTRACKED), MISSED),
     )
+    lon_m, lat_m = along_and_across(
+        _of_track(tracks.lon_m, track_row) - vehicles.lon_m[kept],
+        _of_track(tracks.lat_m, track_row) - vehicles.lat_m[kept],
+        vehicles.direction_rad[kept],
+    )
     return pd.DataFrame(
         {
             "step": truth["step"].to_numpy()[vehicles.name_row[kept]],
@@ -81,8 +89,8 @@ def error_table(
             "track_id": np.append(tracks.track_id, -1)[track_row],
             "state": _labels(vehicles.state[kept], VISIBILITY_STATES),
             "seconds_hidden": np.where(hidden, history.since_s[kept], 0.0),
-            "lon_error_m": _of_track(tracks.lon_m, track_row) - vehicles.lon_m[kept],
-            "lat_error_m": _of_track(tracks.lat_m, track_row) - vehicles.lat_m[kept],
+            "lon_error_m": lon_m,
+            "lat_error_m": lat_m,
             "speed_error_mps": _of_track(tracks.speed_mps, track_row) - vehicles.speed_mps[kept],
             "lat_speed_error_mps": _of_track(tracks.lat_speed_mps, track_row) - vehicles.lat_speed_mps[kept],
             "std_lon_m": _of_track(tracks.std_lon_m, track_row),
@@ -126,8 +134,8 @@ def _is_stolen(
     own, thief, track = kept[suspect], other[suspect], track_row[suspect]
 
     def nearness(vehicle: IntArray) -> FloatArray:
-        away_lat_m = vehicles.lat_m[vehicle] - tracks.lat_m[track]
-        return similarity(vehicles.lon_m[vehicle] - tracks.lon_m[track], away_lat_m, settings)
+        lon_m, lat_m = vehicles.lon_m[vehicle] - tracks.lon_m[track], vehicles.lat_m[vehicle] - tracks.lat_m[track]
+        return similarity(*along_and_across(lon_m, lat_m, vehicles.direction_rad[vehicle]), settings)
 
     stolen[suspect] = nearness(thief) > nearness(own)
     return stolen

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.scoring import calibration, coverage, gospa, hidden_cost, hidden_outcomes, mae, mot, occlusion
+from harness.scoring import calibration, coverage, gospa, hidden_cost, hidden_outcomes, mae, manoeuvre, mot, occlusion
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.parts import Basis, InParts
 from harness.scoring.quantity import Quantity
@@ -24,7 +24,8 @@ class Metric:
     """A metric.
 
     Attributes:
-        score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent.
+        score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent. An empty
+            table says that the metric has no meaning on the run's road, and is left out.
         quantities: Those of its numbers that tables show.
     """
 
@@ -67,6 +68,7 @@ register("calibration")(InParts(calibration.measure_calibration, calibration.cal
 register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
     InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
 )
+register(manoeuvre.NAME, *manoeuvre.QUANTITIES)(InParts(manoeuvre.measure_manoeuvres, manoeuvre.scores_by_manoeuvre))
 register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
 register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
 
@@ -84,7 +86,11 @@ def quantities(*first: str) -> list[Quantity]:
 
 def score_metrics(evidence: Evidence) -> dict[str, Any]:
     """Return the table of every metric under its key; nan becomes None."""
-    plain: dict[str, Any] = without_nan({name: metric.score(evidence) for name, metric in METRICS.in_order().items()})
+    return _plain({name: metric.score(evidence) for name, metric in METRICS.in_order().items()})
+
+
+def _plain(tables: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
+    plain: dict[str, Any] = without_nan({name: table for name, table in tables.items() if table})
     return plain
 
 
@@ -121,12 +127,11 @@ class Totals:
 
     def metrics(self) -> dict[str, Any]:
         """Return the table of every metric under its key; nan becomes None."""
-        tables = {}
+        tables: dict[str, Mapping[str, object]] = {}
         for name, metric in METRICS.in_order().items():
             score, parts = metric.score, self._parts[name]
             tables[name] = score.total(parts, self.basis) if isinstance(score, InParts) else parts[0]
-        plain: dict[str, Any] = without_nan(tables)
-        return plain
+        return _plain(tables)
 
 
 COLUMNS = (

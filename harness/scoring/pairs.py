@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.scoring.directions import along_and_across
 from harness.scoring.rows import DetectionRows, TrackRows, TruthRows
 from harness.scoring.settings import ScoringSettings
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
@@ -48,9 +49,15 @@ def near_pairs(truth: TruthRows, tracks: TrackRows, settings: ScoringSettings) -
 
 
 def pairs_near(first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: float, settings: ScoringSettings) -> Pairs:
-    """Return all pairs of one step within the reach along the road, and few beyond it; ``truth`` is a row of first."""
+    """Return all pairs of one step within the reach, and some beyond it; ``truth`` is a row of first.
+
+    The reach is that along ``first``'s direction; across it, it is as far as there is any similarity.
+    """
+    if first.direction_rad.any():
+        reach_m = float(np.hypot(reach_m, 2.0 * settings.gate_lat_m))
     row, track = _rows_near(first, tracks, reach_m)
-    alike = similarity(first.lon_m[row] - tracks.lon_m[track], first.lat_m[row] - tracks.lat_m[track], settings)
+    lon_m, lat_m = first.lon_m[row] - tracks.lon_m[track], first.lat_m[row] - tracks.lat_m[track]
+    alike = similarity(*along_and_across(lon_m, lat_m, first.direction_rad[row]), settings)
     return Pairs(row, track, alike)
 
 

@@ -27,6 +27,7 @@ class Quantity:
         pooled: What it is called in the pooled scores over recorded traffic; empty leaves it out of them.
         ablated: Whether the ablation study tabulates it.
         reported: Whether a run's page and its summary on the screen show it, multi-object scores under ``heading``.
+        optional: Whether tables in which nothing has a value leave it out.
     """
 
     key: str
@@ -42,6 +43,7 @@ class Quantity:
     pooled: str = ""
     ablated: bool = False
     reported: bool = False
+    optional: bool = False
 
     def of(self, metrics: Mapping[str, Any]) -> float | None:
         """Return its value in the content of a ``metrics.json``; None where there is none."""

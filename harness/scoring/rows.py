@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 import pandas as pd
 
+from harness.scoring.directions import nearest_row, read_directions
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.truth.frame import WINDOW_COLUMNS
@@ -30,6 +31,8 @@ class TruthRows:
         in_range: Within the sensor's range, and not at or beyond the edge of what the source knows of the road.
         state: Index into ``harness.sensor.observation.VISIBILITY_STATES``.
         detected: At least one detection came from the vehicle at this step.
+        direction_rad: Direction against the longitudinal axis that its gates and errors are taken along; 0 on a road
+            that has a frame of its own.
     """
 
     step: IntArray
@@ -43,6 +46,7 @@ class TruthRows:
     in_range: BoolArray
     state: IntArray
     detected: BoolArray
+    direction_rad: FloatArray
 
     def __len__(self) -> int:
         return len(self.step)
@@ -94,12 +98,14 @@ class DetectionRows:
         truth_row: Row of ``TruthRows`` that each came from, -1 for clutter.
         lon_m: Measured longitudinal position.
         lat_m: Measured lateral position.
+        direction_rad: Direction that its gate lies along, as that of ``TruthRows``.
     """
 
     step: IntArray
     truth_row: IntArray
     lon_m: FloatArray
     lat_m: FloatArray
+    direction_rad: FloatArray
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,8 @@ class RunRows:
         truth: The vehicles.
         detections: The detections, clutter included.
         tracks: The reported tracks.
+        ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one,
+            shape (steps,); None on a road that has a frame of its own.
     """
 
     time_s: FloatArray
@@ -119,6 +127,7 @@ class RunRows:
     truth: TruthRows
     detections: DetectionRows
     tracks: TrackRows
+    ego_direction_rad: FloatArray | None = None
 
 
 def read_run(
@@ -128,7 +137,8 @@ def read_run(
 
     Args:
         truth: One row per vehicle and step; a missing column ``episode`` means a single episode. Columns
-            ``window_start_m`` and ``window_end_m`` bound what the source knows of the road.
+            ``window_start_m`` and ``window_end_m`` bound what the source knows of the road. A column ``direction_rad``
+            means that positions are in the plane, and says along which direction each vehicle is scored.
         detections: One row per detection; ``truth_id`` empty or null for clutter.
         tracks: One row per track and step.
         edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
@@ -139,8 +149,8 @@ def read_run(
 
     Raises:
         ValueError: A detection or track has a step that truth does not have, a truth state or track state is
-            unknown, a detection or reported track has a position that is not finite, or a reported track is there
-            twice at one step.
+            unknown, a detection or reported track has a position that is not finite, a direction is not finite, or a
+            reported track is there twice at one step.
     """
     truth_step = _ints(truth, "step")
     steps, first_row, step_index = np.unique(truth_step, return_index=True, return_inverse=True)
@@ -153,6 +163,14 @@ def read_run(
     order = np.lexsort((step_index[keep], vehicle))
     rows, vehicle = keep[order], vehicle[order]
     found = _all_detections(detections, steps, names, name_codes[rows].astype(np.int64), step_index[rows])
+    direction, ego_direction = read_directions(truth), None
+    if direction is not None:
+        places = step_index, _floats(truth, "lon_m"), _floats(truth, "lat_m")
+        nearest = nearest_row(found.step, found.lon_m, found.lat_m, *places)
+        found = replace(found, direction_rad=direction[nearest])
+        ego = np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))
+        ego_direction = np.full(len(steps), np.nan)
+        ego_direction[step_index[ego]] = direction[ego]
     windows = _windows(truth, first_row, edge_m)
     inside = _inside(_floats(truth, "lon_m"), windows, step_index)
     detected = np.zeros(len(rows), dtype=bool)
@@ -172,9 +190,11 @@ def read_run(
             in_range=truth["in_range"].to_numpy(dtype=bool)[rows] & inside[rows],
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
+            direction_rad=np.zeros(len(rows)) if direction is None else direction[rows],
         ),
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
+        ego_direction_rad=ego_direction,
     )
 
 
@@ -230,7 +250,7 @@ def _all_detections(
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
         raise ValueError("detections: a detection has a position that is not finite")
     name = cast("IntArray", names.get_indexer(pd.Index(detections["truth_id"].astype("object"))).astype(np.int64))
-    return DetectionRows(step, _origins(step, name, len(names), row_name, row_step), lon, lat)
+    return DetectionRows(step, _origins(step, name, len(names), row_name, row_step), lon, lat, np.zeros(len(step)))
 
 
 def _origins(step: IntArray, name: IntArray, names: int, row_name: IntArray, row_step: IntArray) -> IntArray:

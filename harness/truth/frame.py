@@ -18,6 +18,8 @@ STEP_S = 0.1
 EVERYWHERE = (-np.inf, np.inf)
 # Columns of the truth table that hold a frame's window; absent where it is everywhere.
 WINDOW_COLUMNS = ("window_start_m", "window_end_m")
+# Column of the truth table that holds the directions that vehicles are scored along; absent where that is the road's.
+DIRECTION_COLUMN = "direction_rad"
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class Frame:
         length_m: Vehicle length.
         width_m: Vehicle width.
         window_m: Stretch of the road of which the source knows all vehicles; beyond it nothing is scored.
+        direction_rad: Direction against the longitudinal axis that errors of each vehicle are taken along. On a road
+            whose frame is the plane (``Road.graph``) its heading; None elsewhere, where it is the road's own.
     """
 
     step: int
@@ -57,6 +61,7 @@ class Frame:
     length_m: FloatArray
     width_m: FloatArray
     window_m: tuple[float, float] = EVERYWHERE
+    direction_rad: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.vehicle_id)

@@ -58,8 +58,12 @@ def test_a_name_that_is_taken_and_a_quantity_of_another_metric_are_refused():
 
 
 def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
-    numbers = flattened(score_run(*tables).metrics)
-    assert {key for quantity in quantities() for key in (quantity.key, quantity.weight) if key} <= numbers.keys()
+    truth, detections, tracks = tables
+    told = {key: each.optional for each in quantities() for key in (each.key, each.weight) if key}
+    assert told.keys() <= flattened(score_run(truth.assign(direction_rad=1.0), detections, tracks).metrics).keys()
+    on_road = flattened(score_run(*tables).metrics).keys()
+    assert {key for key, optional in told.items() if not optional} <= on_road
+    assert not {key for key, optional in told.items() if optional} & on_road
 
 
 def test_what_was_not_scored_is_null_under_the_same_keys(tables):
