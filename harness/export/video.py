@@ -77,6 +77,8 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
             package that writes films is not installed.
     """
     check_film(path, force)
+    if run.road.graph is not None:
+        raise InputError("`video`: films show one road from above, and this network has many; see the page's replay")
     import imageio_ffmpeg  # noqa: PLC0415
 
     run = read_recorded_run(folder)

@@ -21,6 +21,7 @@ from harness.report.scene import (
     SHADOW,
     VEHICLE_STYLES,
     corners,
+    lane_edges,
     shadow_outlines,
     view_outline,
 )
@@ -28,6 +29,7 @@ from harness.runfolder.tables import detections_of, floats, frame_of
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.writing.files import save_figure
+from mmpf.road import Road
 from mmpf.scan import EgoPose
 
 WORST = 5
@@ -38,8 +40,8 @@ COLUMNS, PANEL_WIDTH_IN = 3, 4.0
 HEAD_IN, ROW_IN, FOOT_IN, GAP_IN = 0.56, 0.56, 0.3, 0.12
 """Above the first row, between two rows, below the last, and at the sides of each picture."""
 LIGHT_PURPLE, UNSEEN_SUBJECT = "#c9a3b5", "#f7cfb8"
+DRIVING_RIGHT, NORTH_UP = "driving direction →", "north is up"
 KEY = (
-    "driving direction →",
     "thick box: the vehicle",
     "bold ellipse: the track that held it, 95 %,",
     "    dashed while the tracker takes it for hidden",
@@ -115,7 +117,7 @@ def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Pat
 def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:
     """Return five pictures of an event, driving direction to the right as in the replay, the vehicle in the middle."""
     moments = _moments(run, event)
-    low, high = min(lane.right_m for lane in run.road.lanes), max(lane.left_m for lane in run.road.lanes)
+    low, high = _across(run.road)
     panel_height_in = PANEL_WIDTH_IN * (high - low + 2.0 * MARGIN_M) / (2.0 * HALF_WINDOW_M)
     rows = -(-(len(moments) + 1) // COLUMNS)
     width_in = COLUMNS * (PANEL_WIDTH_IN + GAP_IN) + GAP_IN
@@ -134,12 +136,28 @@ def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:
         axes.spines[:].set_color("#bbbbbb")
         axes.set_title(heading, fontsize=9.5, pad=4)
         axes.set_xlabel(_draw_moment(axes, run, event, step), fontsize=8.5, color="#333333", labelpad=3)
+        if run.road.graph is not None:
+            middle = _place_of(run, event.vehicle_id, step)
+            axes.set_ylim(middle + low - MARGIN_M, middle + high + MARGIN_M)
     figure.text(GAP_IN / width_in, 1.0 - 0.09 / height_in, event.sentence(), fontsize=10.5, va="top")
     left, bottom = corner(len(moments))
     top = bottom + panel_height_in / height_in
-    figure.text(left + 0.1 / width_in, top, "\n".join(KEY), fontsize=9, color="#444444", va="top", linespacing=1.5)
+    key = (NORTH_UP if run.road.graph is not None else DRIVING_RIGHT, *KEY)
+    figure.text(left + 0.1 / width_in, top, "\n".join(key), fontsize=9, color="#444444", va="top", linespacing=1.5)
     _draw_scale(figure.axes[0])
     return figure
+
+
+def _across(road: Road) -> tuple[float, float]:
+    """Return how far a picture reaches across the road; in the plane, below and above the vehicle."""
+    if road.graph is not None:
+        return -HALF_WINDOW_M, HALF_WINDOW_M
+    return min(lane.right_m for lane in road.lanes), max(lane.left_m for lane in road.lanes)
+
+
+def _place_of(run: RecordedRun, vehicle_id: str, step: int) -> float:
+    truth = _rows_at(run.truth, step)
+    return float(floats(truth, "lat_m")[truth["vehicle_id"].to_numpy() == vehicle_id][0])
 
 
 def _moments(run: RecordedRun, event: OcclusionEvent) -> list[tuple[int, str]]:
@@ -189,6 +207,11 @@ def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.Dat
         axes.add_collection(
             PolyCollection(list(outlines), facecolor=colour, edgecolor="none", zorder=height), autolim=False
         )
+    if run.road.graph is not None:
+        for edge in lane_edges(run.road.graph):
+            axes.plot(edge[:, 0] - centre, edge[:, 1], color="#9a9a9a", lw=0.6, zorder=2)
+        for wall in run.road.walls_near(pose.lon_m, pose.lat_m, range_m):
+            axes.plot(wall[[0, 2]] - centre, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
     lines = {(side, lane.start_m, lane.end_m) for lane in run.road.lanes for side in (lane.right_m, lane.left_m)}
     for side, start, end in lines:
         visible = np.clip([start - centre, end - centre], -HALF_WINDOW_M, HALF_WINDOW_M)
