@@ -77,11 +77,11 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
             package that writes films is not installed.
     """
     check_film(path, force)
-    if run.road.graph is not None:
-        raise InputError("`video`: films show one road from above, and this network has many; see the page's replay")
     import imageio_ffmpeg  # noqa: PLC0415
 
     run = read_recorded_run(folder)
+    if run.road.graph is not None:
+        raise InputError("`video`: films show one road from above, and this network has many; see the page's replay")
     times = np.unique(run.truth["time_s"].to_numpy(dtype=np.float64))
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
     path.parent.mkdir(parents=True, exist_ok=True)
