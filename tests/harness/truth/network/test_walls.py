@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.errors import InputError
+from harness.truth.network.walls import read_walls
+
+
+def polygons(folder: Path, content: str) -> Path:
+    file = folder / "osm.poly.xml"
+    file.write_text(f"<additional>{content}</additional>", encoding="utf-8")
+    return file
+
+
+def test_a_building_has_as_many_walls_as_sides(tmp_path: Path) -> None:
+    square = '<poly id="b" type="building.yes" color="red" fill="1" layer="0" shape="0,0 10,0 10,5 0,5 0,0"/>'
+    park = '<poly id="p" type="park" color="green" fill="1" layer="0" shape="0,0 9,0 9,9"/>'
+    walls = read_walls([polygons(tmp_path, square + park)])
+    assert walls is not None
+    assert walls.tolist() == [[0, 0, 10, 0], [10, 0, 10, 5], [10, 5, 0, 5], [0, 5, 0, 0]]
+
+
+def test_without_buildings_there_are_no_walls(tmp_path: Path) -> None:
+    assert read_walls([]) is None
+    assert read_walls([polygons(tmp_path, '<poly id="p" type="park" color="1,1,1" shape="0,0 9,0 9,9"/>')]) is None
+
+
+@pytest.mark.parametrize("shape", ["0,0 nan,1 2,2", "0,0 1,x"])
+def test_corners_that_are_no_places_are_refused_in_words(tmp_path: Path, shape: str) -> None:
+    with pytest.raises(InputError, match="poly"):
+        read_walls([polygons(tmp_path, f'<poly id="b" type="building" color="red" shape="{shape}"/>')])
+
+
+def test_an_open_outline_is_closed(tmp_path: Path) -> None:
+    walls = read_walls([polygons(tmp_path, '<poly id="b" type="building" color="red" shape="0,0 4,0 4,3"/>')])
+    assert walls is not None
+    assert np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]).sum() == pytest.approx(12.0)
