@@ -33,7 +33,7 @@ def read_walls(files: Iterable[Path]) -> FloatArray | None:
     """
     from sumolib.shapes import polygon  # noqa: PLC0415  (heavy)
 
-    walls = []
+    walls: list[FloatArray] = []
     for file in files:
         check_xml(file)
         try:
