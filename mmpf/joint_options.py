@@ -99,6 +99,8 @@ class JointFalseObjects(Settings):
     """Spread of their speeds."""
     flow_std_mps: Positive = 4.0
     """Spread of vehicles' speeds around the traffic's."""
+    waiting_share: Probability = 0.3
+    """Share of vehicles that stand though others flow, where roads meet; along a single road none does."""
 
 
 class JointRegularity(Settings):

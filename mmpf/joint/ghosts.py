@@ -165,9 +165,11 @@ def speed_log_odds(moments: Moments, traffic: Traffic, options: JointFalseObject
     """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,)."""
     speed, variance = moments.mean[SPEED], moments.variance[SPEED]
     flow = local_speed(moments.mean[LON], moments.mean[LAT], traffic, range_m)
-    vehicle = _normal(speed - flow, variance + options.flow_std_mps**2)
+    flowing = _normal(speed - flow, variance + options.flow_std_mps**2)
     standing = _normal(speed, variance + options.standing_std_mps**2)
-    false = options.standing_share * standing + (1.0 - options.standing_share) * vehicle
+    waits = 0.0 if traffic.lat_m is None else options.waiting_share
+    vehicle = waits * standing + (1.0 - waits) * flowing
+    false = options.standing_share * standing + (1.0 - options.standing_share) * flowing
     return np.log(np.maximum(vehicle, 1e-12) / np.maximum(false, 1e-12))
 
 

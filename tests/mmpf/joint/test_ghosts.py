@@ -91,6 +91,13 @@ def test_one_that_stands_among_flowing_traffic_is_no_vehicle_and_one_that_flows_
     assert flowing == pytest.approx(-np.log(1.0 - FALSE.standing_share), abs=1e-3)
 
 
+def test_where_roads_meet_vehicles_wait_and_standing_says_little() -> None:
+    crossing = replace(FLOW, lat_m=np.array([0.0, 5.0, -5.0]))
+    standing, flowing = speed_log_odds(moving([0.0, 20.0]), crossing, FALSE, 40.0)
+    assert standing == pytest.approx(np.log(FALSE.waiting_share / FALSE.standing_share), abs=1e-2)
+    assert flowing == pytest.approx(np.log((1.0 - FALSE.waiting_share) / (1.0 - FALSE.standing_share)), abs=1e-2)
+
+
 def test_where_all_stand_standing_says_little() -> None:
     jam = replace(FLOW, speed_mps=np.zeros(3))
     assert -1.5 < speed_log_odds(moving([0.0]), jam, FALSE, 40.0)[0] < 0.0
