@@ -138,7 +138,7 @@ def calibrate(
     """
     site = read_measured(network)
     if request.fields is not None:
-        site = measure(site, read_fields(request.fields), network.corridor.main_lanes)
+        site = measure(site, read_fields(request.fields), network.main_road.main_lanes)
     site = measure_vehicles(site, request.recordings, network.name)
     names = request.names(site)
     first = first_candidate(network, site, names, request.leaves_drivers)
@@ -219,7 +219,7 @@ def _simulate(
         period = site.periods[name]
         skip_s = max(SKIP_S, duration_s / period.duration_s * period.skip_s)
         kept = [next(runs).fields.between(skip_s, duration_s) for _ in seeds]
-        figures[name] = period_statistics(kept, network.corridor.main_lanes)
+        figures[name] = period_statistics(kept, network.main_road.main_lanes)
     return figures, merged(run.samples for run in made).statistics()
 
 

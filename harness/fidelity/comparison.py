@@ -162,7 +162,7 @@ def compare_traffic(
     runs = simulate_all(jobs, request.workers, on_run)
     count = len(request.seeds)
     grouped = {demand: runs[k * count : (k + 1) * count] for k, demand in enumerate(demands)}
-    lanes = network.corridor.main_lanes
+    lanes = network.main_road.main_lanes
     periods = tuple(_period(demand, grouped[demand], site, fields, request.duration_s, lanes) for demand in demands)
     simulated = merged(run.samples for run in runs)
     if fields is None:
@@ -207,7 +207,7 @@ def _measured(network: Network, request: FidelityRequest) -> tuple[MeasuredSite,
     if request.fields is None:
         return site, None
     fields = read_fields(request.fields)
-    return measure(site, fields, network.corridor.main_lanes), fields
+    return measure(site, fields, network.main_road.main_lanes), fields
 
 
 def _period(

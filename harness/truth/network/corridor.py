@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from xml.sax import SAXException
@@ -94,8 +93,12 @@ class Corridor:
         )
 
 
-def read_net(path: Path) -> SumoNet:
+def read_net(path: Path, with_internal: bool = False) -> SumoNet:
     """Read a network with sumolib.
+
+    Args:
+        path: The file.
+        with_internal: Whether the paths across junctions are read too.
 
     Raises:
         InputError: The file is missing or is no SUMO network.
@@ -105,18 +108,13 @@ def read_net(path: Path) -> SumoNet:
     if not path.is_file():
         raise InputError(f"{path}: the network file does not exist")
     try:
-        net = sumolib.net.readNet(str(path))
+        net = sumolib.net.readNet(str(path), withInternal=with_internal)
         edges = net.getEdges(withInternal=False)
     except (SAXException, ValueError, KeyError, AttributeError, TypeError, IndexError, OSError, EOFError) as error:
         raise InputError(f"{path}: not a SUMO network file: {error}") from error
     if not edges:
         raise InputError(f"{path}: not a SUMO network file: it has no edges")
     return net
-
-
-def longest_corridor(net: SumoNet) -> tuple[tuple[str, ...], float]:
-    """Return the longest sequence of connected edges that keeps to the successor with most lanes, and its length."""
-    return max(map(_follow, net.getEdges(withInternal=False)), key=itemgetter(1))
 
 
 def corridor_from_net(net: SumoNet, names: Sequence[str], start_m: float) -> Corridor:
@@ -155,18 +153,6 @@ def ramp_from_net(net: SumoNet, name: str, corridor: Corridor, entering: bool) -
         if main.name in neighbours:
             return Ramp(name=name, index=index, length_m=edge.getLength(), speed_limit_mps=edge.getSpeed())
     raise InputError(f"ramp {name} does not touch the corridor")
-
-
-def _follow(first: SumoEdge) -> tuple[tuple[str, ...], float]:
-    names: list[str] = []
-    length_m = 0.0
-    edge = first
-    while edge is not None and edge.getID() not in names:
-        names.append(edge.getID())
-        length_m += edge.getLength()
-        choices = [e for e in edge.getOutgoing() if e.getFunction() != "internal"]
-        edge = max(choices, key=lambda e: (e.getLaneNumber(), e.getLength(), e.getID()), default=None)
-    return tuple(names), length_m
 
 
 def _reference_line(sumo_edges: Sequence[SumoEdge], main_lanes: int) -> FloatArray:

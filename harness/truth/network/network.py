@@ -13,8 +13,9 @@ from pathlib import Path
 
 from harness.errors import InputError
 from harness.inputs import checked_path
-from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, longest_corridor, ramp_from_net, read_net
+from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
+from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph
 from harness.truth.network.limits import check_xml
 from harness.truth.network.networkfile import (
     METADATA_FILE,
@@ -56,9 +57,10 @@ class Network:
         name: Its name, or the path that the user gave.
         description: What it is.
         net_file: SUMO's network file.
-        corridor: The main road's edges and the road frame along them.
-        section_m: Start and end of the scored section.
-        ego_lanes: Lanes that an ego is chosen from.
+        corridor: The main road's edges and the road frame along them; none where the road frame is the plane.
+        section_m: Start and end of the scored section; in the plane, the lanes' reach along x.
+        ego_lanes: Lanes that an ego is chosen from; none in the plane, where any will do.
+        plane: The lanes of a network whose road frame is the plane; none of one with a main road.
         on_ramps: Ramps that vehicles enter by.
         off_ramps: Ramps that vehicles leave by.
         vehicle_types_file: SUMO's file of base vehicle types; none where the user's own demand is used.
@@ -75,9 +77,10 @@ class Network:
     name: str
     description: str
     net_file: Path
-    corridor: Corridor
+    corridor: Corridor | None
     section_m: tuple[float, float]
     ego_lanes: tuple[int, ...]
+    plane: PlaneNetwork | None = None
     on_ramps: tuple[Ramp, ...] = ()
     off_ramps: tuple[Ramp, ...] = ()
     vehicle_types_file: Path | None = None
@@ -103,7 +106,20 @@ class Network:
     @cached_property
     def road(self) -> Road:
         """The road frame with the section that is scored."""
-        return self.corridor.road(self.section_m)
+        if self.plane is not None:
+            return Road(lanes=(), section_m=self.section_m, graph=self.plane.graph)
+        return self.main_road.road(self.section_m)
+
+    @property
+    def main_road(self) -> Corridor:
+        """The corridor.
+
+        Raises:
+            InputError: The network has none.
+        """
+        if self.corridor is None:
+            raise InputError(f"`net` {self.name}: this needs a network with a main road, such as us101")
+        return self.corridor
 
     def fingerprint(self) -> str:
         """Return eight letters that change with the road, the vehicle types and the drivers."""
@@ -137,7 +153,7 @@ class Network:
         Raises:
             InputError: The density is not a number or out of range.
         """
-        return demand_for_density(density_veh_per_km_lane, self.corridor.main_lanes, self.relation)
+        return demand_for_density(density_veh_per_km_lane, self.main_road.main_lanes, self.relation)
 
 
 def available_networks() -> tuple[NetworkDescription, ...]:
@@ -241,20 +257,17 @@ def _from_metadata(folder: Path, name: str) -> Network:
 
 
 def _from_sumocfg(path: Path) -> Network:
-    """Take the longest stretch of road as the main road and leave a margin at its ends unscored."""
+    """Take the whole network: all its lanes, in the plane."""
     inputs = read_sumocfg(path)
-    net_file = inputs.net_file
-    net = read_net(net_file)
-    edges, length_m = longest_corridor(net)
-    margin_m = min(150.0, 0.15 * length_m)
-    corridor = corridor_from_net(net, edges, -margin_m)
+    plane = read_lane_graph(inputs.net_file)
     return Network(
         name=str(path),
-        description=f"the user's own network, main road {edges[0]} ... {edges[-1]}",
-        net_file=net_file,
-        corridor=corridor,
-        section_m=(0.0, length_m - 2.0 * margin_m),
-        ego_lanes=tuple(range(1, corridor.main_lanes + 1))[1:-1] or tuple(range(1, corridor.main_lanes + 1)),
+        description=f"the user's own network of {len(plane.graph)} lanes",
+        net_file=inputs.net_file,
+        corridor=None,
+        section_m=plane.extent_m,
+        ego_lanes=(),
+        plane=plane,
         configuration=path,
         sumo_inputs=inputs,
     )
@@ -266,6 +279,6 @@ def _describe(network: Network) -> NetworkDescription:
         description=network.description,
         demands=tuple((name, entry.description) for name, entry in network.demand_files.items()),
         section_length_m=network.section_m[1] - network.section_m[0],
-        lanes=network.corridor.main_lanes,
+        lanes=network.main_road.main_lanes,
         size_kb=network.net_file.stat().st_size / 1024.0,
     )

@@ -54,7 +54,7 @@ class TrafficControl:
         self._step_s = step_s
         self._names = count()
         self._routes: set[str] = set()
-        lanes = network.corridor.main_lanes
+        lanes = network.main_road.main_lanes
         self._hold(demand.at(0.0))
         self._headways = LocalHeadways(sumo, network.road, demand.headway_profile)
         self._learned_flow = 0.0
@@ -77,7 +77,7 @@ class TrafficControl:
         network = self._network
         section_km = (network.section_m[1] - network.section_m[0]) / 1000.0
         self._demand = demand
-        self._target = demand.density_veh_per_km_lane * network.corridor.main_lanes * section_km
+        self._target = demand.density_veh_per_km_lane * network.main_road.main_lanes * section_km
         self._lane_density = main_lane_density(network, demand)
 
     def before_step(self, time_s: float) -> None:
@@ -88,20 +88,20 @@ class TrafficControl:
             self._headways.apply()
             divert_late_vehicles(self._sumo, self._network)
             self._next_control_s = time_s + CONTROL_EVERY_S
-        for lane in range(self._network.corridor.main_lanes):
+        for lane in range(self._network.main_road.main_lanes):
             self._let_in(lane)
         for index in range(len(self._network.on_ramps)):
             self._let_in_by_ramp(index, time_s)
 
     def _steer(self, time_s: float, load: Load) -> None:
         if self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km:
-            self._steer_exit(time_s, (load.inside - self._target) / self._network.corridor.main_lanes)
+            self._steer_exit(time_s, (load.inside - self._target) / self._network.main_road.main_lanes)
         else:
             self._steer_inflow(load)
 
     def _steer_inflow(self, load: Load) -> None:
         """Let in as many as leave, counting those on their way, because they arrive only later."""
-        corridor = self._network.corridor
+        corridor = self._network.main_road
         approach_m = self._network.section_m[0] - corridor.edges[0].start_m
         target = FREE_SHARE * self._target + self._lane_density * corridor.main_lanes * approach_m / 1000.0
         surplus = (load.approaching + load.inside) / target - 1.0
@@ -116,7 +116,7 @@ class TrafficControl:
         self._learned_flow = float(np.clip(self._learned_flow, -LEARN_AT_MOST * usual, LEARN_AT_MOST * usual))
         correction = float(np.clip(correction + self._learned_flow, -CORRECT_AT_MOST * usual, CORRECT_AT_MOST * usual))
         flow = usual * (1.0 + self._demand.exit_wave_amplitude * wave) + correction
-        self._limit_speed(self._network.corridor.edges[-1], flow)
+        self._limit_speed(self._network.main_road.edges[-1], flow)
 
     def _limit_speed(self, edge: CorridorEdge, flow_veh_per_s: float) -> None:
         """Let at most a flow, per lane, through an edge by lowering its speed limit."""
@@ -125,7 +125,7 @@ class TrafficControl:
 
     def _let_in(self, lane: int) -> None:
         """Let the waiting vehicle of a main lane in once the last one is its spacing ahead."""
-        edge = self._network.corridor.edges[0]
+        edge = self._network.main_road.edges[0]
         lane_index = lane + edge.extra_lanes
         vehicle = self._waiting[lane]
         wish_mps = min(edge.speed_limit_mps * vehicle.speed_factor, self._relation.speed_mps(self._lane_density) * 1.1)
@@ -165,7 +165,7 @@ class TrafficControl:
             if gap_m < vehicle.minimum_gap_m + 3.0:
                 return
             wish_mps = _safe_entry_speed(vehicle, wish_mps, gap_m, ahead_mps)
-        route = (ramp.name, *(edge.name for edge in self._network.corridor.edges[ramp.index :]))
+        route = (ramp.name, *(edge.name for edge in self._network.main_road.edges[ramp.index :]))
         self._add(Placement(vehicle, ramp.name, 0, RAMP_ENTRY_M, wish_mps, route))
         self._next_ramp_s[index] += self._ramp_interval_s() * float(self._rng.uniform(0.6, 1.4))
 
@@ -249,7 +249,7 @@ class LocalHeadways:
 
 def divert_late_vehicles(sumo: Sumo, network: Network) -> None:
     """Give vehicles that are on the wrong lane just before an exit the route that their lane leads to."""
-    edges = network.corridor.edges
+    edges = network.main_road.edges
     for ramp in network.off_ramps:
         edge = edges[ramp.index]
         if edge.extra_lanes == 0:

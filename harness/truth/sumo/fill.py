@@ -43,10 +43,10 @@ class Placement:
 
 def fill(network: Network, demand: Demand, rng: np.random.Generator) -> list[Placement]:
     """Return vehicles for the main road and the on-ramps at the demanded density."""
-    edges = network.corridor.edges
+    edges = network.main_road.edges
     lon_m = np.arange(edges[0].start_m, edges[-1].end_m + 1.0)
     density = _density_profile(network, demand, lon_m, rng)
-    offsets = (rng.permutation(network.corridor.main_lanes) + rng.uniform()) / network.corridor.main_lanes
+    offsets = (rng.permutation(network.main_road.main_lanes) + rng.uniform()) / network.main_road.main_lanes
     placements: list[Placement] = []
     for lane, offset in enumerate(offsets):
         placements += _fill_main_lane(network, demand, lane, float(offset), lon_m, density, rng)
@@ -63,9 +63,9 @@ def main_lane_density(network: Network, demand: Demand) -> float:
     start_m, end_m = network.section_m
     extra_m = sum(
         edge.extra_lanes * max(0.0, min(edge.end_m, end_m) - max(edge.start_m, start_m))
-        for edge in network.corridor.edges
+        for edge in network.main_road.edges
     )
-    share = EXTRA_LANE_SHARE * extra_m / (network.corridor.main_lanes * (end_m - start_m))
+    share = EXTRA_LANE_SHARE * extra_m / (network.main_road.main_lanes * (end_m - start_m))
     density = demand.density_veh_per_km_lane / (1.0 + share)
     congested = demand.density_veh_per_km_lane > network.relation.critical_density_veh_per_km
     return density if congested else density * FREE_SHARE
@@ -73,7 +73,7 @@ def main_lane_density(network: Network, demand: Demand) -> float:
 
 def leaving_share(network: Network, demand: Demand) -> float:
     """Return the share of the vehicles on the lanes beside an off-ramp that leave by it."""
-    lanes = min(LANES_NEAR_RAMP, network.corridor.main_lanes)
+    lanes = min(LANES_NEAR_RAMP, network.main_road.main_lanes)
     flow = 3600.0 * lanes * network.relation.flow_veh_per_s(demand.density_veh_per_km_lane)
     return min(1.0, demand.off_ramp_veh_per_h / flow)
 
@@ -82,7 +82,7 @@ def route_of(
     network: Network, index: int, lane_from_right: int, share: float, rng: np.random.Generator
 ) -> tuple[str, ...]:
     """Return the route of a vehicle on a main lane of corridor edge ``index``: to the end, or off by a ramp ahead."""
-    names = tuple(edge.name for edge in network.corridor.edges)
+    names = tuple(edge.name for edge in network.main_road.edges)
     if lane_from_right < LANES_NEAR_RAMP:
         for ramp in network.off_ramps:
             if index < ramp.index and rng.uniform() < share:
@@ -137,7 +137,7 @@ def _scatter(vehicles: list[Vehicle], demand: Demand, relation: Equilibrium, rng
 
 
 def _edge_at(network: Network, lon_m: float) -> tuple[int, CorridorEdge]:
-    edges = network.corridor.edges
+    edges = network.main_road.edges
     for index in range(len(edges) - 1, 0, -1):
         if lon_m >= edges[index].start_m:
             return index, edges[index]
@@ -147,10 +147,10 @@ def _edge_at(network: Network, lon_m: float) -> tuple[int, CorridorEdge]:
 def _fill_extra_lane(
     network: Network, demand: Demand, index: int, lane: int, rng: np.random.Generator
 ) -> Iterator[Placement]:
-    edge = network.corridor.edges[index]
+    edge = network.main_road.edges[index]
     spacing_m = 1000.0 / (EXTRA_LANE_SHARE * demand.density_veh_per_km_lane)
     speed = network.relation.speed_mps(demand.density_veh_per_km_lane)
-    names = tuple(entry.name for entry in network.corridor.edges)
+    names = tuple(entry.name for entry in network.main_road.edges)
     exits = [ramp for ramp in network.off_ramps if ramp.index == index]
     ramp_flow = demand.on_ramp_veh_per_h + demand.off_ramp_veh_per_h
     position_m = float(rng.uniform(0.0, spacing_m)) + 10.0
@@ -167,7 +167,7 @@ def _fill_on_ramp(network: Network, demand: Demand, ramp: Ramp, rng: np.random.G
         return
     speed = min(0.8 * ramp.speed_limit_mps, network.relation.speed_mps(demand.density_veh_per_km_lane) + 3.0)
     spacing_m = speed * 3600.0 / demand.on_ramp_veh_per_h
-    route = (ramp.name, *(edge.name for edge in network.corridor.edges[ramp.index :]))
+    route = (ramp.name, *(edge.name for edge in network.main_road.edges[ramp.index :]))
     position_m = float(rng.uniform(0.0, spacing_m)) + 10.0
     while position_m < ramp.length_m - 20.0:
         yield Placement(draw_vehicle(rng, network.drivers), ramp.name, 0, position_m, speed, route)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,20 +11,23 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.errors import InputError, RunError, SumoError
-from harness.truth.frame import STEP_S, Frame
+from harness.truth.frame import STEP_S, Frame, TruthSource
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.limits import check_xml, write_without_outputs
 from harness.truth.network.network import Network
+from harness.truth.network.sumocfg import SumoInputs
+from harness.truth.sumo import source
 from harness.truth.sumo.control import TrafficControl
+from harness.truth.sumo.planetruth import REACH_M, PlaneTruth
 from harness.truth.sumo.reading import read_frame, read_load
-from harness.truth.sumo.session import Sumo, show_ego, start_sumo, stop_sumo, sumo_errors_in_words
+from harness.truth.sumo.session import Sumo, show_ego, start_sumo, sumo_errors_in_words
 from harness.truth.sumo.smoothing import lead_frames, smoothed
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import NO_LANE, Road
+from mmpf.road import NO_LANE
 
 WARM_UP_S = 20.0
-FIRST_VEHICLE_WITHIN_S = 900.0
 LATERAL_RESOLUTION_M = "0.92"
+LANE_CHANGE_S = "3"
 NO_EGO = ""
 START_WINDOW_M = 60.0
 CAR_LENGTH_M = (3.0, 6.5)
@@ -39,7 +42,8 @@ def open_traffic(
     warm_up_s: float = WARM_UP_S,
     ego: bool = True,
     gui: bool = False,
-) -> SumoTruth:
+    reach_m: float = REACH_M,
+) -> TruthSource:
     """Start SUMO on a network, run the warm-up and return the truth that follows.
 
     Args:
@@ -51,6 +55,7 @@ def open_traffic(
         warm_up_s: How long the traffic runs before the first frame.
         ego: Whether an ego vehicle is chosen; without one a frame's ``ego`` is -1.
         gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
+        reach_m: How far from the ego vehicles count and hide, on a network without a main road.
 
     Raises:
         InputError: The density, the demand or the network's files are wrong, or no window can be opened.
@@ -64,8 +69,13 @@ def open_traffic(
     except BaseException:
         scratch.cleanup()
         raise
-    control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
-    truth = SumoTruth(sumo, network, round(duration_s / STEP_S), control, ego)
+    steps = round(duration_s / STEP_S)
+    truth: SumoTruth | PlaneTruth
+    if network.plane is not None:
+        truth = PlaneTruth(sumo, network, network.plane, steps, ego=ego, reach_m=reach_m)
+    else:
+        control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
+        truth = SumoTruth(sumo, network, steps, control, ego)
     # SUMO reads vehicles while it runs, so copies of its files stay for as long.
     truth.on_close = scratch.cleanup
     try:
@@ -102,6 +112,7 @@ def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
             *("--net-file", str(inputs.net_file), *_file_list("--route-files", inputs.route_files)),
             *_file_list("--additional-files", [_harmless(file, scratch) for file in inputs.additional_files]),
             *(word for name, value in inputs.options for word in (f"--{name}", value)),
+            *_gradual_lane_changes(inputs),
         )
     assert network.vehicle_types_file is not None
     return (
@@ -116,6 +127,14 @@ def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
     )
 
 
+def _gradual_lane_changes(inputs: SumoInputs) -> tuple[str, ...]:
+    """Let lane changes take time where the configuration would have vehicles jump from lane to lane."""
+    given = dict(inputs.options)
+    if "lateral-resolution" in given or "lanechange.duration" in given:
+        return ()
+    return ("--lanechange.duration", LANE_CHANGE_S)
+
+
 def _file_list(option: str, files: Sequence[Path]) -> tuple[str, ...]:
     return (option, ",".join(map(str, files))) if files else ()
 
@@ -128,27 +147,15 @@ def _harmless(file: Path, scratch: Path) -> Path:
     return copy
 
 
-class SumoTruth:
-    """Frames of a running SUMO simulation.
-
-    Attributes:
-        road: The road frame.
-        step_s: Time between frames.
-        expected_steps: How many frames there will be.
-        on_close: Called once the simulation has ended.
-    """
+class SumoTruth(source.SumoSource):
+    """Frames of a running SUMO simulation along a main road."""
 
     def __init__(self, sumo: Sumo, network: Network, steps: int, control: TrafficControl | None, ego: bool) -> None:
         """Take over a simulation that has started."""
-        self.road: Road = network.road
-        self.step_s = STEP_S
-        self.expected_steps = steps
-        self._sumo = sumo
+        super().__init__(sumo, network.road, steps)
         self._network = network
         self._control = control
         self._wants_ego = ego
-        self._open = True
-        self.on_close: Callable[[], None] = lambda: None
 
     def warm_up(self, duration_s: float) -> None:
         """Fill the road and let the traffic run without yielding frames, and on until a vehicle is in the section."""
@@ -156,11 +163,13 @@ class SumoTruth:
             self._control.fill()
         for _ in range(round(duration_s / self.step_s)):
             self._advance()
-        for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
+        for _ in range(round(source.FIRST_VEHICLE_WITHIN_S / self.step_s)):
             if read_load(self._sumo, self.road).inside:
                 return
             self._advance()
-        raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
+        raise RunError(
+            f"no vehicle entered the section of {self._network.name} within {source.FIRST_VEHICLE_WITHIN_S:g} s"
+        )
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order; they end early if the user's own demand runs dry."""
@@ -184,18 +193,9 @@ class SumoTruth:
                 frame = read_frame(self._sumo, self.road, step, step * self.step_s)
             yield frame
 
-    def close(self) -> None:
-        """End the simulation; harmless to call twice."""
-        if self._open:
-            self._open = False
-            stop_sumo(self._sumo)
-            self.on_close()
-
-    def _advance(self) -> None:
-        with sumo_errors_in_words(self._sumo):
-            if self._control is not None:
-                self._control.before_step(self._sumo.simulation.getTime())
-            self._sumo.simulationStep()
+    def _before_step(self) -> None:
+        if self._control is not None:
+            self._control.before_step(self._sumo.simulation.getTime())
 
 
 @dataclass(frozen=True)

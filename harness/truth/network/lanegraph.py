@@ -1,0 +1,185 @@
+"""The lanes of any SUMO network as a graph of lines in the plane, paths across junctions included."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.truth.network.corridor import SumoEdge, SumoLane, read_net
+from harness.truth.network.graphlimits import graph_problem
+from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import NOWHERE, LaneGraph
+
+# Whoever drives on roads; lanes of which rails, feet or bicycles alone have the use are none of the graph's.
+ROAD_VEHICLES = frozenset(
+    {
+        *("passenger", "taxi", "bus", "coach", "delivery", "truck", "trailer", "motorcycle", "evehicle", "hov"),
+        *("private", "custom1", "custom2"),
+    }
+)
+SAME_POINT_M = 0.01
+# A shorter lane is none that a vehicle can be on: its neighbours along the way are linked past it.
+SHORTEST_LANE_M = 0.1
+# Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.
+LONGEST_PIECE_M = 100.0
+DECIMALS = 3
+GRID_M = 1000.0
+
+
+@dataclass(frozen=True)
+class PlaneNetwork:
+    """A network's lanes, and where their plane lies in SUMO's.
+
+    Attributes:
+        graph: The lanes.
+        origin_xy: SUMO's coordinates of the plane's origin, whole kilometres, so that places stay small numbers.
+    """
+
+    graph: LaneGraph
+    origin_xy: tuple[float, float]
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        """From where to where its lanes reach along x, metres; a metre at least."""
+        low, high = self.graph.xy[:, 0].min(), self.graph.xy[:, 0].max()
+        return float(low), float(max(high, low + 1.0))
+
+
+def read_lane_graph(path: Path) -> PlaneNetwork:
+    """Read the lanes of a network file that road vehicles may use.
+
+    Raises:
+        InputError: The file is no SUMO network, has no such lane, or is larger than can be driven on.
+    """
+    net = read_net(path, with_internal=True)
+    try:
+        edges = net.getEdges(withInternal=True)
+        lanes = {lane.getID(): lane for edge in edges for lane in edge.getLanes()}
+        lines = {name: _line(lane) for name, lane in lanes.items() if _for_road_vehicles(lane)}
+        lines = {name: line for name, line in lines.items() if _length(line) >= SHORTEST_LANE_M}
+        if not lines:
+            raise InputError(f"{path}: no lane of it is for road vehicles; give a network with roads")
+        graph, origin = _assemble(lanes, lines)
+    except (ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: its lanes make no sense: {error}") from None
+    problem = graph_problem(graph)
+    if problem:
+        raise InputError(f"{path}: {problem}; cut out the part that is driven on")
+    return PlaneNetwork(graph, origin)
+
+
+def _assemble(lanes: dict[str, SumoLane], lines: dict[str, FloatArray]) -> tuple[LaneGraph, tuple[float, float]]:
+    names = tuple(lines)
+    index = {name: k for k, name in enumerate(names)}
+    low = np.min([line.min(axis=0) for line in lines.values()], axis=0)
+    # Adding zero turns -0.0 into 0.0.
+    origin = np.floor(low / GRID_M) * GRID_M + 0.0
+    placed = [np.round(_divided(line - origin), DECIMALS) for line in lines.values()]
+    follow = [_successors(lanes, index, name) for name in names]
+    left, right = _neighbours([lanes[name].getEdge() for name in names], index, lines)
+    chosen = [lanes[name] for name in names]
+    graph = LaneGraph(
+        name=names,
+        xy=np.concatenate(placed),
+        first_point=np.cumsum([0, *map(len, placed)]),
+        width_m=np.array([float(lane.getWidth()) for lane in chosen]),
+        speed_limit_mps=np.array([float(lane.getSpeed()) for lane in chosen]),
+        left=left,
+        right=right,
+        successor=np.array([to for each in follow for to in each], dtype=np.int64),
+        first_successor=np.cumsum([0, *map(len, follow)]),
+        in_junction=np.array([name.startswith(":") for name in names]),
+    )
+    return graph, (float(origin[0]), float(origin[1]))
+
+
+def _for_road_vehicles(lane: SumoLane) -> bool:
+    return not ROAD_VEHICLES.isdisjoint(lane.getPermissions())
+
+
+def _line(lane: SumoLane) -> FloatArray:
+    """Return a lane's middle line without repeated points, shape (p, 2); one point of a lane without length."""
+    points = np.asarray(lane.getShape(), dtype=np.float64)[:, :2]
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.hypot(*(point - kept[-1])) > SAME_POINT_M:
+            kept.append(point)
+    return np.array(kept)
+
+
+def _length(line: FloatArray) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def _divided(line: FloatArray) -> FloatArray:
+    """Return the same line with points so close that no piece is longer than the longest."""
+    parts = [line[:1]]
+    for start, end in pairwise(line):
+        pieces = max(1, int(np.ceil(np.hypot(*(end - start)) / LONGEST_PIECE_M)))
+        parts.append(start + (end - start) * (np.arange(1, pieces + 1) / pieces)[:, None])
+    return np.concatenate(parts)
+
+
+def _successors(lanes: dict[str, SumoLane], index: dict[str, int], name: str) -> list[int]:
+    """Return the lanes that follow one, in the order of its connections; those left out are linked past."""
+    found: list[int] = []
+    met = {name}
+    waiting = [name]
+    while waiting:
+        for connection in lanes[waiting.pop()].getOutgoing():
+            via = connection.getViaLaneID()
+            following = via if via in lanes else connection.getToLane().getID()
+            if following in index:
+                if index[following] not in found:
+                    found.append(index[following])
+            # Whoever may use it and finds it missing here finds it too short.
+            elif following not in met and _for_road_vehicles(lanes[following]):
+                met.add(following)
+                waiting.append(following)
+    return found
+
+
+def _neighbours(
+    edges: list[SumoEdge], index: dict[str, int], lines: dict[str, FloatArray]
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """Return the lanes to the left and right of each, by where they lie: SUMO counts from the other side on the left.
+
+    Paths across a junction that begin on one lane and part are no neighbours.
+    """
+    left, right = np.full(len(index), NOWHERE), np.full(len(index), NOWHERE)
+    for edge in {edge.getID(): edge for edge in edges}.values():
+        lanes = edge.getLanes()
+        for one, other in pairwise(lanes):
+            a, b = index.get(one.getID()), index.get(other.getID())
+            if a is None or b is None:
+                continue
+            aside = _aside(lines[one.getID()], lines[other.getID()])
+            apart = 0.5 * (one.getWidth() + other.getWidth())
+            if 0.6 * apart <= np.abs(aside).min() and np.abs(aside).max() <= apart + 2.0:
+                lower, upper = (a, b) if aside.mean() > 0.0 else (b, a)
+                left[lower], right[upper] = upper, lower
+    return left, right
+
+
+def _aside(line: FloatArray, other: FloatArray) -> FloatArray:
+    """Return how far another line lies to the left of one, metres, at its beginning, middle and end, shape (3,)."""
+    place, direction = _at_shares(line)
+    away = _at_shares(other)[0] - place
+    return np.asarray(direction[:, 0] * away[:, 1] - direction[:, 1] * away[:, 0])
+
+
+def _at_shares(line: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places at a tenth, half and nine tenths of a line's length, and its directions there, each (3, 2)."""
+    steps = np.diff(line, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    wanted = along[-1] * np.array([0.1, 0.5, 0.9])
+    piece = np.minimum(np.searchsorted(along, wanted, side="right") - 1, len(lengths) - 1)
+    place = np.stack([np.interp(wanted, along, line[:, axis]) for axis in (0, 1)], axis=-1)
+    return place, steps[piece] / lengths[piece][:, None]
