@@ -116,7 +116,7 @@ def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
         road=truth.road,
         step_s=truth.step_s,
         expected_steps=truth.expected_steps,
-        sensor=sensor.model(),
+        sensor=sensor.model(truth.road),
         stream=timed_looks(truth.frames(), lambda frame: sensor.observe(frame, truth.road, rng)),
         close=truth.close,
     )

@@ -60,7 +60,7 @@ def _looks(folder: Path, config: RunConfig) -> Looks:
         road=road,
         step_s=float(np.round(np.diff(times).min(), 6)) if len(times) > 1 else 0.1,
         expected_steps=len(times),
-        sensor=build_sensor(settings).model(),
+        sensor=build_sensor(settings).model(road),
         stream=timed_looks(map(frame_of, truth_at.values()), observe),
         files={f"replay/{name}": folder / name for name in RECORDED},
     )

@@ -8,11 +8,12 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
+from harness.sensor.lanearea import mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation, Sensor
 from harness.sensor.profiles import SensorSettings
 from harness.sensor.returns import CLUTTER_SPEED_MPS, flashing_returns, standing_returns, vehicle_returns
-from harness.sensor.scene import Scene, in_reach, sight_to
+from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
@@ -43,9 +44,9 @@ class RayedSensor:
     settings: SensorSettings
     memory: SensorMemory = field(default_factory=SensorMemory)
 
-    def model(self) -> SensorModel:
-        """Return the data sheet. Clutter is taken to spread over a straight road of the settings' width."""
-        return data_sheet(self.settings)
+    def model(self, road: Road | None = None) -> SensorModel:
+        """Return the data sheet; see ``data_sheet``."""
+        return data_sheet(self.settings, road)
 
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:
         """Look at the frame from its ego vehicle.
@@ -58,7 +59,7 @@ class RayedSensor:
         """
         ego = frame.ego_pose
         step_s = self.memory.begin_scan(rng, frame.episode, frame.time_s)
-        sight = sight_to(frame.lon_m, frame.lat_m, road, ego)
+        sight = sight_to(frame.lon_m, frame.lat_m, road, ego, box_axes(road, frame.heading_rad))
         in_range = in_reach(self.settings, sight.distance, sight.off_axis)
         in_range[frame.ego] = True
         fraction, occluder = _visibility(frame, road, ego, in_range, self.settings.range_m)
@@ -93,15 +94,28 @@ class RayedSensor:
         )
 
 
-def data_sheet(settings: SensorSettings) -> SensorModel:
-    """Return what a tracker is told of the sensor: its reach as it is, everything else rounded and nominal."""
+def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorModel:
+    """Return what a tracker is told of the sensor: its reach as it is, everything else rounded and nominal.
+
+    Clutter is taken to spread over a straight road of the settings' width. Where the road frame is the plane, it is
+    taken to spread over as much of the map's lanes as lies in range on the average over the map, which a tracker that
+    has the map could work out.
+
+    Args:
+        settings: The sensor's figures.
+        road: Where it will be used; None for a straight road.
+    """
+    if road is not None and road.graph is not None:
+        area_m2 = mean_lane_area_m2(road.graph, settings.range_m)
+    else:
+        area_m2 = 2.0 * settings.range_m * settings.road_width_m
     return SensorModel(
         range_m=settings.range_m,
         detection_probability=settings.nominal_detection_probability,
         clutter_per_scan=settings.nominal_clutter_per_scan,
         full_view_fraction=settings.nominal_full_view_fraction,
         hidden_fraction=settings.nominal_hidden_fraction,
-        clutter_area_m2=2.0 * settings.range_m * settings.road_width_m * settings.field_of_view_deg / 360.0,
+        clutter_area_m2=area_m2 * settings.field_of_view_deg / 360.0,
         clutter_speed_span_mps=CLUTTER_SPEED_MPS[1] - CLUTTER_SPEED_MPS[0],
         noise_correlated_share=settings.nominal_bias_share,
         noise_correlation_s=settings.nominal_bias_time_s,

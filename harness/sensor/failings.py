@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.sensor.memory import Chain, VehicleMemory, next_state
-from harness.sensor.noise import hidden_share
+from harness.sensor.noise import hidden_share, turned
 from harness.sensor.profiles import SensorSettings
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 
@@ -71,6 +71,7 @@ class Boxes:
         lat_m: Lateral position of it.
         length_m: Length.
         width_m: Width.
+        axis_rad: Direction of its long side against the frame's longitudinal axis.
         second: Whether it is the other part of a vehicle that another box stands for.
     """
 
@@ -79,6 +80,7 @@ class Boxes:
     lat_m: FloatArray
     length_m: FloatArray
     width_m: FloatArray
+    axis_rad: FloatArray
     second: BoolArray
 
     def take(self, index: IntArray) -> Boxes:
@@ -98,12 +100,15 @@ def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fr
         visible_fraction: How much of each is seen, shape (b,).
     """
     lon, lat, length, width = (np.array(part) for part in (boxes.lon_m, boxes.lat_m, boxes.length_m, boxes.width_m))
+    axis = boxes.axis_rad
     there = np.ones(len(lon), dtype=np.bool_)
     whole = np.ones(len(lon), dtype=np.bool_)
     for k in np.flatnonzero(merges):
+        along, across = turned(lon, lat, -axis[k])
+        reach_along, reach_across = _reaches(length, width, axis - axis[k])
         gap = np.hypot(
-            np.maximum(np.abs(lon - lon[k]) - 0.5 * (length + length[k]), 0.0),
-            np.maximum(np.abs(lat - lat[k]) - 0.5 * (width + width[k]), 0.0),
+            np.maximum(np.abs(along - along[k]) - (reach_along + 0.5 * length[k]), 0.0),
+            np.maximum(np.abs(across - across[k]) - (reach_across + 0.5 * width[k]), 0.0),
         )
         gap[~(there & whole)] = np.inf
         gap[k] = np.inf
@@ -111,12 +116,21 @@ def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fr
         if not (whole[k] and gap[other] <= settings.merged_gap_m):
             continue
         stays, goes = (k, other) if visible_fraction[k] > visible_fraction[other] else (other, k)
-        for middle, size in ((lon, length), (lat, width)):
-            low = min(middle[j] - 0.5 * size[j] for j in (stays, goes))
-            high = max(middle[j] + 0.5 * size[j] for j in (stays, goes))
+        middles, reaches = turned(lon, lat, -axis[stays]), _reaches(length, width, axis - axis[stays])
+        for middle, reach, size in zip(middles, reaches, (length, width), strict=True):
+            low = min(middle[j] - reach[j] for j in (stays, goes))
+            high = max(middle[j] + reach[j] for j in (stays, goes))
             middle[stays], size[stays] = 0.5 * (low + high), high - low
+        lon[stays], lat[stays] = turned(middles[0][stays], middles[1][stays], axis[stays])
         there[goes] = whole[goes] = whole[stays] = False
     return replace(boxes, lon_m=lon, lat_m=lat, length_m=length, width_m=width).take(np.flatnonzero(there))
+
+
+def _reaches(length: FloatArray, width: FloatArray, turn_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far bodies turned against a frame reach from their middles along and across it, each (b,)."""
+    cosine, sine = np.abs(np.cos(turn_rad)), np.abs(np.sin(turn_rad))
+    half_length, half_width = 0.5 * length, 0.5 * width
+    return half_length * cosine + half_width * sine, half_length * sine + half_width * cosine
 
 
 def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad: FloatArray) -> Boxes:
@@ -148,6 +162,7 @@ def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad
         lat_m=np.concatenate([lat, front[1]]),
         length_m=np.concatenate([long, front[2]]),
         width_m=np.concatenate([boxes.width_m, boxes.width_m[chosen]]),
+        axis_rad=np.concatenate([boxes.axis_rad, boxes.axis_rad[chosen]]),
         second=np.arange(len(lon) + len(chosen)) >= len(lon),
     )
 
@@ -163,11 +178,12 @@ def shifted(
         settings: The sensor's figures.
         boxes: The boxes, b of them.
         visible_fraction: How much of each is seen, shape (b,).
-        angle_rad: Direction of the line of sight against the road, shape (b,).
+        angle_rad: Direction of the line of sight against each box's axis, shape (b,).
         side: 1 where its left side, seen from the sensor, is what is seen, -1 for the right, 0 if neither; shape (b,).
     """
     recedes = 0.5 * settings.centre_shift_share * (1.0 - visible_fraction)
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     along = np.clip(-side * sine - cosine, -1.0, 1.0) * recedes * boxes.length_m
     across = side * cosine * recedes * boxes.width_m
-    return replace(boxes, lon_m=boxes.lon_m + along, lat_m=boxes.lat_m + across)
+    off_lon, off_lat = turned(along, across, boxes.axis_rad)
+    return replace(boxes, lon_m=boxes.lon_m + off_lon, lat_m=boxes.lat_m + off_lat)

@@ -103,13 +103,15 @@ class Ghosts:
     Attributes:
         lon_m: Longitudinal position.
         lat_m: Lateral position.
-        speed_mps: Longitudinal speed; 0 for what is fixed to the road.
+        axis_rad: Direction of its box against the frame's longitudinal axis.
+        speed_mps: Speed along it; 0 for what is fixed to the road.
         length_m: Length of its box.
         width_m: Width of its box.
     """
 
     lon_m: FloatArray
     lat_m: FloatArray
+    axis_rad: FloatArray
     speed_mps: FloatArray
     length_m: FloatArray
     width_m: FloatArray
@@ -120,7 +122,7 @@ class Ghosts:
     @classmethod
     def none(cls) -> Ghosts:
         """Return no ghosts."""
-        return cls(*(np.zeros(0) for _ in range(5)))
+        return cls(*(np.zeros(0) for _ in range(6)))
 
 
 @dataclass(frozen=True)

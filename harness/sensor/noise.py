@@ -1,4 +1,8 @@
-"""How far a measured vehicle is off: position errors in the road frame, and speed from a range rate."""
+"""How far a measured vehicle is off: position errors in the road frame, and speed from a range rate.
+
+A box has errors along and across its own axis and along and across the line of sight. On a road its axis is the road's;
+where the road frame is the plane it is the vehicle's own heading.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,12 @@ class PositionStd:
     """Standard deviations of measured positions, metres, each of shape (n,).
 
     Attributes:
-        fit_lon_m: Longitudinal error of the fitted box.
-        fit_lat_m: Lateral error of the fitted box.
+        fit_lon_m: Error of the fitted box along its axis.
+        fit_lat_m: Error of the fitted box across its axis.
         along_m: Error along the line of sight.
         across_m: Error across it.
         lon_m: All of them together, longitudinal.
-        lat_m: All of them together, lateral; the correlation with ``lon_m`` off the road's axis is dropped.
+        lat_m: All of them together, lateral; the correlation with ``lon_m`` off the frame's axes is dropped.
     """
 
     fit_lon_m: FloatArray
@@ -36,23 +40,30 @@ class PositionStd:
 
 
 def position_std(
-    settings: SensorSettings, distance_m: FloatArray, angle_rad: FloatArray, visible_fraction: FloatArray
+    settings: SensorSettings,
+    distance_m: FloatArray,
+    angle_rad: FloatArray,
+    visible_fraction: FloatArray,
+    axis_rad: FloatArray | float = 0.0,
 ) -> PositionStd:
     """Return how precisely vehicles are measured.
 
     Args:
         settings: The sensor's figures.
         distance_m: Distance from the sensor, shape (n,).
-        angle_rad: Direction of the line of sight against the road at the vehicle, shape (n,).
+        angle_rad: Direction of the line of sight against the box's axis, shape (n,).
         visible_fraction: How much of each is seen, shape (n,).
+        axis_rad: Direction of the box's axis against the frame's, shape (n,); zero on a road.
     """
     factor = box_factor(settings, visible_fraction)
     fit_lon, fit_lat = factor * settings.std_lon_m, factor * settings.std_lat_m
     along = factor * np.hypot(settings.std_range_m, settings.std_range_share * distance_m)
     across = factor * np.deg2rad(settings.std_bearing_deg) * distance_m
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    lon = np.sqrt(fit_lon**2 + (along * cosine) ** 2 + (across * sine) ** 2)
-    lat = np.sqrt(fit_lat**2 + (along * sine) ** 2 + (across * cosine) ** 2)
+    cosine, sine = np.cos(angle_rad + axis_rad), np.sin(angle_rad + axis_rad)
+    turn, aside = np.cos(axis_rad), np.sin(axis_rad)
+    fit = (fit_lon * turn) ** 2 + (fit_lat * aside) ** 2, (fit_lon * aside) ** 2 + (fit_lat * turn) ** 2
+    lon = np.sqrt(fit[0] + (along * cosine) ** 2 + (across * sine) ** 2)
+    lat = np.sqrt(fit[1] + (along * sine) ** 2 + (across * cosine) ** 2)
     return PositionStd(fit_lon, fit_lat, along, across, lon, lat)
 
 
@@ -108,8 +119,14 @@ def measured_sizes(
     return np.concatenate([np.maximum(size + std * normals, SMALLEST_BOX_M), std], axis=-1)
 
 
+def turned(along: FloatArray, across: FloatArray, axis_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return longitudinal and lateral parts of what lies along and across axes turned against the frame, each (n,)."""
+    cosine, sine = np.cos(axis_rad), np.sin(axis_rad)
+    return along * cosine - across * sine, along * sine + across * cosine
+
+
 def position_error(std: PositionStd, angle_rad: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return longitudinal and lateral errors, each (n,), made from standard normal numbers, shape (n, 4)."""
+    """Return errors along and across the boxes' axes, each (n,), made from standard normal numbers, shape (n, 4)."""
     along, across = std.along_m * normals[:, 2], std.across_m * normals[:, 3]
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     lon = std.fit_lon_m * normals[:, 0] + along * cosine - across * sine
@@ -124,17 +141,17 @@ def measured_speed(
     lat_speed_mps: FloatArray,
     normals: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return longitudinal speeds got from the range rate, and their deviations.
+    """Return speeds along the boxes' axes got from the range rate, and their deviations.
 
     The range rate is the vehicle's speed along the line of sight less the ego's, which the sensor knows and adds. It
-    takes the vehicle to move along the road and divides by the cosine of the line of sight against the road. The
+    takes the vehicle to move along its axis and divides by the cosine of the line of sight against that. The
     error of that angle is small beside the rest and left out.
 
     Args:
         settings: The sensor's figures.
-        angle_rad: Direction of the line of sight against the road at the vehicle, shape (n,).
-        speed_mps: True longitudinal speed, shape (n,).
-        lat_speed_mps: True lateral speed, shape (n,).
+        angle_rad: Direction of the line of sight against the box's axis, shape (n,).
+        speed_mps: True speed along that axis, shape (n,).
+        lat_speed_mps: True speed across it, shape (n,).
         normals: Standard normal numbers, shape (n,).
 
     Returns:

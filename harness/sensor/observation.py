@@ -60,8 +60,8 @@ class Look:
 class Sensor(Protocol):
     """Turns frames into observations."""
 
-    def model(self) -> SensorModel:
-        """Return what a tracker may know of this sensor beforehand."""
+    def model(self, road: Road | None = None) -> SensorModel:
+        """Return what a tracker may know of this sensor beforehand, on a road."""
         ...
 
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:

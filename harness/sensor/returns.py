@@ -7,10 +7,17 @@ from functools import partial
 
 import numpy as np
 
-from harness.sensor.clutter import ghosts_after, positions_on_road
+from harness.sensor.clutter import ghosts_after, on_a_lane, positions_on_lanes
 from harness.sensor.failings import Boxes, advance, detection_probability, merged, miss_chain, shifted, split
 from harness.sensor.memory import NORMALS, SensorMemory, VehicleMemory, drifted
-from harness.sensor.noise import measured_sizes, measured_speed, position_error, position_std, reported_factors
+from harness.sensor.noise import (
+    measured_sizes,
+    measured_speed,
+    position_error,
+    position_std,
+    reported_factors,
+    turned,
+)
 from harness.sensor.profiles import SensorSettings
 from harness.sensor.scene import Scene, in_reach, sight_to
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, wrap_angle
@@ -60,7 +67,7 @@ def _boxes(settings: SensorSettings, scene: Scene, now: VehicleMemory, origin: I
     """Return what the detector takes for vehicles of those that it detects."""
     frame, fraction = scene.frame, scene.fraction
     lon, lat, length, width = (column[origin] for column in (frame.lon_m, frame.lat_m, frame.length_m, frame.width_m))
-    whole = Boxes(origin, lon, lat, length, width, np.zeros(len(origin), dtype=np.bool_))
+    whole = Boxes(origin, lon, lat, length, width, scene.axis_rad[origin], np.zeros(len(origin), dtype=np.bool_))
     boxes = merged(settings, whole, now.merged[origin] > 0.0, fraction[origin])
     # A box that stands for two vehicles is not divided.
     single = boxes.length_m == frame.length_m[boxes.origin]
@@ -69,7 +76,7 @@ def _boxes(settings: SensorSettings, scene: Scene, now: VehicleMemory, origin: I
     hider = scene.occluder[boxes.origin]
     side = np.sign(wrap_angle(bearing[boxes.origin] - bearing[hider]))
     side[hider < 0] = 0.0
-    return shifted(settings, boxes, fraction[boxes.origin], scene.sight.against_road[boxes.origin], side)
+    return shifted(settings, boxes, fraction[boxes.origin], scene.sight.against_axis[boxes.origin], side)
 
 
 def _drifting(settings: SensorSettings) -> FloatArray:
@@ -90,36 +97,37 @@ def _measured(
     errors, reports = normals
     frame, of = scene.frame, boxes.origin
     fraction = scene.fraction[of]
-    distance, angle = scene.sight.distance[of], scene.sight.against_road[of]
-    off_lon, off_lat = position_error(position_std(settings, distance, angle, fraction), angle, errors[:, :4])
+    distance, angle = scene.sight.distance[of], scene.sight.against_axis[of]
+    off = position_error(position_std(settings, distance, angle, fraction), angle, errors[:, :4])
+    off_lon, off_lat = turned(*off, boxes.axis_rad)
     speed, _ = measured_speed(settings, angle, frame.speed_mps[of], frame.lat_speed_mps[of], errors[:, SPEED_NORMAL])
     size = measured_sizes(settings, boxes.length_m, boxes.width_m, fraction, errors[:, 5:])
     lon, lat = boxes.lon_m + off_lon, boxes.lat_m + off_lat
-    return _reported(settings, scene, (lon, lat, speed, size), (fraction, reports), named)
+    return _reported(settings, scene, (lon, lat, boxes.axis_rad, speed, size), (fraction, reports), named)
 
 
 def _reported(
     settings: SensorSettings,
     scene: Scene,
-    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
     report: tuple[FloatArray, FloatArray],
     origin: IntArray,
 ) -> Returns:
-    """Return measured values with the deviations that they report, which follow from the measured place alone.
+    """Return measured values with the deviations that they report, which follow from the measured box alone.
 
     Args:
         settings: The sensor's figures.
         scene: Gives the sensor's pose.
-        measured: Longitudinal and lateral position, speed and sizes.
+        measured: Longitudinal and lateral position, direction of the box, speed and sizes.
         report: Visible fraction, which shows but a little, and standard normal numbers of the spread.
         origin: Vehicle behind each.
     """
-    lon, lat, speed, size = measured
-    sight = sight_to(lon, lat, scene.road, scene.ego)
+    lon, lat, axis, speed, size = measured
+    sight = sight_to(lon, lat, scene.road, scene.ego, axis)
     plain, zeros = np.ones(len(lon)), np.zeros(len(lon))
     factor = reported_factors(settings, *report)
-    nominal = position_std(settings, sight.distance, sight.against_road, plain)
-    std_speed = factor[:, 2] * measured_speed(settings, sight.against_road, zeros, zeros, zeros)[1]
+    nominal = position_std(settings, sight.distance, sight.against_axis, plain, axis)
+    std_speed = factor[:, 2] * measured_speed(settings, sight.against_axis, zeros, zeros, zeros)[1]
     # Near the line of sight beyond which speed is not measured the true and the measured place may disagree.
     speed, std_speed = (np.where(np.isnan(speed + std_speed), np.nan, one) for one in (speed, std_speed))
     if settings.std_length_m is not None and settings.std_width_m is not None:
@@ -131,14 +139,15 @@ def _reported(
 def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, rng: np.random.Generator) -> Returns:
     """Return false detections that flash up once, spread evenly over the lanes in reach, of the size of a car."""
     count = int(rng.poisson(settings.clutter_per_scan))
-    lon, lat = positions_on_road(settings, scene.road, scene.ego, count, rng, partial(_place_in_reach, settings, scene))
-    sight = sight_to(lon, lat, scene.road, scene.ego)
+    near = partial(_place_in_reach, settings, scene)
+    lon, lat, axis = positions_on_lanes(settings, scene.road, scene.ego, count, rng, near)
+    sight = sight_to(lon, lat, scene.road, scene.ego, axis)
     plain_view, zeros = np.ones(len(lon)), np.zeros(len(lon))
     ghost_speed = rng.uniform(*CLUTTER_SPEED_MPS, size=len(lon))
-    speed, _ = measured_speed(settings, sight.against_road, ghost_speed, zeros, zeros)
+    speed, _ = measured_speed(settings, sight.against_axis, ghost_speed, zeros, zeros)
     car = zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M
     size = measured_sizes(settings, *car, plain_view, rng.standard_normal((len(lon), 2)))
-    return _reported_of_nothing(settings, memory, scene, (lon, lat, speed, size))
+    return _reported_of_nothing(settings, memory, scene, (lon, lat, axis, speed, size))
 
 
 def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, step_s: float) -> Returns:
@@ -148,22 +157,23 @@ def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scen
     chance, normals = rng.random(len(ghosts)), rng.standard_normal((len(ghosts), NORMALS))
     shown = chance < settings.persistent_clutter_probability
     shown &= _place_in_reach(settings, scene, ghosts.lon_m, ghosts.lat_m)
-    shown &= scene.road.lane_number_at(ghosts.lon_m, ghosts.lat_m) > 0
+    shown &= on_a_lane(scene.road, ghosts.lon_m, ghosts.lat_m)
     ghosts, normals = taken(ghosts, np.flatnonzero(shown)), normals[shown]
-    sight = sight_to(ghosts.lon_m, ghosts.lat_m, scene.road, scene.ego)
+    sight = sight_to(ghosts.lon_m, ghosts.lat_m, scene.road, scene.ego, ghosts.axis_rad)
     plain_view, zeros = np.ones(len(ghosts)), np.zeros(len(ghosts))
-    std = position_std(settings, sight.distance, sight.against_road, plain_view)
-    off_lon, off_lat = position_error(std, sight.against_road, normals[:, :4])
-    speed, _ = measured_speed(settings, sight.against_road, ghosts.speed_mps, zeros, normals[:, SPEED_NORMAL])
+    std = position_std(settings, sight.distance, sight.against_axis, plain_view)
+    off_lon, off_lat = turned(*position_error(std, sight.against_axis, normals[:, :4]), ghosts.axis_rad)
+    speed, _ = measured_speed(settings, sight.against_axis, ghosts.speed_mps, zeros, normals[:, SPEED_NORMAL])
     size = measured_sizes(settings, ghosts.length_m, ghosts.width_m, plain_view, normals[:, 5:])
-    return _reported_of_nothing(settings, memory, scene, (ghosts.lon_m + off_lon, ghosts.lat_m + off_lat, speed, size))
+    measured = (ghosts.lon_m + off_lon, ghosts.lat_m + off_lat, ghosts.axis_rad, speed, size)
+    return _reported_of_nothing(settings, memory, scene, measured)
 
 
 def _reported_of_nothing(
     settings: SensorSettings,
     memory: SensorMemory,
     scene: Scene,
-    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
 ) -> Returns:
     """Return false detections with deviations by the law of the true ones, as of vehicles seen to any fraction."""
     count, rng = len(measured[0]), memory.streams.reports
@@ -180,5 +190,5 @@ def _seen_fractions(settings: SensorSettings, scene: Scene) -> FloatArray:
 
 
 def _place_in_reach(settings: SensorSettings, scene: Scene, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
-    sight = sight_to(lon_m, lat_m, scene.road, scene.ego)
+    sight = sight_to(lon_m, lat_m, scene.road, scene.ego, 0.0)
     return in_reach(settings, sight.distance, sight.off_axis)

@@ -16,11 +16,11 @@ from mmpf.scan import EgoPose
 
 @dataclass(frozen=True)
 class Sight:
-    """Lines of sight: distance, direction, the same against the road at the far end, and off the ego's heading."""
+    """Lines of sight: distance, direction, the same against the axis at the far end, and off the ego's heading."""
 
     distance: FloatArray
     bearing: FloatArray
-    against_road: FloatArray
+    against_axis: FloatArray
     off_axis: FloatArray
 
 
@@ -40,9 +40,27 @@ class Scene:
         """Pose of the sensor's vehicle."""
         return self.frame.ego_pose
 
+    @property
+    def axis_rad(self) -> FloatArray:
+        """Direction of each vehicle's box against the frame's longitudinal axis, shape (n,): see ``box_axes``."""
+        return box_axes(self.road, self.frame.heading_rad)
 
-def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> Sight:
-    """Return the lines of sight from the ego's sensor to positions, each of shape (n,)."""
+
+def box_axes(road: Road, heading_rad: FloatArray) -> FloatArray:
+    """Return how boxes lie that are fitted to vehicles: along the road, or in the plane along their own headings."""
+    return heading_rad if road.graph is not None else np.zeros(len(heading_rad))
+
+
+def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose, axis_rad: FloatArray | float) -> Sight:
+    """Return the lines of sight from the ego's sensor to positions, each of shape (n,).
+
+    Args:
+        lon_m: Longitudinal positions, shape (n,).
+        lat_m: Lateral positions, shape (n,).
+        road: The road.
+        ego: Pose of the sensor's vehicle.
+        axis_rad: Direction of the box at each position against the road, shape (n,).
+    """
     sensor_x, sensor_y = sensor_position(ego, road)
     x, y = road.to_cartesian(lon_m, lat_m)
     bearing = np.arctan2(y - sensor_y, x - sensor_x)
@@ -50,7 +68,7 @@ def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose) -> 
     return Sight(
         distance=np.hypot(x - sensor_x, y - sensor_y),
         bearing=bearing,
-        against_road=bearing - road.heading_at(lon_m),
+        against_axis=bearing - road.heading_at(lon_m) - axis_rad,
         off_axis=np.abs(wrap_angle(bearing - ego_road - ego.heading_rad)),
     )
 

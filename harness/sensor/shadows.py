@@ -1,6 +1,7 @@
 """What the sensor knows of its own blind areas, worked out from its detections alone.
 
-Each detection stands for a vehicle of its measured size, or else a mean car, that points along the road. The space
+Each detection stands for a vehicle of its measured size, or else a mean car, that points along the road, in the plane
+along the nearest lane, and off all lanes along the line of sight. The space
 behind it, seen from the sensor, is its shadow. The body itself is not: a detected vehicle does not lie in its own
 shadow, so that the free distance of a sector ends at the far side of the first body in it.
 """
@@ -11,6 +12,7 @@ import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
 from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.road import Road
 from mmpf.scan import Detections, EgoPose, FreeSpace
 
@@ -78,9 +80,16 @@ def _shadowing_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatA
         length, width = np.full(len(detections), NOMINAL_LENGTH_M), np.full(len(detections), NOMINAL_WIDTH_M)
     else:
         length, width = detections.sizes.length_m, detections.sizes.width_m
-    heading = road.heading_at(detections.lon_m)
-    boxes = pack_boxes(sensor_position(ego, road), x, y, heading, length, width)
+    sensor = sensor_position(ego, road)
+    heading = road.heading_at(detections.lon_m) if road.graph is None else _lane_headings(road.graph, sensor, x, y)
+    boxes = pack_boxes(sensor, x, y, heading, length, width)
     return boxes[~contains_sensor(boxes)]
+
+
+def _lane_headings(graph: LaneGraph, sensor: tuple[float, float], x: FloatArray, y: FloatArray) -> FloatArray:
+    near = graph.lanes_near(x, y, most=1)
+    bearing = np.arctan2(y - sensor[1], x - sensor[0])
+    return np.where(near.lane[:, 0] != NOWHERE, near.heading_rad[:, 0], bearing)
 
 
 def _corners(box: FloatArray) -> FloatArray:
