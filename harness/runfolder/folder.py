@@ -11,7 +11,7 @@ import shutil
 import tomllib
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from harness.errors import InputError
 from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
 from harness.runfolder import ownership
 from harness.runfolder.checks import Until, check_kinds, check_order, check_rows, read_parquet
+from harness.runfolder.graphs import graph_of, graph_table, walls_of
 from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.writing.files import write_text
 from mmpf.road import Lane, Road
@@ -240,7 +241,15 @@ def read_regular(path: Path) -> str:
 
 def write_road(road: Road, path: Path) -> None:
     """Write a road so that a replay needs no network."""
-    write_text(path, json.dumps(asdict(road), indent=1) + "\n")
+    fields = asdict(replace(road, graph=None, walls_xy=None))
+    del fields["graph"], fields["walls_xy"]
+    if road.graph is None:
+        write_text(path, json.dumps(fields, indent=1) + "\n")
+        return
+    fields["graph"] = graph_table(road.graph)
+    if road.walls_xy is not None:
+        fields["walls_xy"] = road.walls_xy.tolist()
+    write_text(path, json.dumps(fields, separators=(",", ":")) + "\n")
 
 
 def read_road(path: Path, parameter: str) -> Road:
@@ -261,10 +270,14 @@ def read_road(path: Path, parameter: str) -> Road:
             reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),
             reference_start_m=float(fields["reference_start_m"]),
             section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
+            graph=graph_of(fields["graph"]) if "graph" in fields else None,
+            walls_xy=walls_of(fields["walls_xy"]) if "walls_xy" in fields else None,
         )
         _check_road(road)
         return road
-    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError) as error:
+    except (
+        *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, OverflowError),
+    ) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None
 
 
@@ -278,6 +291,13 @@ def _check_road(road: Road) -> None:
     ends = (*road.section_m, road.reference_start_m)
     if not all(abs(value) <= FARTHEST_M for value in ends) or road.section_m[0] >= road.section_m[1]:
         raise ValueError("its section is empty or not finite")
+    if road.walls_xy is not None and road.graph is None:
+        raise ValueError("it has walls but no graph of lanes")
+    if road.graph is not None:
+        plane = Road(lanes=())
+        if (road.lanes, road.reference_xy, road.reference_start_m) != ((), plane.reference_xy, 0.0):
+            raise ValueError("beside a graph of lanes its frame must be the plane")
+        return
     if not 1 <= len(road.lanes) <= MOST_LANES:
         raise ValueError(f"it has {len(road.lanes)} lanes")
     for lane in road.lanes:

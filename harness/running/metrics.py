@@ -15,6 +15,7 @@ from harness.running.follow import StageTimes
 from harness.scoring.metrics import completed
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import LaneGraph
 from mmpf.road import NO_LANE, Road
 
 
@@ -69,6 +70,9 @@ def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str
     }
 
 
+AROUND_EGO_M = 100.0
+
+
 @dataclass
 class TrafficSums:
     """What the ``traffic`` table is made of, summed over a run that comes stretch by stretch.
@@ -78,15 +82,20 @@ class TrafficSums:
         in_range: Vehicle-steps within the sensor's range, without the ego.
         inside: Vehicle-steps on a lane of the section.
         speed_mps: Sum of their speeds.
+        lane_km: In the plane, sum over steps of the length of lanes around the ego, paths across junctions left out.
     """
 
     steps: int = 0
     in_range: float = 0.0
     inside: int = 0
     speed_mps: float = 0.0
+    lane_km: float = 0.0
 
     def add(self, truth: pd.DataFrame, road: Road) -> None:
         """Add the truth of a stretch."""
+        if road.graph is not None:
+            self._add_around_ego(truth, road.graph)
+            return
         start, end = road.section_m
         on_lane = truth["lane"].to_numpy() != NO_LANE
         speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[truth["lon_m"].between(start, end).to_numpy() & on_lane]
@@ -96,8 +105,30 @@ class TrafficSums:
         if "is_ego" in truth:
             self.in_range += float(truth["in_range"][~truth["is_ego"].to_numpy(dtype=bool)].sum())
 
+    def _add_around_ego(self, truth: pd.DataFrame, graph: LaneGraph) -> None:
+        egos = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")
+        ego = egos.reindex(truth["step"])
+        x, y = (truth[name].to_numpy(dtype=np.float64) for name in ("lon_m", "lat_m"))
+        away = np.hypot(x - ego["lon_m"].to_numpy(), y - ego["lat_m"].to_numpy())
+        lane = truth["lane"].to_numpy(dtype=np.int64)
+        counts = (away <= AROUND_EGO_M) & (lane != NO_LANE) & ~np.append(graph.in_junction, False)[lane - 1]
+        self.steps += len(egos)
+        self.inside += int(counts.sum())
+        self.speed_mps += float(truth["speed_mps"].to_numpy(dtype=np.float64)[counts].sum())
+        self.in_range += float(truth["in_range"][~truth["is_ego"].to_numpy(dtype=bool)].sum())
+        segments = graph.segments
+        open_road = ~graph.in_junction[segments.lane]
+        middle_x = (segments.start_x + 0.5 * segments.length_m * segments.cosine)[open_road]
+        middle_y = (segments.start_y + 0.5 * segments.length_m * segments.sine)[open_road]
+        length_m = segments.length_m[open_road]
+        for ego_x, ego_y in egos[["lon_m", "lat_m"]].to_numpy(dtype=np.float64):
+            inside = np.hypot(middle_x - ego_x, middle_y - ego_y) <= AROUND_EGO_M
+            self.lane_km += float(length_m[inside].sum()) / 1e3
+
     def summary(self, road: Road) -> dict[str, float]:
         """Return density, flow and speed; see ``summarise_traffic``."""
+        if road.graph is not None:
+            return self._summary_around_ego()
         start, end = road.section_m
         main_lanes = sum(1 for lane in road.lanes if lane.start_m <= start and lane.end_m >= end)
         if not self.steps or not self.inside:
@@ -107,6 +138,16 @@ class TrafficSums:
         return {
             "density_veh_per_km_lane": vehicles_per_km / max(main_lanes, 1),
             "flow_veh_per_h": vehicles_per_km * mean_speed * 3.6,
+            "mean_speed_mps": mean_speed,
+        }
+
+    def _summary_around_ego(self) -> dict[str, float]:
+        if not self.inside or not self.lane_km:
+            return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
+        density, mean_speed = self.inside / self.lane_km, self.speed_mps / self.inside
+        return {
+            "density_veh_per_km_lane": density,
+            "flow_veh_per_h": density * mean_speed * 3.6,
             "mean_speed_mps": mean_speed,
         }
 
@@ -127,7 +168,8 @@ def summarise_traffic(truth: pd.DataFrame, road: Road) -> dict[str, float]:
 
     Density is the time that all vehicles spent over the section's area in space and time, flow the distance that
     they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
-    where they are on a lane: those on ramps are left out.
+    where they are on a lane: those on ramps are left out. In the plane the area is that of the lanes within 100 m of
+    the ego, paths across junctions left out, and the flow is that of a mean lane.
     """
     sums = TrafficSums()
     sums.add(truth, road)

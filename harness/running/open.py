@@ -68,6 +68,7 @@ def _simulated(config: RunConfig, gui: bool) -> Looks:
     # The sensor is checked first: it costs nothing, while opening traffic starts a simulation.
     sensor = _sensor(config)
     from harness.truth.network.network import load_network  # noqa: PLC0415
+    from harness.truth.sumo.planetruth import BEYOND_RANGE_M, REACH_M  # noqa: PLC0415
     from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415
 
     traffic = config.traffic
@@ -76,6 +77,7 @@ def _simulated(config: RunConfig, gui: bool) -> Looks:
         raise InputError(f"`density`: {network.name} brings its own demand; leave `density` out")
     truth = open_traffic(
         network,
+        reach_m=max(REACH_M, sensor.model().range_m + BEYOND_RANGE_M),
         demand=traffic.density if traffic.demand is None else traffic.demand,
         duration_s=traffic.duration_s,
         seed=Streams.from_seed(config.seed).truth,

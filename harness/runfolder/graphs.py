@@ -1,0 +1,63 @@
+"""A graph of lanes in a run's folder: as a table that JSON holds, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from harness.truth.network.graphlimits import FARTHEST_M, MOST_POINTS, graph_problem
+from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import LaneGraph
+
+FLOATS, INTEGERS = ("width_m", "speed_limit_mps"), ("left", "right", "successor", "first_successor", "first_point")
+
+
+def graph_table(graph: LaneGraph) -> dict[str, Any]:
+    """Return a graph as lists; numbers are read back as the same."""
+    return {
+        "name": list(graph.name),
+        **{name: getattr(graph, name).tolist() for name in ("xy", *FLOATS, *INTEGERS)},
+        "in_junction": np.flatnonzero(graph.in_junction).tolist(),
+    }
+
+
+def graph_of(table: Mapping[str, Any]) -> LaneGraph:
+    """Return the graph that a table holds.
+
+    Raises:
+        ValueError: It is none, or larger than can be held; so are KeyError, TypeError and OverflowError.
+    """
+    names = tuple(table["name"])
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError("a lane's name is no text")
+    in_junction = np.zeros(len(names), dtype=np.bool_)
+    in_junction[_integers(table["in_junction"])] = True
+    columns: dict[str, Any] = {name: np.array(table[name], dtype=np.float64) for name in FLOATS}
+    columns |= {name: _integers(table[name]) for name in INTEGERS}
+    points = np.array(table["xy"], dtype=np.float64).reshape(-1, 2)
+    graph = LaneGraph(name=names, xy=points, in_junction=in_junction, **columns)
+    problem = graph_problem(graph)
+    if problem:
+        raise ValueError(problem)
+    return graph
+
+
+def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:
+    """Return walls as rows of both ends' x and y, metres, shape (w, 4).
+
+    Raises:
+        ValueError: They are none, or too many or too far away.
+    """
+    walls = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    if len(walls) > MOST_POINTS or not (np.abs(walls) <= FARTHEST_M).all():
+        raise ValueError(f"its walls are more than {MOST_POINTS}, or beyond {FARTHEST_M:g} m")
+    return walls
+
+
+def _integers(values: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    found = np.array(values)
+    if found.size and found.dtype.kind != "i":
+        raise ValueError("an index of the lanes is no whole number")
+    return found.astype(np.int64)
