@@ -17,6 +17,7 @@ from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
+from mmpf.around.shadows import WALL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
@@ -142,9 +143,12 @@ def _visibility(
     may_block[frame.ego] = False
     chosen = np.flatnonzero(may_block)
     heading = frame.heading_rad + road.heading_at(frame.lon_m)
-    part, part_occluder = visible_fractions(
-        sensor, x[chosen], y[chosen], heading[chosen], frame.length_m[chosen], frame.width_m[chosen]
-    )
+    bodies = np.stack([x, y, heading, frame.length_m, frame.width_m])[:, chosen]
+    walls = _wall_bodies(road.walls_near(*sensor, range_m))
+    part, part_occluder = visible_fractions(sensor, *np.concatenate([bodies, walls], axis=1))
+    part, part_occluder = part[: len(chosen)], part_occluder[: len(chosen)]
+    # What a wall hides no vehicle hides.
+    part_occluder[part_occluder >= len(chosen)] = NO_OCCLUDER
     fraction = np.zeros(len(frame))
     occluder = np.full(len(frame), NO_OCCLUDER, dtype=np.int64)
     fraction[chosen] = part
@@ -152,6 +156,13 @@ def _visibility(
     fraction[~in_range], occluder[~in_range] = 0.0, NO_OCCLUDER
     fraction[frame.ego] = 1.0
     return fraction, occluder
+
+
+def _wall_bodies(walls: FloatArray) -> FloatArray:
+    """Return walls as thin bodies: rows of x, y, heading, length and width, shape (5, k)."""
+    middle, step = 0.5 * (walls[:, :2] + walls[:, 2:]), walls[:, 2:] - walls[:, :2]
+    length = np.hypot(step[:, 0], step[:, 1])
+    return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls), WALL_WIDTH_M)])
 
 
 def _states(settings: SensorSettings, fraction: FloatArray, in_range: BoolArray) -> npt.NDArray[np.int8]:

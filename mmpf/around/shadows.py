@@ -18,8 +18,8 @@ from mmpf.compute.threads import in_shares
 from mmpf.scan import FreeSpace
 
 BEARINGS = 1440
-# Walls farther away hide nothing within any sensor's range; they are as thick as a brick is wide.
-WALLS_WITHIN_M, WALL_WIDTH_M = 250.0, 0.1
+# Walls farther away hide nothing within any sensor's range; only their outlines count.
+WALLS_WITHIN_M, WALL_WIDTH_M = 250.0, 0.01
 LARGEST_RAY_COUNT = 16
 # Where the rays over a vehicle's extent lie, as shares of its half-width.
 RAY_PLACES = (2.0 * np.arange(LARGEST_RAY_COUNT) + 1.0) / LARGEST_RAY_COUNT - 1.0

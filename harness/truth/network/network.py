@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from harness.errors import InputError
 from harness.inputs import checked_path
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
@@ -25,6 +27,8 @@ from harness.truth.network.networkfile import (
     read_toml,
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
+from harness.truth.network.walls import read_walls
+from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 
 
@@ -107,8 +111,12 @@ class Network:
     def road(self) -> Road:
         """The road frame with the section that is scored."""
         if self.plane is not None:
-            return Road(lanes=(), section_m=self.section_m, graph=self.plane.graph)
+            return Road(lanes=(), section_m=self.section_m, graph=self.plane.graph, walls_xy=self._walls(self.plane))
         return self.main_road.road(self.section_m)
+
+    def _walls(self, plane: PlaneNetwork) -> FloatArray | None:
+        walls = None if self.sumo_inputs is None else read_walls(self.sumo_inputs.additional_files)
+        return None if walls is None else walls - np.tile(plane.origin_xy, 2)
 
     @property
     def main_road(self) -> Corridor:
