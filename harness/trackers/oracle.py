@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import TrackerSetting, trackers
 from mmpf.compute.arrays import FloatArray, IntArray, StringArray, joined, taken
 from mmpf.scan import Detections, EgoPose, Scan, check_scan
@@ -52,8 +53,11 @@ class _Followed:
 class OracleKalman:
     """One constant-velocity Kalman filter for each vehicle, with the true association of every detection."""
 
-    def __init__(self, options: OracleOptions) -> None:
-        self._options = options
+    def __init__(self, options: OracleOptions, in_plane: bool = False) -> None:
+        if in_plane:
+            alike = {"lat_noise": options.lon_noise, "birth_lat_speed_std_mps": options.birth_speed_std_mps}
+            options = options.model_copy(update=alike)
+        self._options, self._in_plane = options, in_plane
         self._time_s: float | None = None
         self._next_track_id = 1
         no_index, no_states = np.zeros(0, dtype=np.int64), GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4)))
@@ -66,11 +70,14 @@ class OracleKalman:
             InvalidScanError: See ``mmpf.scan.check_scan``.
         """
         check_scan(scan, self._time_s)
+        if self._in_plane:
+            scan = without_directions(scan)
         self._predict(scan.time_s)
         self._time_s = scan.time_s
         for detection in _rounds_without_repetition(truth_id):
             self._update(scan, truth_id, detection)
-        return self._tracks(scan.time_s)
+        tracks = self._tracks(scan.time_s)
+        return along_their_motion(tracks) if self._in_plane else tracks
 
     def _predict(self, time_s: float) -> None:
         if self._time_s is None:
@@ -130,9 +137,9 @@ class OracleKalman:
 
 
 @trackers.register("oracle-kalman")
-def build_oracle_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> OracleKalman:  # noqa: ARG001
-    """Build the oracle; it needs no more of the setting than the detections tell."""
-    return OracleKalman(OracleOptions.model_validate(dict(options)))
+def build_oracle_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> OracleKalman:
+    """Build the oracle; it needs no more of the setting than whether the road frame is the plane."""
+    return OracleKalman(OracleOptions.model_validate(dict(options)), is_in_plane(setting))
 
 
 def _rounds_without_repetition(truth_id: StringArray) -> list[IntArray]:

@@ -6,10 +6,12 @@ after several detections and deleted when unseen for long or spread wide.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from ordered_set import OrderedSet
@@ -43,7 +45,8 @@ from stonesoup.updater import Updater
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.particle import ParticleUpdater
 
-from harness.trackers.protocol import TrackerSetting, trackers
+from harness.trackers.plane import PlaneTracker, is_in_plane
+from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
 from harness.trackers.stonesoup.aware_parts import CarFollowingPredictor, MissedInViewDeleter, ShadowAwareHypothesiser
 from harness.trackers.stonesoup.awareness import Awareness
@@ -68,33 +71,33 @@ from harness.trackers.stonesoup.stitching import IdentityStitcher
 
 
 @trackers.register("stonesoup-gnn")
-def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters with global nearest neighbour association by Mahalanobis distance."""
-    chosen = StoneSoupOptions.model_validate(dict(options))
+    chosen = _chosen(StoneSoupOptions, setting, options)
     predictor, updater = _kalman(chosen)
     initiators = _initiators(chosen, predictor, updater)
     associator = _nearest_neighbour(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
-    return StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2)
+    return _in_frame(setting, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
 
 
 @trackers.register("stonesoup-jpda")
-def build_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+def build_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters with joint probabilistic data association, exact by efficient hypothesis management (EHM2)."""
-    return _jpda(JpdaOptions.model_validate(dict(options)), setting)
+    return _jpda(_chosen(JpdaOptions, setting, options), setting)
 
 
 @trackers.register("stonesoup-jpda-stitched")
-def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """``stonesoup-jpda``, and a newly confirmed track near a lost one takes its identity."""
-    chosen = StitchedJpdaOptions.model_validate(dict(options))
+    chosen = _chosen(StitchedJpdaOptions, setting, options)
     return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
 
 
 @trackers.register("stonesoup-jpda-aware")
-def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """``stonesoup-jpda-stitched`` with measured sizes, shadow-aware detection probabilities and car following."""
-    chosen = AwareJpdaOptions.model_validate(dict(options))
+    chosen = _chosen(AwareJpdaOptions, setting, options)
     awareness, layout = Awareness(chosen, setting.sensor, setting.road), chosen.layout
     predictor = CarFollowingPredictor(
         _transition_model(chosen), awareness=awareness, speed_row=layout.speed, lon_row=layout.lon
@@ -103,18 +106,21 @@ def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> 
     assembly = _jpda_assembly(chosen, setting, predictor, make)
     deleters = [*assembly.tracker.deleter.deleters, MissedInViewDeleter(awareness, chosen.longest_missed)]
     assembly.tracker.deleter = CompositeDeleter(deleters, intersect=False)
-    return StoneSoupTracker(
-        replace(assembly, awareness=awareness),
-        chosen,
-        chosen.clutter_factor * setting.sensor.clutter_density_per_m2,
-        stitcher=IdentityStitcher(chosen.stitching),
+    return _in_frame(
+        setting,
+        StoneSoupTracker(
+            replace(assembly, awareness=awareness),
+            chosen,
+            chosen.clutter_factor * setting.sensor.clutter_density_per_m2,
+            stitcher=IdentityStitcher(chosen.stitching),
+        ),
     )
 
 
 @trackers.register("immortal-kalman")
-def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters whose confirmed tracks are predicted for as long as they are within range (arXiv 2111.13672)."""
-    chosen = ImmortalOptions.model_validate(dict(options))
+    chosen = _chosen(ImmortalOptions, setting, options)
     predictor, updater = _kalman(chosen)
     reach_m = chosen.gate_lon_m, chosen.gate_lat_m
     hypothesiser = (
@@ -125,7 +131,32 @@ def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> St
     associator = GNNWith2DAssignment(WithinReach(hypothesiser, (chosen.layout.lon, chosen.layout.lat), reach_m))
     initiators = _initiators(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
-    return StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2)
+    return _in_frame(setting, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
+
+
+_Options = TypeVar("_Options", bound=KalmanOptions)
+
+
+def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str, object]) -> _Options:
+    """Return a tracker's options; in the plane y is filtered as x, since roads lead anywhere."""
+    chosen = kind.model_validate(dict(options))
+    if not is_in_plane(setting):
+        return chosen
+    alike: dict[str, object] = {
+        "lat_noise": chosen.lon_noise,
+        "birth_lat_speed_std_mps": chosen.birth_speed_std_mps,
+        # Acceleration and following are along x alone, which is no vehicle's direction.
+        "motion": "cv",
+    }
+    if isinstance(chosen, ImmortalOptions):
+        alike["gate_lat_m"] = chosen.gate_lon_m
+    if isinstance(chosen, AwareJpdaOptions):
+        alike["follow_after_s"] = math.inf
+    return chosen.model_copy(update=alike)
+
+
+def _in_frame(setting: TrackerSetting, tracker: StoneSoupTracker) -> Tracker:
+    return PlaneTracker(tracker) if is_in_plane(setting) else tracker
 
 
 def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
@@ -135,9 +166,9 @@ def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
 
 
 @trackers.register("stonesoup-particle")
-def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> StoneSoupTracker:
+def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """A bootstrap particle filter for each track, with global nearest neighbour association."""
-    chosen = ParticleOptions.model_validate(dict(options))
+    chosen = _chosen(ParticleOptions, setting, options)
     single, held = _initiators(chosen, *_kalman(chosen))
     predictor = ParticlePredictor(_transition_model(chosen))
     updater = ParticleUpdater(measurement_model=None, resampler=ESSResampler())
@@ -145,13 +176,15 @@ def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> St
         drawing = GaussianParticleInitiator(initiator=held, number_particles=chosen.particles)
     associator = _nearest_neighbour(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, (single, drawing), associator, updater)
-    return StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2, rng=setting.rng)
+    return _in_frame(
+        setting, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2, rng=setting.rng)
+    )
 
 
-def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> StoneSoupTracker:
+def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> Tracker:
     assembly = _jpda_assembly(options, setting, KalmanPredictor(_transition_model(options)), PDAHypothesiser)
     clutter = options.clutter_factor * setting.sensor.clutter_density_per_m2
-    return StoneSoupTracker(assembly, options, clutter, stitcher=stitcher)
+    return _in_frame(setting, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
 
 
 def _jpda_assembly(
