@@ -1,7 +1,7 @@
 """What trackers of one coordinate each need where the road frame is the plane, and vehicles point anywhere in it.
 
-They filter x and y alike. Nothing is known of a new track's direction, so its velocity is zero on the average; a measured
-speed is one along the vehicle's own heading, which they don't know, and is left out.
+They filter x and y alike. Nothing is known of a new track's direction, so its velocity is zero on the average; a
+measured speed is one along the vehicle's own heading, which they don't know, and is left out.
 """
 
 from __future__ import annotations
