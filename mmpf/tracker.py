@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from mmpf.around.on_graph import surroundings_on_graph
-from mmpf.around.plane import SensorPlane
 from mmpf.around.surroundings import surroundings_of
+from mmpf.around.ways import on_heaviest_way
 from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
@@ -17,11 +17,11 @@ from mmpf.compute.threads import one_blas_thread
 from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
-from mmpf.lanes.guided import LaneGuided
-from mmpf.lanes.ways import on_heaviest_way
+from mmpf.motion.guided import LaneGuided
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
+from mmpf.plane import SensorPlane
 from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
 from mmpf.report import StepReport, Stopwatch, reported_tracks
 from mmpf.road import Road

@@ -7,12 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.protocol import MotionModel
+from mmpf.plane import SensorPlane
 from mmpf.scan import Scan, SensorModel
 
 

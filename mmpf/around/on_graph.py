@@ -12,7 +12,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.lanes.guided import guidance
+from mmpf.motion.guided import guidance
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.options import FlowOptions
 from mmpf.scan import EgoPose

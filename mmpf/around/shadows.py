@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from mmpf.around.plane import SensorPlane
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.threads import in_shares
+from mmpf.plane import SensorPlane
 from mmpf.scan import FreeSpace
 
 BEARINGS = 1440

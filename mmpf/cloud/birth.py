@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
+from mmpf.plane import SensorPlane
 from mmpf.scan import Detections
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.plane import SensorPlane
 from mmpf.state import LAT, LON
 
 # Half a footprint, a little wider across: cars do not drive mirror to mirror.

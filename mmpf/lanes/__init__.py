@@ -1,1 +1,1 @@
-"""Roads of any shape: lanes as a graph of lines in the plane, and motion along them."""
+"""Roads of any shape: lanes as a graph of lines in the plane."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.birth import Traffic
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion import motion_model
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, Surroundings, motion_models, spreads_speed
 from mmpf.options import FilterOptions
+from mmpf.plane import SensorPlane
 from mmpf.prediction import bootstrap_proposal, prior_update
 from mmpf.registry import Registry
 from mmpf.scan import SensorModel

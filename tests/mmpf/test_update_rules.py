@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
@@ -11,6 +10,7 @@ from mmpf.joint.rule import JointUpdate
 from mmpf.motion.protocol import motion_models
 from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
+from mmpf.plane import SensorPlane
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import Occlusion, Situation, UpdateRule

@@ -17,12 +17,12 @@ from stonesoup.types.update import Update
 from harness.trackers.stonesoup.options import AwareJpdaOptions
 from harness.trackers.stonesoup.parts import MEASURED_SIZE, to_seconds
 from mmpf.around.neighbours import IN_THE_WAY
-from mmpf.around.plane import SensorPlane
 from mmpf.around.shadows import Bodies, depth_table, visible_fractions
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.idm import LONGEST_HEADWAY_S, SHORTEST_HEADWAY_S, SLOWEST_MPS, adaptive_parameters, idm_acceleration
 from mmpf.motion.protocol import Neighbour
 from mmpf.options import Footprint
+from mmpf.plane import SensorPlane
 from mmpf.road import Road
 from mmpf.scan import EgoPose, Scan, SensorModel
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.around.plane import SensorPlane
 from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
 from mmpf.compute.arrays import FloatArray
 from mmpf.options import MEAN_CAR
+from mmpf.plane import SensorPlane
 from mmpf.road import Road
 from mmpf.scan import EgoPose, FreeSpace
 from tests.mmpf.lanes.scenes import graph_of

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint.interaction import room_beside_seen_vehicles
+from mmpf.plane import SensorPlane
 from tests.mmpf.scenes import ROAD, belief_of, ego_at, spot
 
 SEEN_LON_M, SEEN_LAT_M = 40.0, 5.0

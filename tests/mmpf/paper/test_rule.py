@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.around.plane import SensorPlane
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.motion import motion_model
@@ -15,6 +14,7 @@ from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.paper_options import MaxLikelihoodOptions, PaperReclustering
+from mmpf.plane import SensorPlane
 from mmpf.scan import FreeSpace, SensorModel
 from mmpf.state import LON
 from mmpf.tracker import MixtureTracker

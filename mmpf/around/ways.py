@@ -10,7 +10,7 @@ import numpy as np
 from mmpf.cloud.mixture import Mixture
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.lanes.graph import LaneGraph
-from mmpf.lanes.guided import guidance
+from mmpf.motion.guided import guidance
 
 # Lanes that one vehicle's particles can be on before some go uncounted.
 MOST_LANES = 64

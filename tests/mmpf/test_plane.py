@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.around.plane import SensorPlane
+from mmpf.plane import SensorPlane
 from mmpf.road import Road
 from tests.mmpf.scenes import ROAD, ego_at
 

@@ -5,7 +5,7 @@ import pytest
 
 from mmpf.compute.arrays import FloatArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.lanes.guided import HEADING, LANE, NEXT, LaneGuided
+from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.lanes.scenes import arc, graph_of

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mmpf.around.ways import on_heaviest_way
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
 from mmpf.lanes.graph import LaneGraph
-from mmpf.lanes.ways import on_heaviest_way
 from mmpf.state import LAT, LON
 from tests.mmpf.lanes.scenes import graph_of
 
