@@ -21,10 +21,12 @@ SAGITTA_M = 0.02
 # So many bodies of each kind; a vehicle is one of them.
 BODIES = {"car": 40, "truck": 8, "motorcycle": 3}
 BODY_SEED = 7
+# Lateral speed is at most a tenth of the speed, so that nothing slides sideways while standing.
+LATERAL = 'laneChangeModel="SL2015" lcMaxSpeedLatStanding="0" lcMaxSpeedLatFactor="0.1" minGapLat="0.4"'
 MOTION = {
-    "car": 'vClass="passenger" decel="3.5" emergencyDecel="8.0"',
-    "truck": 'vClass="truck" decel="2.6" emergencyDecel="6.0"',
-    "motorcycle": 'vClass="motorcycle" decel="3.8" emergencyDecel="9.0"',
+    "car": 'vClass="passenger" decel="3.5" emergencyDecel="8.0" maxSpeedLat="1.1"',
+    "truck": 'vClass="truck" decel="2.6" emergencyDecel="6.0" maxSpeedLat="0.8"',
+    "motorcycle": 'vClass="motorcycle" decel="3.8" emergencyDecel="9.0" maxSpeedLat="1.1"',
 }
 
 
@@ -174,7 +176,8 @@ def _body(rng: np.random.Generator, kind: str, entry: Kind, drivers: Drivers) ->
 
     headway_s = entry.headway_scale * draw(drivers.headway_s, drivers.headway_spread_s, 0.8, 2.6)
     return (
-        f'{MOTION[kind]} carFollowModel="EIDM" length="{draw(*entry.length_m):.2f}" width="{draw(*entry.width_m):.2f}" '
+        f'{MOTION[kind]} {LATERAL} carFollowModel="EIDM" '
+        f'length="{draw(*entry.length_m):.2f}" width="{draw(*entry.width_m):.2f}" '
         f'minGap="{draw(drivers.minimum_gap_m, drivers.minimum_gap_spread_m, 1.4, 7.0):.2f}" tau="{headway_s:.2f}" '
         f'accel="{draw(*entry.accel_mps2):.2f}" '
         f'speedFactor="normc({entry.speed_scale:g},{drivers.desired_speed_spread:g},0.7,1.2)"'

@@ -65,6 +65,8 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
         table.add_column(heading, no_wrap=heading.startswith("--"))
     for network in networks:
         size = f"{network.section_length_m:.0f} m scored, {network.lanes} main lanes"
+        if not network.lanes:
+            size = f"{network.section_length_m / 1000.0:.1f} km of lanes"
         table.add_row(network.name, "", f"{network.description} ({size})", style="bold")
         for name, description in network.demands:
             table.add_row("", name, description)

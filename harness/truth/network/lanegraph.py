@@ -43,6 +43,11 @@ class PlaneNetwork:
     origin_xy: tuple[float, float]
 
     @property
+    def lanes_m(self) -> float:
+        """Length of all lanes together, paths across junctions left out, metres."""
+        return float(self.graph.length_m[~self.graph.in_junction].sum())
+
+    @property
     def extent_m(self) -> tuple[float, float]:
         """From where to where its lanes reach along x, metres; a metre at least."""
         low, high = self.graph.xy[:, 0].min(), self.graph.xy[:, 0].max()

@@ -23,13 +23,16 @@ from harness.truth.network.networkfile import (
     METADATA_FILE,
     CalibrationFile,
     DemandFile,
-    NetworkFile,
+    PlaneNetworkFile,
+    read_network_file,
     read_toml,
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from harness.truth.network.walls import read_walls
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
+
+LATERAL_RESOLUTION_M = "0.92"
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,8 @@ class NetworkDescription:
         name: What ``net`` takes.
         description: What it is.
         demands: Name and description of each demand.
-        section_length_m: Length of the section that is scored.
-        lanes: Number of main lanes.
+        section_length_m: Length of the section that is scored; of a network in the plane, of all its lanes.
+        lanes: Number of main lanes; 0 in the plane.
         size_kb: Size of the network file.
     """
 
@@ -75,7 +78,8 @@ class Network:
         calibration_file: Where the outcome of a calibration is kept, if it is.
         measured_file: What was measured at the site, if anything.
         configuration: The user's own SUMO configuration; none for networks with a ``network.toml``.
-        sumo_inputs: What of that configuration is driven; none likewise.
+        sumo_inputs: What of that configuration is driven, or what a network in the plane brings; none of one with a
+            main road.
     """
 
     name: str
@@ -134,6 +138,9 @@ class Network:
         digest = hashlib.sha256(self.net_file.read_bytes())
         if self.vehicle_types_file is not None:
             digest.update(self.vehicle_types_file.read_bytes())
+        if self.configuration is None and self.sumo_inputs is not None:
+            for file in self.sumo_inputs.additional_files:
+                digest.update(file.read_bytes())
         digest.update(self.drivers.model_dump_json().encode())
         return digest.hexdigest()[:8]
 
@@ -161,6 +168,9 @@ class Network:
         Raises:
             InputError: The density is not a number or out of range.
         """
+        if self.plane is not None:
+            demand = demand_for_density(density_veh_per_km_lane)
+            return Demand(demand.density_veh_per_km_lane, 0.0, 0.0, 0.0, 0.0, demand.wave_period_s)
         return demand_for_density(density_veh_per_km_lane, self.main_road.main_lanes, self.relation)
 
 
@@ -194,7 +204,7 @@ def default_demand(name_or_path: str) -> str | None:
     """
     shipped = [folder for folder in _network_folders() if folder.name == name_or_path]
     metadata = (shipped[0] if shipped else Path(name_or_path)) / METADATA_FILE
-    return read_toml(metadata, NetworkFile).default_demand if metadata.is_file() else None
+    return read_network_file(metadata).default_demand if metadata.is_file() else None
 
 
 def _network_folders() -> list[Path]:
@@ -221,7 +231,9 @@ def _from_folder(folder: Path) -> Network:
 
 
 def _from_metadata(folder: Path, name: str) -> Network:
-    content = read_toml(folder / METADATA_FILE, NetworkFile)
+    content = read_network_file(folder / METADATA_FILE)
+    if isinstance(content, PlaneNetworkFile):
+        return _in_plane(folder, name, content)
     calibration_file, measured_file = (
         None if entry is None else folder / entry for entry in (content.calibration_file, content.measured_file)
     )
@@ -264,6 +276,33 @@ def _from_metadata(folder: Path, name: str) -> Network:
     )
 
 
+def _in_plane(folder: Path, name: str, content: PlaneNetworkFile) -> Network:
+    routes = folder / content.routes_file
+    additional = () if content.poly_file is None else (folder / content.poly_file,)
+    for file in (routes, *additional):
+        if not file.is_file():
+            raise InputError(f"{folder / METADATA_FILE}: it names {file.name}, which does not exist")
+        check_xml(file)
+    net_file = folder / content.net_file
+    if net_file.is_file():
+        check_xml(net_file)
+    plane = read_lane_graph(net_file)
+    options = (("lateral-resolution", LATERAL_RESOLUTION_M), ("time-to-teleport", "-1"), ("collision.action", "warn"))
+    return Network(
+        name=name,
+        description=content.description,
+        net_file=net_file,
+        corridor=None,
+        section_m=plane.extent_m,
+        ego_lanes=(),
+        plane=plane,
+        vehicle_types_file=routes,
+        demand_files={key: DemandFile(**entry.model_dump()) for key, entry in content.demands.items()},
+        default_demand=content.default_demand,
+        sumo_inputs=SumoInputs(net_file, (routes,), additional, options, ()),
+    )
+
+
 def _from_sumocfg(path: Path) -> Network:
     """Take the whole network: all its lanes, in the plane."""
     inputs = read_sumocfg(path)
@@ -286,7 +325,9 @@ def _describe(network: Network) -> NetworkDescription:
         name=network.name,
         description=network.description,
         demands=tuple((name, entry.description) for name, entry in network.demand_files.items()),
-        section_length_m=network.section_m[1] - network.section_m[0],
-        lanes=network.main_road.main_lanes,
+        section_length_m=(
+            network.section_m[1] - network.section_m[0] if network.plane is None else network.plane.lanes_m
+        ),
+        lanes=network.main_road.main_lanes if network.plane is None else 0,
         size_kb=network.net_file.stat().st_size / 1024.0,
     )

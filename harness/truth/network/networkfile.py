@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -83,6 +83,35 @@ class NetworkFile(WithoutTruthValues):
         return self
 
 
+class PlaneDemandFile(WithoutTruthValues):
+    """A named demand of a network in the plane."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    description: str
+    density_veh_per_km_lane: float = Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])
+
+
+class PlaneNetworkFile(WithoutTruthValues):
+    """The content of the ``network.toml`` of a network without one main road, whose road frame is the plane."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    kind: Literal["plane"]
+    description: str
+    net_file: str
+    routes_file: str
+    poly_file: str | None = None
+    default_demand: str | None = None
+    demands: dict[str, PlaneDemandFile] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _default_is_known(self) -> PlaneNetworkFile:
+        if self.default_demand is not None and self.default_demand not in self.demands:
+            raise ValueError(f"default_demand {self.default_demand} is none of its demands")
+        return self
+
+
 class CalibrationFile(WithoutTruthValues):
     """The outcome of a calibration, in a file of its own: it takes the place of what ``network.toml`` says."""
 
@@ -102,11 +131,26 @@ def read_toml(path: Path, kind: type[_File]) -> _File:
     Raises:
         InputError: It can't be read, or an entry is wrong.
     """
-    check_file(path, MOST_SETTINGS_BYTES, "net")
+    content = _toml(path)
     try:
-        return kind.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
+        return kind.model_validate(content)
     except ValidationError as error:
         problem = first_problem(error)
         raise InputError(f"{path}: {problem.key or 'the file'}: {problem.message}") from error
+
+
+def read_network_file(path: Path) -> NetworkFile | PlaneNetworkFile:
+    """Read the ``network.toml`` of a network with a main road, or of one in the plane, which says so by its ``kind``.
+
+    Raises:
+        InputError: It can't be read, or an entry is wrong.
+    """
+    return read_toml(path, PlaneNetworkFile if "kind" in _toml(path) else NetworkFile)
+
+
+def _toml(path: Path) -> dict[str, object]:
+    check_file(path, MOST_SETTINGS_BYTES, "net")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as TOML: {error}") from error

@@ -14,6 +14,7 @@ from harness.truth.frame import Frame
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import Network
 from harness.truth.sumo import source
+from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.planereading import PlaneReader, Snapshot
 from harness.truth.sumo.planesmoothing import lead_snapshots, smoothed_frame
 from harness.truth.sumo.session import Sumo, show_ego, sumo_errors_in_words
@@ -29,6 +30,8 @@ ENOUGH_OTHERS = 5
 # Traffic grows until an ego would have so many vehicles around it, or for so long after there could be one.
 CROWD, CROWD_WITHIN_S = 10, 300.0
 LOOK_EVERY_S = 1.0
+# Traffic that is held at a density has so long to reach it.
+FILL_WITHIN_S = 300.0
 # Of more cars the last to set out are looked at.
 MOST_CANDIDATES = 500
 
@@ -37,7 +40,15 @@ class PlaneTruth(source.SumoSource):
     """Frames of a running SUMO simulation in the plane."""
 
     def __init__(
-        self, sumo: Sumo, network: Network, plane: PlaneNetwork, steps: int, *, ego: bool = True, reach_m: float
+        self,
+        sumo: Sumo,
+        network: Network,
+        plane: PlaneNetwork,
+        steps: int,
+        *,
+        ego: bool = True,
+        reach_m: float,
+        inflow: Inflow | None = None,
     ) -> None:
         """Take over a simulation that has started.
 
@@ -48,13 +59,21 @@ class PlaneTruth(source.SumoSource):
             steps: How many frames there will be.
             ego: Whether an ego is chosen.
             reach_m: How far from it vehicles count and hide; without an ego all do.
+            inflow: What holds the density; none where the demand is the user's own.
         """
         super().__init__(sumo, network.road, steps)
         self._network, self._plane = network, plane
-        self._wants_ego, self._reach_m = ego, reach_m
+        self._wants_ego, self._reach_m, self._inflow = ego, reach_m, inflow
 
     def warm_up(self, duration_s: float) -> None:
-        """Let the traffic run without yielding frames, and on until there is a car with others around it."""
+        """Let the traffic run without yielding frames, and on until there is a car with others around it.
+
+        Where a density is held the network is filled first.
+        """
+        for _ in range(round(FILL_WITHIN_S / self.step_s)):
+            if self._inflow is None or self._inflow.reached:
+                break
+            self._advance()
         for _ in range(round(duration_s / self.step_s)):
             self._advance()
         waited_s, possible_s = 0.0, 0.0
@@ -72,6 +91,10 @@ class PlaneTruth(source.SumoSource):
                 f"no car drove on {self._network.name} within {source.FIRST_VEHICLE_WITHIN_S:g} s; "
                 "give routes for passenger vehicles, or a later begin"
             )
+
+    def _before_step(self) -> None:
+        if self._inflow is not None:
+            self._inflow.before_step()
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order; where no car is on the road, time stands still until there is one.

@@ -14,10 +14,11 @@ from harness.errors import InputError, RunError, SumoError
 from harness.truth.frame import STEP_S, Frame, TruthSource
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.limits import check_xml, write_without_outputs
-from harness.truth.network.network import Network
+from harness.truth.network.network import LATERAL_RESOLUTION_M, Network
 from harness.truth.network.sumocfg import SumoInputs
 from harness.truth.sumo import source
 from harness.truth.sumo.control import TrafficControl
+from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.planetruth import REACH_M, PlaneTruth
 from harness.truth.sumo.reading import read_frame, read_load
 from harness.truth.sumo.session import Sumo, show_ego, start_sumo, sumo_errors_in_words
@@ -26,7 +27,6 @@ from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import NO_LANE
 
 WARM_UP_S = 20.0
-LATERAL_RESOLUTION_M = "0.92"
 LANE_CHANGE_S = "3"
 NO_EGO = ""
 START_WINDOW_M = 60.0
@@ -48,7 +48,8 @@ def open_traffic(
 
     Args:
         network: The network.
-        demand: Name of one of the network's demands, or a density to be held, vehicles per km and main lane. If not
+        demand: Name of one of the network's demands, or a density to be held, vehicles per km and main lane, in the
+            plane per km and lane of the whole network. If not
             given, the network's default demand is taken, and a density of 30 where it names none.
         duration_s: How long frames are yielded for.
         seed: Seed of drivers, arrivals and SUMO's own randomness.
@@ -72,7 +73,8 @@ def open_traffic(
     steps = round(duration_s / STEP_S)
     truth: SumoTruth | PlaneTruth
     if network.plane is not None:
-        truth = PlaneTruth(sumo, network, network.plane, steps, ego=ego, reach_m=reach_m)
+        inflow = None if held is None else Inflow(sumo, held.density_veh_per_km_lane, network.plane.lanes_m)
+        truth = PlaneTruth(sumo, network, network.plane, steps, ego=ego, reach_m=reach_m, inflow=inflow)
     else:
         control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
         truth = SumoTruth(sumo, network, steps, control, ego)
