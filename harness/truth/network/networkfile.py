@@ -145,7 +145,9 @@ def read_network_file(path: Path) -> NetworkFile | PlaneNetworkFile:
     Raises:
         InputError: It can't be read, or an entry is wrong.
     """
-    return read_toml(path, PlaneNetworkFile if "kind" in _toml(path) else NetworkFile)
+    if "kind" in _toml(path):
+        return read_toml(path, PlaneNetworkFile)
+    return read_toml(path, NetworkFile)
 
 
 def _toml(path: Path) -> dict[str, object]:
