@@ -80,7 +80,7 @@ class PlaneTruth(source.SumoSource):
         while waited_s <= source.FIRST_VEHICLE_WITHIN_S + possible_s and possible_s <= CROWD_WITHIN_S:
             with sumo_errors_in_words(self._sumo):
                 snapshot = PlaneReader(self._sumo, self._plane).read()
-            if (most := most_around(snapshot)) >= CROWD:
+            if (most := most_around(snapshot)) >= CROWD or (most >= 0 and self._nobody_comes):
                 return
             for _ in range(round(LOOK_EVERY_S / self.step_s)):
                 self._advance()
@@ -95,6 +95,11 @@ class PlaneTruth(source.SumoSource):
     def _before_step(self) -> None:
         if self._inflow is not None:
             self._inflow.before_step()
+
+    @property
+    def _nobody_comes(self) -> bool:
+        """Whether all vehicles that there will ever be are on the road: waiting for more would see them leave."""
+        return bool(self._sumo.simulation.getMinExpectedNumber() <= self._sumo.vehicle.getIDCount())
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order; where no car is on the road, time stands still until there is one.

@@ -166,7 +166,7 @@ def test_an_exported_run_stays_within_its_folder(scene, tmp_path, capsys):
 def test_names_with_control_characters_make_valid_xml_and_no_formulas(tmp_path):
     names = {"near": "a\x01b", "far": "=SUM(A1:A9)", "distant": "-12.5"}
     run = read_recorded_run(write_recorded_scene(tmp_path / "scene", names))
-    (written,) = export_fcd(run, tmp_path)
+    written = next(file for file in export_fcd(run, tmp_path) if file.name == "fcd.xml")
     assert {"a%01b", "=SUM(A1:A9)"} <= {node.get("id") for node in ElementTree.parse(written).iter("vehicle")}
     truth = pd.read_csv(export_csv(run, tmp_path)[0], dtype=str)
     assert {"'=SUM(A1:A9)", "-12.5"} <= set(truth["vehicle_id"])
