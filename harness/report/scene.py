@@ -16,6 +16,7 @@ from matplotlib.collections import PatchCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch, Polygon, Rectangle
+from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from harness.runfolder.tables import floats
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
@@ -95,7 +96,10 @@ def _plane_figure(scene: Scene, title: str) -> Figure:
     figure = Figure(figsize=(9.0, 9.8), dpi=120, layout="constrained")
     axes = figure.subplots()
     draw_scene(axes, scene, (-scene.range_m - MARGIN_M, scene.range_m + MARGIN_M))
-    axes.set(xlabel="metres east of the ego", ylabel="north (m)")
+    north = float(scene.frame.lat_m[scene.frame.ego])
+    axes.yaxis.set_major_locator(FixedLocator(list(north + axes.get_xticks())))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y - north:.0f}"))
+    axes.set(xlabel="metres east of the ego", ylabel="metres north of the ego", ylim=_road_edges(scene))
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     entries = legend_entries(scene.particles is not None)
     figure.legend(handles=entries, loc="outside lower center", ncols=4, frameon=False)
@@ -171,8 +175,23 @@ def view_outline(ego: EgoPose, road: Road, range_m: float, origin: float) -> Flo
 def shadow_outlines(
     detections: Detections, ego: EgoPose, road: Road, range_m: float, origin: float
 ) -> list[FloatArray]:
-    """Return the shadows' outlines in the road frame relative to the origin, each of shape (k, 2)."""
-    return [in_road_frame(outline, road, origin) for outline in shadow_polygons(detections, ego, road, range_m)]
+    """Return the outlines of shadows, walls' too, in the road frame relative to the origin, each of shape (k, 2)."""
+    shadows = [*shadow_polygons(detections, ego, road, range_m), *_wall_shadows(ego, road, range_m)]
+    return [in_road_frame(outline, road, origin) for outline in shadows]
+
+
+def _wall_shadows(ego: EgoPose, road: Road, range_m: float) -> Iterator[FloatArray]:
+    """Yield what each wall hides within the sensor's range: from the wall to the arc behind it, in the plane."""
+    sensor = np.array(sensor_position(ego, road))
+    reach = shapely.Point(sensor).buffer(range_m, quad_segs=90)
+    for wall in road.walls_near(float(sensor[0]), float(sensor[1]), range_m):
+        ends = shapely.get_coordinates(shapely.LineString(wall.reshape(2, 2)).intersection(reach)) - sensor
+        if len(ends) != 2:
+            continue
+        first, last = np.arctan2(ends[:, 1], ends[:, 0])
+        swept = (first - last + np.pi) % (2.0 * np.pi) - np.pi
+        arc = last + swept * np.linspace(0.0, 1.0, 25)
+        yield sensor + np.concatenate([ends, range_m * np.stack([np.cos(arc), np.sin(arc)], axis=-1)])
 
 
 def corners(truth: pd.DataFrame) -> FloatArray:
