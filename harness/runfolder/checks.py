@@ -148,7 +148,10 @@ def check_rows(path: Path, manifest: Path, parameter: str) -> None:
         return
     rows = pq.read_metadata(path).num_rows
     if rows != noted:
-        raise InputError(f"`{parameter}`: {path} has {rows} rows, the run wrote {str(noted)[:20]}; make the run again")
+        raise InputError(
+            f"`{parameter}`: {path} has {rows} rows, the run wrote {str(noted)[:20]}; make the run again, or take rows "
+            f"out of {manifest.name} if you meant that"
+        )
 
 
 @contextmanager

@@ -19,11 +19,12 @@ MOST_BYTES = 1024 * MB
 MOST_LANES = 500_000
 FARTHEST_M = 1e8
 # Smallest (exclusive) and largest value of each attribute that is a number.
-LANE_LIMITS = {"speed": (0.0, 150.0), "length": (0.0, 1e6), "width": (0.0, 200.0)}
+LANE_LIMITS = {"speed": (0.0, 150.0), "length": (0.0, 1e6), "width": (0.0, 200.0), "index": (-1.0, 1e3)}
 TYPE_LIMITS = {
     "length": (0.1, 60.0), "width": (0.1, 10.0), "height": (0.0, 20.0), "minGap": (-1e-9, 100.0), "tau": (0.0, 60.0),
     "accel": (0.0, 50.0), "decel": (0.0, 50.0), "maxSpeed": (0.0, 150.0), "sigma": (-1e-9, 1.0),
     "probability": (-1e-9, 1e9), "impatience": (-1e3, 1.0), "minGapLat": (-1e-9, 10.0), "maxSpeedLat": (-1e-9, 50.0),
+    "speedDev": (-1e-9, 2.0), "speedFactor": (0.0, 20.0),
 }  # fmt: skip
 FLOW_LIMITS = {
     "number": (-1.0, 1e6), "vehsPerHour": (-1e-9, 1e5), "perHour": (-1e-9, 1e5), "probability": (-1e-9, 1.0),
@@ -125,10 +126,15 @@ def _names_a_file(key: str) -> bool:
 
 def _number(text: str | None) -> float | None:
     """Return the number that a text is; None for what is none, such as a distribution, which SUMO judges."""
-    try:
-        return None if text is None else float(text)
-    except ValueError:
+    if text is None:
         return None
+    # SUMO reads hexadecimal numbers where others are expected.
+    for read in (float, float.fromhex) if "x" in text.lower() else (float,):
+        try:
+            return read(text)
+        except (ValueError, OverflowError):
+            continue
+    return None
 
 
 def _check_shape(text: str, element: Element, path: Path) -> None:

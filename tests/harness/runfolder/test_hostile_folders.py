@@ -78,6 +78,18 @@ def test_a_table_that_lost_rows_is_not_taken_for_the_whole_run(table, words, sce
     assert f"{table}.parquet has {len(rows) // 2} rows, the run wrote {len(rows)}" in told(words, scene, capsys)
 
 
+def test_detections_that_were_left_out_on_purpose_are_replayed_once_the_manifest_no_longer_counts_them(scene, capsys):
+    path = scene / "detections.parquet"
+    pd.read_parquet(path)[::2].to_parquet(path)
+    words = ["run", "--replay", "{run}", "--out", "{out}", "--quiet"]
+    words += ["--tracker", "tests.harness.stand_ins:echo_tracker"]
+    assert "or take rows out of manifest.json" in told(words, scene, capsys)
+    manifest = json.loads((scene / "manifest.json").read_text())
+    del manifest["rows"]
+    (scene / "manifest.json").write_text(json.dumps(manifest))
+    assert run_command_line([word.format(run=scene, out=scene.parent / "out") for word in words]) == 0
+
+
 @pytest.mark.parametrize("words", READERS[:2], ids=lambda words: words[0])
 def test_a_table_whose_bytes_are_cut_is_told_in_one_line(words, scene, capsys):
     path = scene / "tracks.parquet"
