@@ -85,6 +85,8 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
         InputError: The file is broken, its time goes back, or a vehicle lacks position, angle or speed.
     """
     network = load_network(net)
+    if network.corridor is None:
+        raise InputError(f"`net` {net}: floating-car data are read on a network with a main road alone, such as us101")
     try:
         with unpacked(path, MOST_TABLE_BYTES) as file:
             collected = _collect(file, path)

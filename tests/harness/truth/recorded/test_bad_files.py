@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from harness.cli import run_command_line
+from harness.errors import InputError
+from harness.truth.recorded.fcd import read_fcd
 from tests.harness.truth.recorded.layouts import (
     NGSIM_HEADER,
     ngsim_rows,
@@ -243,3 +245,12 @@ def test_a_wrong_choice_for_a_recording_names_the_option(options, named, capsys,
 def test_simulated_traffic_refuses_the_options_of_recorded_traffic(option, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert option in refused(["run", option, "auto"], capsys)
+
+
+def test_floating_car_data_on_a_network_of_many_roads_is_one_clear_line(tmp_path):
+    net = Path(__file__).parents[1] / "network" / "nets" / "crossing.net.xml"
+    (tmp_path / "own.sumocfg").write_text(f'<configuration><net-file value="{net}"/></configuration>')
+    (tmp_path / "fcd.xml").write_text("<fcd-export/>")
+    with pytest.raises(InputError, match="with a main road") as error:
+        read_fcd(tmp_path / "fcd.xml", str(tmp_path / "own.sumocfg"))
+    assert "\n" not in str(error.value)
