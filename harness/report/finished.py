@@ -21,9 +21,11 @@ from harness.inputs import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
 from harness.runfolder import folder as runfolder
 from harness.runfolder.checks import Until
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
+from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
+from mmpf.tracks import TRACK_STATES
 
 WHEN = ("step", "time_s", "episode")
 ERROR_COLUMNS = (*WHEN, "vehicle_id", "state", "track_id", "lon_error_m", "lat_error_m", "speed_error_mps", "outcome")
@@ -96,9 +98,14 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 
     last_step = None if most_rows is None else _last_step(folder / runfolder.TRUTH, parameter, most_rows)
 
-    def table(name: str, columns: Collection[str], step: str = "step") -> pd.DataFrame:
+    def table(name: str, columns: Collection[str], step: str = "step", states: Collection[str] = ()) -> pd.DataFrame:
         until = None if last_step is None else Until(step, last_step)
-        return runfolder.read_table(folder, name, parameter, columns, until)
+        rows = runfolder.read_table(folder, name, parameter, columns, until)
+        unknown = sorted(set(map(str, rows["state"].unique())) - set(states)) if states else []
+        if unknown:
+            known = ", ".join(states)
+            raise InputError(f"`{parameter}`: {folder / name} has a state {unknown[0][:40]!r}; there are {known}")
+        return rows
 
     truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
     return RecordedRun(
@@ -108,9 +115,9 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
         manifest=manifest,
         road=runfolder.read_road(folder / runfolder.ROAD, parameter),
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
-        truth=table(runfolder.TRUTH, truth_columns),
+        truth=table(runfolder.TRUTH, truth_columns, states=VISIBILITY_STATES),
         detections=table(runfolder.DETECTIONS, (*WHEN, *DETECTION_NUMBERS, "truth_id")),
-        tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state")),
+        tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state"), states=TRACK_STATES),
         errors=table(runfolder.ERRORS, ERROR_COLUMNS),
         events=table(runfolder.EVENTS, EVENT_COLUMNS, "to_step"),
         particles=table(runfolder.PARTICLES, PARTICLE_COLUMNS) if (folder / runfolder.PARTICLES).is_file() else None,

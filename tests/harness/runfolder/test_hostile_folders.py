@@ -182,3 +182,12 @@ def test_names_with_control_characters_make_valid_xml_and_no_formulas(tmp_path):
     assert {"a%01b", "=SUM(A1:A9)"} <= {node.get("id") for node in ElementTree.parse(written).iter("vehicle")}
     truth = pd.read_csv(export_csv(run, tmp_path)[0], dtype=str)
     assert {"'=SUM(A1:A9)", "-12.5"} <= set(truth["vehicle_id"])
+
+
+def test_a_state_that_there_is_none_is_told_in_one_line(tmp_path):
+    folder = write_recorded_scene(tmp_path / "scene")
+    tracks = pd.read_parquet(folder / "tracks.parquet").astype({"state": object})
+    tracks.loc[0, "state"] = "=1+1"
+    tracks.to_parquet(folder / "tracks.parquet")
+    with pytest.raises(InputError, match=r"'=1\+1'; there are tentative"):
+        read_recorded_run(folder)
