@@ -181,7 +181,7 @@ def test_the_whole_study_gives_every_model_on_every_test_set_and_says_how(little
     write_transfer(result, tmp_path / "out")
     stored = json.loads((tmp_path / "out" / "results.json").read_text())
     assert stored == json.loads(json.dumps(as_json(result)))
-    assert "## What was found" in (tmp_path / "out" / "results.md").read_text()
+    assert "# Study: transfer\n\n- on real pairs" in (tmp_path / "out" / "results.md").read_text()
     again = make_transfer_study(little, load_network("us101"), lambda line: None, lambda: None)
     assert again.rows == result.rows
 
