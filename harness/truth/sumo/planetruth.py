@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from harness.errors import RunError
-from harness.truth.frame import Frame
+from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import Network
-from harness.truth.sumo import source
 from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.planereading import PlaneReader, Snapshot
 from harness.truth.sumo.planesmoothing import lead_snapshots, smoothed_frame
-from harness.truth.sumo.session import Sumo, show_ego, sumo_errors_in_words
+from harness.truth.sumo.running import FIRST_VEHICLE_WITHIN_S, RunningSumo
+from harness.truth.sumo.session import show_ego, sumo_errors_in_words
 from mmpf.lanes.graph import NOWHERE
 
 # Beyond a lidar's 100 m, so that long vehicles whose middles are out of range but reach into it hide others.
@@ -36,12 +36,18 @@ FILL_WITHIN_S = 300.0
 MOST_CANDIDATES = 500
 
 
-class PlaneTruth(source.SumoSource):
-    """Frames of a running SUMO simulation in the plane."""
+class PlaneTruth:
+    """Frames of a running SUMO simulation in the plane.
+
+    Attributes:
+        road: The road frame.
+        step_s: Time between frames.
+        expected_steps: How many frames there will be.
+    """
 
     def __init__(
         self,
-        sumo: Sumo,
+        running: RunningSumo,
         network: Network,
         plane: PlaneNetwork,
         steps: int,
@@ -53,7 +59,7 @@ class PlaneTruth(source.SumoSource):
         """Take over a simulation that has started.
 
         Args:
-            sumo: The simulation.
+            running: The simulation.
             network: The network.
             plane: Its lanes.
             steps: How many frames there will be.
@@ -61,7 +67,12 @@ class PlaneTruth(source.SumoSource):
             reach_m: How far from it vehicles count and hide; without an ego all do.
             inflow: What holds the density; none where the demand is the user's own.
         """
-        super().__init__(sumo, network.road, steps)
+        self.road = network.road
+        self.step_s = STEP_S
+        self.expected_steps = steps
+        self._running, self._sumo = running, running.sumo
+        if inflow is not None:
+            running.before_step = lambda _: inflow.before_step()
         self._network, self._plane = network, plane
         self._wants_ego, self._reach_m, self._inflow = ego, reach_m, inflow
 
@@ -73,28 +84,28 @@ class PlaneTruth(source.SumoSource):
         for _ in range(round(FILL_WITHIN_S / self.step_s)):
             if self._inflow is None or self._inflow.reached:
                 break
-            self._advance()
+            self._running.advance()
         for _ in range(round(duration_s / self.step_s)):
-            self._advance()
+            self._running.advance()
         waited_s, possible_s = 0.0, 0.0
-        while waited_s <= source.FIRST_VEHICLE_WITHIN_S + possible_s and possible_s <= CROWD_WITHIN_S:
+        while waited_s <= FIRST_VEHICLE_WITHIN_S + possible_s and possible_s <= CROWD_WITHIN_S:
             with sumo_errors_in_words(self._sumo):
                 snapshot = PlaneReader(self._sumo, self._plane).read()
             if (most := most_around(snapshot)) >= CROWD or (most >= 0 and self._nobody_comes):
                 return
             for _ in range(round(LOOK_EVERY_S / self.step_s)):
-                self._advance()
+                self._running.advance()
             waited_s += LOOK_EVERY_S
             possible_s += LOOK_EVERY_S if most >= 0 else 0.0
         if not possible_s:
             raise RunError(
-                f"no car drove on {self._network.name} within {source.FIRST_VEHICLE_WITHIN_S:g} s; "
+                f"no car drove on {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s; "
                 "give routes for passenger vehicles, or a later begin"
             )
 
-    def _before_step(self) -> None:
-        if self._inflow is not None:
-            self._inflow.before_step()
+    def close(self) -> None:
+        """End the simulation; harmless to call twice."""
+        self._running.close()
 
     @property
     def _nobody_comes(self) -> bool:
@@ -110,7 +121,7 @@ class PlaneTruth(source.SumoSource):
         window: deque[Snapshot] = deque(maxlen=2 * lead + 1)
         reader = PlaneReader(self._sumo, self._plane)
         ego, episode, step, idle_s = NO_EGO, -1, 0, 0.0
-        while step < self.expected_steps and idle_s <= source.FIRST_VEHICLE_WITHIN_S:
+        while step < self.expected_steps and idle_s <= FIRST_VEHICLE_WITHIN_S:
             with sumo_errors_in_words(self._sumo):
                 window.append(reader.read())
             if len(window) == 2 * lead + 1:
@@ -126,7 +137,7 @@ class PlaneTruth(source.SumoSource):
                     idle_s = 0.0
                     yield self._frame(window, ego, episode, step)
                     step += 1
-            self._advance()
+            self._running.advance()
 
     def _frame(self, window: deque[Snapshot], ego: str, episode: int, step: int) -> Frame:
         middle = window[len(window) // 2]

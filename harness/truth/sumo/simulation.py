@@ -16,12 +16,12 @@ from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.limits import check_xml, write_without_outputs
 from harness.truth.network.network import LATERAL_RESOLUTION_M, Network
 from harness.truth.network.sumocfg import SumoInputs
-from harness.truth.sumo import source
 from harness.truth.sumo.control import TrafficControl
 from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.planetruth import REACH_M, PlaneTruth
 from harness.truth.sumo.reading import read_frame, read_load
-from harness.truth.sumo.session import Sumo, show_ego, start_sumo, sumo_errors_in_words
+from harness.truth.sumo.running import FIRST_VEHICLE_WITHIN_S, RunningSumo
+from harness.truth.sumo.session import show_ego, start_sumo, sumo_errors_in_words
 from harness.truth.sumo.smoothing import lead_frames, smoothed
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import NO_LANE
@@ -49,8 +49,8 @@ def open_traffic(
     Args:
         network: The network.
         demand: Name of one of the network's demands, or a density to be held, vehicles per km and main lane, in the
-            plane per km and lane of the whole network. If not
-            given, the network's default demand is taken, and a density of 30 where it names none.
+            plane per km and lane of the whole network. If not given, the network's default demand is taken, and a
+            density of 30 where it names none.
         duration_s: How long frames are yielded for.
         seed: Seed of drivers, arrivals and SUMO's own randomness.
         warm_up_s: How long the traffic runs before the first frame.
@@ -70,16 +70,15 @@ def open_traffic(
     except BaseException:
         scratch.cleanup()
         raise
-    steps = round(duration_s / STEP_S)
+    # SUMO reads vehicles while it runs, so copies of its files stay for as long.
+    running, steps = RunningSumo(sumo, on_close=scratch.cleanup), round(duration_s / STEP_S)
     truth: SumoTruth | PlaneTruth
     if network.plane is not None:
         inflow = None if held is None else Inflow(sumo, held.density_veh_per_km_lane, network.plane.lanes_m)
-        truth = PlaneTruth(sumo, network, network.plane, steps, ego=ego, reach_m=reach_m, inflow=inflow)
+        truth = PlaneTruth(running, network, network.plane, steps, ego=ego, reach_m=reach_m, inflow=inflow)
     else:
         control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
-        truth = SumoTruth(sumo, network, steps, control, ego)
-    # SUMO reads vehicles while it runs, so copies of its files stay for as long.
-    truth.on_close = scratch.cleanup
+        truth = SumoTruth(running, network, steps, control, ego)
     try:
         with sumo_errors_in_words(sumo):
             truth.warm_up(warm_up_s)
@@ -149,12 +148,25 @@ def _harmless(file: Path, scratch: Path) -> Path:
     return copy
 
 
-class SumoTruth(source.SumoSource):
-    """Frames of a running SUMO simulation along a main road."""
+class SumoTruth:
+    """Frames of a running SUMO simulation along a main road.
 
-    def __init__(self, sumo: Sumo, network: Network, steps: int, control: TrafficControl | None, ego: bool) -> None:
+    Attributes:
+        road: The road frame.
+        step_s: Time between frames.
+        expected_steps: How many frames there will be.
+    """
+
+    def __init__(
+        self, running: RunningSumo, network: Network, steps: int, control: TrafficControl | None, ego: bool
+    ) -> None:
         """Take over a simulation that has started."""
-        super().__init__(sumo, network.road, steps)
+        self.road = network.road
+        self.step_s = STEP_S
+        self.expected_steps = steps
+        self._running, self._sumo = running, running.sumo
+        if control is not None:
+            running.before_step = control.before_step
         self._network = network
         self._control = control
         self._wants_ego = ego
@@ -164,14 +176,12 @@ class SumoTruth(source.SumoSource):
         if self._control is not None:
             self._control.fill()
         for _ in range(round(duration_s / self.step_s)):
-            self._advance()
-        for _ in range(round(source.FIRST_VEHICLE_WITHIN_S / self.step_s)):
+            self._running.advance()
+        for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
             if read_load(self._sumo, self.road).inside:
                 return
-            self._advance()
-        raise RunError(
-            f"no vehicle entered the section of {self._network.name} within {source.FIRST_VEHICLE_WITHIN_S:g} s"
-        )
+            self._running.advance()
+        raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order; they end early if the user's own demand runs dry."""
@@ -187,17 +197,17 @@ class SumoTruth(source.SumoSource):
             else:
                 yield frame
 
+    def close(self) -> None:
+        """End the simulation; harmless to call twice."""
+        self._running.close()
+
     def _raw_frames(self) -> Iterator[Frame]:
         for step in range(self.expected_steps + 2 * lead_frames(self.step_s)):
             if step:
-                self._advance()
+                self._running.advance()
             with sumo_errors_in_words(self._sumo):
                 frame = read_frame(self._sumo, self.road, step, step * self.step_s)
             yield frame
-
-    def _before_step(self) -> None:
-        if self._control is not None:
-            self._control.before_step(self._sumo.simulation.getTime())
 
 
 @dataclass(frozen=True)

@@ -56,13 +56,13 @@ def driven(tmp_path_factory):
     def listen(truth, _):
         reached.append(truth._sumo.simulation.getTime())
         if len(places) == 0:
-            advance = truth._advance
+            advance = truth._running.advance
 
             def advance_and_note():
                 advance()
                 note(truth._sumo)
 
-            truth._advance = advance_and_note
+            truth._running.advance = advance_and_note
         note(truth._sumo)
 
     def note(sumo):
@@ -182,7 +182,7 @@ def test_parked_vehicles_are_left_out_and_those_that_stop_on_the_road_are_not(tm
 
 
 def test_a_network_without_cars_fails_in_words(tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.truth.sumo.source.FIRST_VEHICLE_WITHIN_S", 5.0)
+    monkeypatch.setattr("harness.truth.sumo.planetruth.FIRST_VEHICLE_WITHIN_S", 5.0)
     bicycle = '<vType id="bike" vClass="bicycle"/><flow id="b" type="bike" from="path" to="path"'
     bicycles = f'{bicycle} begin="0" end="9" number="9"/>'
     with pytest.raises(RunError, match="no car drove on"):
