@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, turned
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 
@@ -32,9 +32,7 @@ class SensorPlane:
         ego_lon = np.array(self.ego.lon_m)
         here_x, here_y = self.road.to_cartesian(ego_lon, np.array(self.ego.lat_m))
         x, y = self.road.to_cartesian(lon_m, lat_m)
-        x, y = x - here_x, y - here_y
-        cosine, sine = np.cos(self.turn_rad), np.sin(self.turn_rad)
-        return np.asarray(x * cosine + y * sine), np.asarray(y * cosine - x * sine)
+        return turned(x - here_x, y - here_y, self.turn_rad)
 
     @property
     def turn_rad(self) -> float:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 NO_LANE = 0
 # A segment that faces a position goes before one that is nearer but does not.
 FACING_FIRST = 1e6
+# Only the outlines of buildings count.
+WALL_WIDTH_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -169,6 +171,17 @@ class Road:
         index = self.lane_index_at(lon_m, lat_m)
         numbers = np.append(self.lane_table[:, 0], NO_LANE).astype(np.int64)
         return numbers[index]
+
+
+def wall_bodies(walls_xy: FloatArray) -> FloatArray:
+    """Return walls as thin rectangles: rows of the middle's x and y, heading, length and width, shape (5, k).
+
+    Args:
+        walls_xy: Rows of x and y of either end, metres, shape (k, 4).
+    """
+    middle, step = 0.5 * (walls_xy[:, :2] + walls_xy[:, 2:]), walls_xy[:, 2:] - walls_xy[:, :2]
+    length = np.hypot(step[:, 0], step[:, 1])
+    return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls_xy), WALL_WIDTH_M)])
 
 
 def highway(lanes: int = 5, lane_width_m: float = 3.66, section_m: tuple[float, float] = (0.0, 640.0)) -> Road:

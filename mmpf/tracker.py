@@ -124,11 +124,7 @@ class MixtureTracker:
                 stage_ms=clock.laps_ms,
             )
         self._previous = scan
-        graph, mixture, moments = self._road.graph, self._mixture, self._moments
-        if graph is not None:
-            mixture = on_heaviest_way(mixture, graph)
-            moments = moments if mixture is self._mixture else component_moments(mixture)
-        return reported_tracks(mixture, moments, self._options.reporting, self._sensor.noise_correlated_share)
+        return self._tracks()
 
     def _initialise(self, scan: Scan) -> Mixture:
         """Draw particles around the detections of the first scan: "Initialization"."""
@@ -144,6 +140,14 @@ class MixtureTracker:
     @property
     def _nobody(self) -> Mixture:
         return Mixture.empty(self._motion.latent_size, has_headings=self._road.graph is not None)
+
+    def _tracks(self) -> Tracks:
+        """Report the belief; of the ways that a vehicle may have taken unseen the heaviest."""
+        graph, mixture, moments = self._road.graph, self._mixture, self._moments
+        if graph is not None:
+            mixture = on_heaviest_way(mixture, graph)
+            moments = moments if mixture is self._mixture else component_moments(mixture)
+        return reported_tracks(mixture, moments, self._options.reporting, self._sensor.noise_correlated_share)
 
     def _count_clutter(self, updated: Updated, dt_s: float) -> None:
         memory_s = self._options.joint.association.clutter_memory_s

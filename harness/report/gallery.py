@@ -21,7 +21,7 @@ from harness.report.scene import (
     SHADOW,
     VEHICLE_STYLES,
     corners,
-    lane_edges,
+    draw_network,
     shadow_outlines,
     view_outline,
 )
@@ -207,11 +207,7 @@ def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.Dat
         axes.add_collection(
             PolyCollection(list(outlines), facecolor=colour, edgecolor="none", zorder=height), autolim=False
         )
-    if run.road.graph is not None:
-        for edge in lane_edges(run.road.graph):
-            axes.plot(edge[:, 0] - centre, edge[:, 1], color="#9a9a9a", lw=0.6, zorder=2)
-        for wall in run.road.walls_near(pose.lon_m, pose.lat_m, range_m):
-            axes.plot(wall[[0, 2]] - centre, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
+    draw_network(axes, run.road, centre)
     lines = {(side, lane.start_m, lane.end_m) for lane in run.road.lanes for side in (lane.right_m, lane.left_m)}
     for side, start, end in lines:
         visible = np.clip([start - centre, end - centre], -HALF_WINDOW_M, HALF_WINDOW_M)

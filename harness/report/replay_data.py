@@ -130,7 +130,7 @@ def _lines(run: RecordedRun, graph: LaneGraph, reach_m: float) -> dict[str, Any]
     """Return the lanes and walls near the ego's way, as lines in the plane."""
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].iloc[::10]
     way = shapely.MultiPoint(ego[["lon_m", "lat_m"]].to_numpy()).buffer(reach_m)
-    lines = [graph.xy[graph.first_point[k] : graph.first_point[k + 1]] for k in range(len(graph))]
+    lines = [graph.line(k) for k in range(len(graph))]
     near = shapely.intersects(way, [shapely.LineString(line) for line in lines])
     walls = np.zeros((0, 4)) if run.road.walls_xy is None else run.road.walls_xy
     seen = shapely.intersects(way, [shapely.LineString(wall.reshape(2, 2)) for wall in walls])

@@ -22,7 +22,7 @@ from harness.runfolder.tables import floats
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import LaneGraph
 from mmpf.road import Road
 from mmpf.scan import Detections, EgoPose
@@ -189,7 +189,7 @@ def _wall_shadows(ego: EgoPose, road: Road, range_m: float) -> Iterator[FloatArr
         if len(ends) != 2:
             continue
         first, last = np.arctan2(ends[:, 1], ends[:, 0])
-        swept = (first - last + np.pi) % (2.0 * np.pi) - np.pi
+        swept = wrapped(first - last)
         arc = last + swept * np.linspace(0.0, 1.0, 25)
         yield sensor + np.concatenate([ends, range_m * np.stack([np.cos(arc), np.sin(arc)], axis=-1)])
 
@@ -214,12 +214,7 @@ def in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:
 
 def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, float]) -> None:
     """Draw each lane's two lines: dashed where the next lane begins, solid at the road's edge."""
-    if road.graph is not None:
-        for edge in lane_edges(road.graph):
-            axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
-        for wall in road.walls_near(0.0, 0.0, np.inf):
-            axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
-        return
+    draw_network(axes, road, origin)
     sides = [(ln.right_m, ln.start_m, ln.end_m) for ln in road.lanes] + [
         (ln.left_m, ln.start_m, ln.end_m) for ln in road.lanes
     ]
@@ -234,10 +229,20 @@ def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, floa
             axes.plot([begin, finish], [lat, lat], color="#8c8c8c", lw=0.9, ls=style, zorder=2)
 
 
-def lane_edges(graph: LaneGraph) -> Iterator[FloatArray]:
+def draw_network(axes: Axes, road: Road, origin: float) -> None:
+    """Draw the lanes and walls of a network in the plane, x relative to the origin; of a single road nothing."""
+    if road.graph is None:
+        return
+    for edge in _lane_edges(road.graph):
+        axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
+    for wall in road.walls_near(0.0, 0.0, np.inf):
+        axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
+
+
+def _lane_edges(graph: LaneGraph) -> Iterator[FloatArray]:
     """Yield the left and the right edge of each lane that is no path across a junction, in the plane, shape (k, 2)."""
     for k in np.flatnonzero(~graph.in_junction):
-        line = shapely.LineString(graph.xy[graph.first_point[k] : graph.first_point[k + 1]])
+        line = shapely.LineString(graph.line(int(k)))
         for side in (0.5, -0.5):
             edge = shapely.get_coordinates(shapely.offset_curve(line, side * float(graph.width_m[k])))
             if len(edge):

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from harness.truth.frame import DIRECTION_COLUMN
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, turned
 
 # Farther than any two places of one step are apart.
 BETWEEN_STEPS_M = 1e9
@@ -34,8 +34,7 @@ def along_and_across(lon_m: FloatArray, lat_m: FloatArray, direction_rad: FloatA
     """Return differences along the frame's axes as those along directions and to the left of them; all (n,)."""
     if not direction_rad.any():
         return lon_m, lat_m
-    cosine, sine = np.cos(direction_rad), np.sin(direction_rad)
-    return cosine * lon_m + sine * lat_m, cosine * lat_m - sine * lon_m
+    return turned(lon_m, lat_m, direction_rad)
 
 
 def along_axes(along_m: FloatArray, across_m: FloatArray, direction_rad: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ from harness.scoring.quantity import Quantity
 from harness.scoring.rows import RunRows, TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.sensor.observation import HIDDEN
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 
 MANOEUVRES = ("straight", "left", "right", "oncoming")
 STRAIGHT, LEFT, RIGHT, ONCOMING = range(4)
@@ -99,7 +99,7 @@ def manoeuvres(rows: RunRows) -> IntArray:
     code = np.where(rate > 0.0, LEFT, RIGHT)
     code[np.abs(rate) <= TURN_RATE_RADPS] = STRAIGHT
     if rows.ego_direction_rad is not None:
-        away = _wrapped(truth.direction_rad - rows.ego_direction_rad[truth.step])
+        away = wrapped(truth.direction_rad - rows.ego_direction_rad[truth.step])
         code[(code == STRAIGHT) & (np.abs(away) > ONCOMING_RAD)] = ONCOMING
     return code
 
@@ -113,7 +113,7 @@ def heading_rate(truth: TruthRows) -> FloatArray:
         return np.zeros(0)
     first = first_of_group(truth.vehicle)
     # Directions wind up, so that a difference over several steps is the angle turned.
-    turned = np.cumsum(np.where(first, 0.0, _wrapped(np.diff(truth.direction_rad, prepend=0.0))))
+    turned = np.cumsum(np.where(first, 0.0, wrapped(np.diff(truth.direction_rad, prepend=0.0))))
     period_s = float(truth.time_s.max() - truth.time_s.min()) + 4.0 * HALF_WINDOW_S
     clock = truth.vehicle * period_s + truth.time_s
     low = np.searchsorted(clock, clock - HALF_WINDOW_S - TIME_TOLERANCE_S)
@@ -191,7 +191,3 @@ def _during(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
 
 def _ratio(part: float, whole: float) -> float:
     return float(part) / float(whole) if whole else np.nan
-
-
-def _wrapped(angle_rad: FloatArray) -> FloatArray:
-    return np.asarray(np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi)

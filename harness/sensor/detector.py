@@ -17,9 +17,8 @@ from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.truth.frame import Frame
-from mmpf.around.shadows import WALL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
-from mmpf.road import Road
+from mmpf.road import Road, wall_bodies
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 DECIMALS = 4
@@ -144,7 +143,7 @@ def _visibility(
     chosen = np.flatnonzero(may_block)
     heading = frame.heading_rad + road.heading_at(frame.lon_m)
     bodies = np.stack([x, y, heading, frame.length_m, frame.width_m])[:, chosen]
-    walls = _wall_bodies(road.walls_near(*sensor, range_m))
+    walls = wall_bodies(road.walls_near(*sensor, range_m))
     part, part_occluder = visible_fractions(sensor, *np.concatenate([bodies, walls], axis=1))
     part, part_occluder = part[: len(chosen)], part_occluder[: len(chosen)]
     # What a wall hides no vehicle hides.
@@ -156,13 +155,6 @@ def _visibility(
     fraction[~in_range], occluder[~in_range] = 0.0, NO_OCCLUDER
     fraction[frame.ego] = 1.0
     return fraction, occluder
-
-
-def _wall_bodies(walls: FloatArray) -> FloatArray:
-    """Return walls as thin bodies: rows of x, y, heading, length and width, shape (5, k)."""
-    middle, step = 0.5 * (walls[:, :2] + walls[:, 2:]), walls[:, 2:] - walls[:, :2]
-    length = np.hypot(step[:, 0], step[:, 1])
-    return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls), WALL_WIDTH_M)])
 
 
 def _states(settings: SensorSettings, fraction: FloatArray, in_range: BoolArray) -> npt.NDArray[np.int8]:

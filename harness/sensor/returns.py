@@ -20,8 +20,8 @@ from harness.sensor.noise import (
 )
 from harness.sensor.profiles import SensorSettings
 from harness.sensor.scene import Scene, in_reach, sight_to
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, wrap_angle
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, wrapped
 
 CLUTTER_SPEED_MPS = (0.0, 40.0)
 SPEED_NORMAL, REPORT_NORMALS = 4, 6
@@ -74,7 +74,7 @@ def _boxes(settings: SensorSettings, scene: Scene, now: VehicleMemory, origin: I
     boxes = split(settings, boxes, (now.split[boxes.origin] > 0.0) & single, frame.heading_rad[boxes.origin])
     bearing = scene.sight.bearing
     hider = scene.occluder[boxes.origin]
-    side = np.sign(wrap_angle(bearing[boxes.origin] - bearing[hider]))
+    side = np.sign(wrapped(bearing[boxes.origin] - bearing[hider]))
     side[hider < 0] = 0.0
     return shifted(settings, boxes, fraction[boxes.origin], scene.sight.against_axis[boxes.origin], side)
 

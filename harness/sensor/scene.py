@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.sensor.profiles import SensorSettings
-from harness.sensor.shadows import sensor_position, wrap_angle
+from harness.sensor.shadows import sensor_position
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 
@@ -69,7 +69,7 @@ def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose, axi
         distance=np.hypot(x - sensor_x, y - sensor_y),
         bearing=bearing,
         against_axis=bearing - road.heading_at(lon_m) - axis_rad,
-        off_axis=np.abs(wrap_angle(bearing - ego_road - ego.heading_rad)),
+        off_axis=np.abs(wrapped(bearing - ego_road - ego.heading_rad)),
     )
 
 

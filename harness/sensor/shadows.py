@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.road import Road
 from mmpf.scan import Detections, EgoPose, FreeSpace
@@ -39,7 +39,7 @@ def free_space(
     bearings = np.asarray(-np.pi + width * (np.arange(SECTORS) + 0.5), dtype=np.float64)
     _, _, leave = first_hits(_shadowing_boxes(detections, ego, road), bearings)
     forward = ego.heading_rad + float(road.heading_at(np.array(ego.lon_m)))
-    off_axis = np.abs(wrap_angle(bearings - forward))
+    off_axis = np.abs(wrapped(bearings - forward))
     return FreeSpace(range_m=np.where(off_axis <= 0.5 * field_of_view_rad, np.minimum(leave, range_m), 0.0))
 
 
@@ -66,11 +66,6 @@ def sensor_position(ego: EgoPose, road: Road) -> tuple[float, float]:
     """Return where the sensor is in the Cartesian plane, metres."""
     x, y = road.to_cartesian(np.array([ego.lon_m]), np.array([ego.lat_m]))
     return float(x[0]), float(y[0])
-
-
-def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Return the angles in [-pi, pi), radians."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _shadowing_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatArray:
@@ -104,7 +99,7 @@ def _shadow_outline(corners: FloatArray, range_m: float) -> FloatArray:
     """Return the shadow of a convex counter-clockwise body round the far side and back along the arc."""
     centre = corners.mean(axis=0)
     towards = np.arctan2(centre[1], centre[0])
-    offset = wrap_angle(np.arctan2(corners[:, 1], corners[:, 0]) - towards)
+    offset = wrapped(np.arctan2(corners[:, 1], corners[:, 0]) - towards)
     right, left = int(offset.argmin()), int(offset.argmax())
     far_side = corners[[(right + k) % 4 for k in range((left - right) % 4 + 1)]]
     steps = max(2, int(np.ceil((offset[left] - offset[right]) / np.deg2rad(1.0))) + 1)

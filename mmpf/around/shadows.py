@@ -15,11 +15,12 @@ import numpy as np
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.compute.threads import in_shares
 from mmpf.plane import SensorPlane
+from mmpf.road import wall_bodies
 from mmpf.scan import FreeSpace
 
 BEARINGS = 1440
-# Walls farther away hide nothing within any sensor's range; only their outlines count.
-WALLS_WITHIN_M, WALL_WIDTH_M = 250.0, 0.01
+# Walls farther away hide nothing within any sensor's range.
+WALLS_WITHIN_M = 250.0
 LARGEST_RAY_COUNT = 16
 # Where the rays over a vehicle's extent lie, as shares of its half-width.
 RAY_PLACES = (2.0 * np.arange(LARGEST_RAY_COUNT) + 1.0) / LARGEST_RAY_COUNT - 1.0
@@ -136,14 +137,10 @@ def shadowed_share(
 def _cast_walls(plane: SensorPlane, depth: FloatArray, caster: IntArray) -> None:
     """Add the surfaces of walls, as thin rectangles; they belong to no component."""
     ego = plane.ego
-    walls = plane.road.walls_near(ego.lon_m, ego.lat_m, WALLS_WITHIN_M)
-    middle, step = 0.5 * (walls[:, :2] + walls[:, 2:]) - (ego.lon_m, ego.lat_m), walls[:, 2:] - walls[:, :2]
-    half_length = 0.5 * np.hypot(step[:, 0], step[:, 1])
-    cosine, sine = step.T / np.maximum(2.0 * half_length, 1e-9)
-    half_width, casts = np.full(len(walls), 0.5 * WALL_WIDTH_M), np.ones(len(walls), dtype=np.bool_)
-    x, y = np.ascontiguousarray(middle.T)
+    x, y, heading, length, width = wall_bodies(plane.road.walls_near(ego.lon_m, ego.lat_m, WALLS_WITHIN_M))
+    x, y, casts = x - ego.lon_m, y - ego.lat_m, np.ones(len(x), dtype=np.bool_)
     surfaces, of_wall = np.full_like(depth, np.inf), np.full_like(caster, -1)
-    _cast_shadows(x, y, casts, half_length, half_width, cosine, sine, surfaces, of_wall)
+    _cast_shadows(x, y, casts, 0.5 * length, 0.5 * width, np.cos(heading), np.sin(heading), surfaces, of_wall)
     _put_before(surfaces[0], depth, caster)
 
 

@@ -38,6 +38,11 @@ def turned(x: FloatArray, y: FloatArray, turn_rad: FloatArray | float) -> tuple[
     return x * cosine + y * sine, y * cosine - x * sine
 
 
+def wrapped(angle_rad: FloatArray) -> FloatArray:
+    """Return angles in [-pi, pi), radians, in the argument's shape."""
+    return np.asarray(np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi)
+
+
 def joined(first: Rows, second: Rows) -> Rows:
     """Return the rows of one struct of arrays followed by those of another; see ``taken``."""
     return _by_column(lambda *columns: np.concatenate(columns), first, second)

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
+from mmpf.lanes.finding import fill_cells, find_lanes, lay_out, project
 
 NOWHERE = -1
 """In place of a lane's index: no lane."""
@@ -142,6 +142,10 @@ class LaneGraph:
     def __len__(self) -> int:
         return len(self.name)
 
+    def line(self, lane: int) -> FloatArray:
+        """Return the points of a lane's middle line, metres, shape (p, 2)."""
+        return self.xy[self.first_point[lane] : self.first_point[lane + 1]]
+
     @cached_property
     def segments(self) -> Segments:
         """The straight pieces of the lanes; points that coincide with the one before are left out."""
@@ -182,7 +186,7 @@ class LaneGraph:
         shape = int(extent[0] / size_m) + 1, int(extent[1] / size_m) + 1
         first_cell = ((low - origin[:, None]) / size_m).astype(np.int64)
         last_cell = ((high - origin[:, None]) / size_m).astype(np.int64)
-        first, segment = _fill_cells(first_cell, last_cell, shape)
+        first, segment = fill_cells(first_cell, last_cell, shape)
         return Cells(origin, size_m, shape, first, segment)
 
     def lanes_near(self, x: FloatArray, y: FloatArray, most: int = 6) -> LanesNear:
@@ -196,7 +200,7 @@ class LaneGraph:
         shape = len(x), most
         found = LanesNear(np.full(shape, NOWHERE), np.zeros(shape), np.zeros(shape), np.zeros(shape))
         cells = self.cells
-        _find_lanes(
+        find_lanes(
             x,
             y,
             cells.origin,
@@ -223,7 +227,7 @@ class LaneGraph:
             heading_rad: Where the vehicles point, shape (n,).
         """
         near = self.lanes_near(x, y)
-        off = np.abs(np.remainder(near.heading_rad - heading_rad[:, None] + np.pi, 2.0 * np.pi) - np.pi)
+        off = np.abs(wrapped(near.heading_rad - heading_rad[:, None]))
         # Half a turn off weighs as much as being a whole lane beside it.
         cost = np.where(near.lane >= 0, np.abs(near.left_m) + 3.0 * off, np.inf)
         cost[off > 0.5 * np.pi] = np.inf
@@ -243,7 +247,7 @@ class LaneGraph:
             y: The same.
         """
         along, left, heading = (np.full(len(x), np.nan) for _ in range(3))
-        _project(lane, x, y, self.segments.as_arrays(), self.segments.first, along, left, heading)
+        project(lane, x, y, self.segments.as_arrays(), self.segments.first, along, left, heading)
         return along, left, heading
 
     def place(
@@ -257,142 +261,5 @@ class LaneGraph:
             left_m: Offset to the left of its middle line, shape (n,).
         """
         x, y, heading = (np.full(len(along_m), np.nan) for _ in range(3))
-        _lay_out(lane, along_m, left_m, self.segments.as_arrays(), self.segments.first, x, y, heading)
+        lay_out(lane, along_m, left_m, self.segments.as_arrays(), self.segments.first, x, y, heading)
         return x, y, heading
-
-
-_Pieces = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-
-
-@numba.njit(cache=True)
-def _fill_cells(first_cell: IntArray, last_cell: IntArray, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    count = np.zeros(shape[0] * shape[1] + 1, dtype=np.int64)
-    for fill in range(2):
-        if fill:
-            begin = np.cumsum(count)
-            segment = np.empty(begin[-1], dtype=np.int64)
-            place = begin - count
-        for q in range(first_cell.shape[1]):
-            for column in range(first_cell[0, q], last_cell[0, q] + 1):
-                for row in range(first_cell[1, q], last_cell[1, q] + 1):
-                    cell = column * shape[1] + row
-                    if fill:
-                        segment[place[cell]] = q
-                        place[cell] += 1
-                    else:
-                        count[cell] += 1
-    return begin - count, segment
-
-
-@numba.njit(cache=True)
-def _find_lanes(
-    x: FloatArray,
-    y: FloatArray,
-    origin: FloatArray,
-    size_m: float,
-    shape: tuple[int, int],
-    first: IntArray,
-    members: IntArray,
-    pieces: _Pieces,
-    piece_lane: IntArray,
-    reach_m: FloatArray,
-    lane: IntArray,
-    along: FloatArray,
-    left: FloatArray,
-    heading: FloatArray,
-) -> None:
-    start_x, start_y, cosine, sine, length, piece_along = pieces
-    most = lane.shape[1]
-    distance = np.empty(most)
-    for n in range(len(x)):
-        column, row = int(np.floor((x[n] - origin[0]) / size_m)), int(np.floor((y[n] - origin[1]) / size_m))
-        if not (0 <= column < shape[0] and 0 <= row < shape[1]):
-            continue
-        cell, found = column * shape[1] + row, 0
-        for place in range(first[cell], first[cell + 1]):
-            q = members[place]
-            away_x, away_y = x[n] - start_x[q], y[n] - start_y[q]
-            t = min(max(away_x * cosine[q] + away_y * sine[q], 0.0), length[q])
-            off_x, off_y = away_x - t * cosine[q], away_y - t * sine[q]
-            away = np.sqrt(off_x * off_x + off_y * off_y)
-            if away > reach_m[piece_lane[q]]:
-                continue
-            # One entry a lane: a nearer piece of a lane that is listed takes its place.
-            at = found
-            for k in range(found):
-                if lane[n, k] == piece_lane[q]:
-                    at = k
-                    break
-            if at < found:
-                if away >= distance[at]:
-                    continue
-            elif found < most:
-                found += 1
-            else:
-                at = most - 1
-                if away >= distance[at]:
-                    continue
-            while at > 0 and distance[at - 1] > away:
-                lane[n, at], along[n, at], left[n, at] = lane[n, at - 1], along[n, at - 1], left[n, at - 1]
-                heading[n, at], distance[at] = heading[n, at - 1], distance[at - 1]
-                at -= 1
-            lane[n, at], along[n, at], distance[at] = piece_lane[q], piece_along[q] + t, away
-            left[n, at] = away if off_y * cosine[q] - off_x * sine[q] >= 0.0 else -away
-            heading[n, at] = np.arctan2(sine[q], cosine[q])
-
-
-@numba.njit(cache=True, nogil=True)
-def _project(
-    lane: IntArray,
-    x: FloatArray,
-    y: FloatArray,
-    pieces: _Pieces,
-    first: IntArray,
-    along: FloatArray,
-    left: FloatArray,
-    heading: FloatArray,
-) -> None:
-    start_x, start_y, cosine, sine, length, piece_along = pieces
-    for n in range(len(x)):
-        if lane[n] < 0:
-            continue
-        nearest = np.inf
-        begin, end = first[lane[n]], first[lane[n] + 1]
-        for q in range(begin, end):
-            away_x, away_y = x[n] - start_x[q], y[n] - start_y[q]
-            t = away_x * cosine[q] + away_y * sine[q]
-            if q > begin:
-                t = max(t, 0.0)
-            if q < end - 1:
-                t = min(t, length[q])
-            off_x, off_y = away_x - t * cosine[q], away_y - t * sine[q]
-            away = off_x * off_x + off_y * off_y
-            if away < nearest:
-                nearest = away
-                along[n] = piece_along[q] + t
-                left[n] = np.sqrt(away) if off_y * cosine[q] - off_x * sine[q] >= 0.0 else -np.sqrt(away)
-                heading[n] = np.arctan2(sine[q], cosine[q])
-
-
-@numba.njit(cache=True, nogil=True)
-def _lay_out(
-    lane: IntArray,
-    along: FloatArray,
-    left: FloatArray,
-    pieces: _Pieces,
-    first: IntArray,
-    x: FloatArray,
-    y: FloatArray,
-    heading: FloatArray,
-) -> None:
-    start_x, start_y, cosine, sine, _, piece_along = pieces
-    for n in range(len(along)):
-        if lane[n] < 0:
-            continue
-        q = first[lane[n]]
-        while q + 1 < first[lane[n] + 1] and along[n] >= piece_along[q + 1]:
-            q += 1
-        t = along[n] - piece_along[q]
-        x[n] = start_x[q] + t * cosine[q] - left[n] * sine[q]
-        y[n] = start_y[q] + t * sine[q] + left[n] * cosine[q]
-        heading[n] = np.arctan2(sine[q], cosine[q])

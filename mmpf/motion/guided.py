@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.state import LAT, LON, SPEED
@@ -153,7 +153,7 @@ class LaneGuided:
         """Draw a lane beside each place that leads a vehicle's way (any way where that is nan), and the direction."""
         near = self.graph.lanes_near(x, y)
         weight = np.where(near.lane >= 0, np.exp(-0.5 * (near.left_m / BESIDE_STD_M) ** 2) + 1e-3, 0.0)
-        off = np.abs(np.remainder(near.heading_rad - heading[:, None] + np.pi, 2.0 * np.pi) - np.pi)
+        off = np.abs(wrapped(near.heading_rad - heading[:, None]))
         weight[off > ASTRAY_RAD] = 0.0
         share = np.cumsum(weight, axis=1)
         drawn = (rng.uniform(size=len(x))[:, None] * share[:, -1:] >= share).sum(axis=1)

@@ -86,6 +86,7 @@ function drawSensorView(pen, camera) {
   pen.arc(x, y, data.range_m * camera.scale, -forward - half, -forward + half);
   pen.fill();
   if (!shown.shadows) return;
+  pen.clip(); // what hides reaches beyond the sensor's range, its shadow does not
   pen.fillStyle = SHADOW;
   const [begin, end] = range(data.detections, view.step);
   for (let k = begin; k < end; k++) drawShadow(pen, camera, sensor, k);

@@ -197,14 +197,25 @@ def test_walls_hide_what_is_behind_them_from_the_tracker_too() -> None:
     assert found == pytest.approx([1.0, 0.0, 1.0, 1.0, 0.0], abs=0.05)
 
 
-def test_a_wall_between_two_vehicles_hides_the_farther_one_and_the_nearer_still_hides_it_where_the_wall_ends() -> None:
+@pytest.mark.parametrize(
+    ("first_casts", "wall", "fraction"),
+    [
+        (False, (20, -1, 20, 9), 0.0),
+        (True, (20, 5, 20, 9), 0.0),
+        (False, (20, 5, 20, 9), 1.0),
+        (False, (35, -9, 35, 9), 1.0),
+    ],
+)
+def test_a_vehicle_is_hidden_by_a_wall_before_it_or_a_vehicle_before_it_and_by_nothing_else(
+    first_casts: bool, wall: tuple[float, ...], fraction: float
+) -> None:
     graph = graph_of({"there": [(-200, 0), (200, 0)]})
-    lon, lat, casts = np.array([10.0, 30.0]), np.zeros(2), np.array([True, True])
-    for walls, fraction in ((np.array([[20.0, -1.0, 20.0, 9.0]]), 0.0), (np.array([[20.0, 5.0, 20.0, 9.0]]), 0.0)):
-        plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), Road(lanes=(), graph=graph, walls_xy=walls))
-        table = depth_table(plane, lon, lat, casts, cars(2))
-        found = visible_fractions(plane, lon, lat, np.arange(2), cars(2), table)
-        assert found == pytest.approx([1.0, fraction], abs=0.01)
+    road = Road(lanes=(), graph=graph, walls_xy=np.array([wall], dtype=float))
+    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), road)
+    lon, lat = np.array([10.0, 30.0]), np.zeros(2)
+    table = depth_table(plane, lon, lat, np.array([first_casts, True]), cars(2))
+    found = visible_fractions(plane, lon, lat, np.arange(2), cars(2), table)
+    assert found == pytest.approx([1.0, fraction], abs=0.01)
 
 
 def test_crossing_vehicles_hide_each_other_by_the_sides_that_they_show() -> None:
