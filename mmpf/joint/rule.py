@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.around.shadows import Bodies, depth_table, visible_fractions
+from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes

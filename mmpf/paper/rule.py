@@ -11,7 +11,8 @@ import numba
 import numpy as np
 from scipy.special import logsumexp
 
-from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
+from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.shadows import shadowed_share, visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table

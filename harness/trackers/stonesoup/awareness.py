@@ -16,8 +16,9 @@ from stonesoup.types.update import Update
 
 from harness.trackers.stonesoup.options import AwareJpdaOptions
 from harness.trackers.stonesoup.parts import MEASURED_SIZE, to_seconds
+from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.neighbours import IN_THE_WAY
-from mmpf.around.shadows import Bodies, depth_table, visible_fractions
+from mmpf.around.shadows import visible_fractions
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.idm import LONGEST_HEADWAY_S, SHORTEST_HEADWAY_S, SLOWEST_MPS, adaptive_parameters, idm_acceleration
 from mmpf.motion.protocol import Neighbour

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.around.shadows import Bodies, depth_table, shadowed_share, visible_fractions
+from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.shadows import shadowed_share, visible_fractions
 from mmpf.compute.arrays import FloatArray
 from mmpf.options import MEAN_CAR
 from mmpf.plane import SensorPlane
