@@ -121,6 +121,13 @@ class Drawing:
         """Add a building with walls along the axes."""
         self.buildings.append([low, (high[0], low[1]), high, (low[0], high[1])])
 
+    def blocks_at_corners(self, blocks: Iterable[tuple[Point, Point]]) -> None:
+        """Add buildings at all four corners of a crossing at the origin, given those of the upper right one."""
+        for sign_x, sign_y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+            for low, high in blocks:
+                x, y = sorted((sign_x * low[0], sign_x * high[0])), sorted((sign_y * low[1], sign_y * high[1]))
+                self.block((x[0], y[0]), (x[1], y[1]))
+
 
 def build(drawing: Drawing, folder: Path, name: str) -> None:
     """Write a network's files: ``.net.xml``, ``.rou.xml`` and, if there are buildings, ``.poly.xml``."""

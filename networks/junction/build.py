@@ -26,10 +26,7 @@ def draw() -> Drawing:
         drawing.node(name, end)
         drawing.edge(f"{name}_in", (name, "crossing"), [end, (0.0, 0.0)], LANES, SPEED_MPS)
         drawing.edge(f"{name}_out", ("crossing", name), [(0.0, 0.0), end], LANES, SPEED_MPS)
-    for sign_x, sign_y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        for low, high in BLOCKS:
-            x, y = sorted((sign_x * low[0], sign_x * high[0])), sorted((sign_y * low[1], sign_y * high[1]))
-            drawing.block((x[0], y[0]), (x[1], y[1]))
+    drawing.blocks_at_corners(BLOCKS)
     arms = list(ARMS)
     for place, name in enumerate(arms):
         for turn, flow in ((1, 110.0), (2, 360.0), (3, 110.0)):

@@ -30,10 +30,7 @@ def draw() -> Drawing:
         more = f'priority="{priority}"'
         drawing.edge(f"{name}_in", (name, "crossing"), [end, (0.0, 0.0)], 1, speed_mps, more)
         drawing.edge(f"{name}_out", ("crossing", name), [(0.0, 0.0), end], 1, speed_mps, more)
-    for sign_x, sign_y in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        for low, high in BLOCKS:
-            x, y = sorted((sign_x * low[0], sign_x * high[0])), sorted((sign_y * low[1], sign_y * high[1]))
-            drawing.block((x[0], y[0]), (x[1], y[1]))
+    drawing.blocks_at_corners(BLOCKS)
     arms = list(ARMS)
     for place, name in enumerate(arms):
         flows = (60.0, 330.0, 60.0) if name in MAJOR else (50.0, 70.0, 50.0)
