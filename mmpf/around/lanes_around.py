@@ -69,30 +69,38 @@ def _find_lanes(
     has_lane: BoolArray,
     lane_line: FloatArray,
 ) -> None:
-    """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines."""
+    """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines.
+
+    A particle is mostly in the lane of the one before it, so lanes are looked up once for a run of particles.
+    """
     own, own_left, own_right = lane[OWN], lane[LEFT], lane[RIGHT]
-    at, beside_left, beside_right = 0, OFF_ROAD, OFF_ROAD
-    right_m, left_m, start_m, end_m = np.inf, -np.inf, 0.0, 0.0
-    for n in range(begin, end):
-        # A particle is mostly in the lane of the one before it.
-        if not (right_m < lat[n] < left_m and start_m <= lon[n] < end_m):
-            at = _lane_at(lanes, lon[n], lat[n])
-            if at == OFF_ROAD:
-                beside_left, beside_right = OFF_ROAD, OFF_ROAD
-                right_m, left_m = np.nan, np.nan
-            else:
-                beside_left, beside_right = left[at], right[at]
-                right_m, left_m, start_m, end_m = lanes[at, 1], lanes[at, 2], lanes[at, 3], lanes[at, 4]
-        own[n] = at
-        own_left[n] = _lane_if_there(lanes, beside_left, lon[n])
-        own_right[n] = _lane_if_there(lanes, beside_right, lon[n])
-        has_lane[0, n], has_lane[1, n] = own_left[n] >= 0, own_right[n] >= 0
-        lane_line[0, n], lane_line[1, n] = right_m, left_m
+    has_left, has_right = has_lane[0], has_lane[1]
+    right_line, left_line = lane_line[0], lane_line[1]
+    n = begin
+    while n < end:
+        at, beside_left, beside_right = _lane_at(lanes, lon[n], lat[n]), OFF_ROAD, OFF_ROAD
+        right_m, left_m, start_m, end_m = np.nan, np.nan, 0.0, 0.0
+        if at != OFF_ROAD:
+            beside_left, beside_right = left[at], right[at]
+            right_m, left_m, start_m, end_m = lanes[at, 1], lanes[at, 2], lanes[at, 3], lanes[at, 4]
+        left_start_m, left_end_m = _extent(lanes, beside_left)
+        right_start_m, right_end_m = _extent(lanes, beside_right)
+        while True:
+            own[n] = at
+            has_left[n] = left_start_m <= lon[n] < left_end_m
+            has_right[n] = right_start_m <= lon[n] < right_end_m
+            own_left[n] = beside_left if has_left[n] else OFF_ROAD
+            own_right[n] = beside_right if has_right[n] else OFF_ROAD
+            right_line[n], left_line[n] = right_m, left_m
+            n += 1
+            if n == end or not (right_m < lat[n] < left_m and start_m <= lon[n] < end_m):
+                break
 
 
 @numba.njit(cache=True)
-def _lane_if_there(lanes: FloatArray, lane: int, lon: float) -> int:
-    return lane if lane >= 0 and lanes[lane, 3] <= lon < lanes[lane, 4] else OFF_ROAD
+def _extent(lanes: FloatArray, lane: int) -> tuple[float, float]:
+    """Return where a lane starts and ends; that of no lane holds nothing."""
+    return (lanes[lane, 3], lanes[lane, 4]) if lane != OFF_ROAD else (0.0, 0.0)
 
 
 @numba.njit(cache=True)
