@@ -28,6 +28,8 @@ def command(options: Options) -> None:
     summary.json, table.md, figures and a page that leads from each cell to
     its runs. Exit code 3 if a run failed.
     Recorded traffic gives one table over all files instead of curves.
+    --nets drives several networks in one grid, each at its own middle density
+    unless --densities or --demands is given, and tells scores by network.
     --mismatch makes every run again with the noise believed half and twice
     as large, 30 % of detections missed, five times the clutter, noise that
     drifts, and bursts of misses, while trackers believe the data sheet; its
@@ -39,6 +41,8 @@ def command(options: Options) -> None:
       python -m harness stress --densities 30 --vary sensor.range_m=40:160:20
       python -m harness stress --densities 20,40 --duration 20 --resume
       python -m harness stress --densities 20,45 --seeds 3 --keep runs
+      python -m harness stress --nets us101,curve,junction --seeds 5
+      python -m harness stress --nets curve,junction --demands light,heavy
       python -m harness stress --densities 20,45 --mismatch --trackers mmpf,stonesoup-jpda
       python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
       python -m harness stress --scheduler tcp://host:8786
@@ -55,8 +59,7 @@ def command(options: Options) -> None:
     elif not quiet:
         from harness.grid.tables import print_result  # noqa: PLC0415
 
-        title = f"Stress test on {finished.summary['grid']['net']}"
-        print_result(title, finished.points, finished.breaks, finished.failures, str(finished.folder))
+        print_result(finished.title, finished.points, finished.breaks, finished.failures, str(finished.folder))
     if as_json:
         typer.echo(json.dumps(finished.summary, indent=2))
     if finished.failures:

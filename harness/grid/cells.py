@@ -11,7 +11,7 @@ from typing import Any
 
 from harness.config.model import RunConfig, TrackerConfig
 
-DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "density", "demand", "seed", "replay", "mismatch"
+NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class PlannedRun:
         """Return the columns that tell this run from the others."""
         traffic, tracker = self.config.traffic, self.config.tracker
         return {
-            "net": traffic.net,
+            NET: traffic.net,
             DENSITY: traffic.density,
             DEMAND: traffic.demand,
             **({RECORDING: Path(self.config.replay).name} if self.config.replay is not None else {}),

@@ -10,5 +10,9 @@ from harness.running.expected import LOADING_S, expected_tracking_s, expected_tr
 
 def expected_s(cells: Sequence[Cell], workers: int) -> float:
     """Return the guess in seconds, for so many workers."""
-    work_s = sum(expected_traffic_s(c.config) + sum(expected_tracking_s(run.config) for run in c.runs) for c in cells)
-    return LOADING_S + work_s / max(1, min(workers, len(cells)))
+    return LOADING_S + sum(map(work_s, cells)) / max(1, min(workers, len(cells)))
+
+
+def work_s(cell: Cell) -> float:
+    """Return the guess for one worker and a cell, seconds."""
+    return expected_traffic_s(cell.config) + sum(expected_tracking_s(run.config) for run in cell.runs)

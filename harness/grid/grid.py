@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from harness.config.layers import resolve_run_config
 from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.errors import InputError
-from harness.grid.cells import DEMAND, DENSITY, RECORDING, Cell, Grid, PlannedRun
+from harness.grid.cells import DEMAND, DENSITY, NET, RECORDING, Cell, Grid, PlannedRun
 from harness.grid.mismatch import mismatches
 from harness.sensor.profiles import sensor_settings
 from harness.truth.recorded.egos import EACH
@@ -29,6 +29,7 @@ MOST_RUNS = 100_000
 BELIEFS = "tracker.believes."
 NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
 VARY_EXAMPLE = "sensor.range_m=40:160:20"
+NETS_EXAMPLE = "us101,curve,junction"
 TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
 
 
@@ -37,7 +38,10 @@ class GridRequest:
     """A grid as the user wrote it.
 
     Attributes:
-        net: Network by name, or a path. Of recorded traffic ``None`` is the one that its format has.
+        net: Network by name, or a path; None with ``nets``. Of recorded traffic ``None`` is the one that its format
+            has.
+        nets: Several networks, a list; None with ``net``. Each has its default demand where neither densities nor
+            demands are given.
         densities: Vehicles per km and lane, a range or list; None with ``demands`` or a network with its own demand.
         demands: Named demands, a list; None with ``densities``.
         trackers: Trackers, a list.
@@ -67,6 +71,27 @@ class GridRequest:
     replay: tuple[str, ...] = ()
     ego: str | None = None
     mismatch: bool = False
+    nets: str | None = None
+
+    @property
+    def networks(self) -> tuple[str | None, ...]:
+        """The networks, one after the other; a single None where recorded traffic brings its own."""
+        return (self.net,) if self.nets is None else names(self.nets, "nets", NETS_EXAMPLE)
+
+    @property
+    def title(self) -> str:
+        """What its tables and pictures are headed by."""
+        return title_of(map(str, self.networks))
+
+    def as_table(self) -> dict[str, Any]:
+        """Return it as plain values; ``nets`` only where given, so that grids of one network stay as they were."""
+        table = asdict(self)
+        return table if self.nets is not None else {key: value for key, value in table.items() if key != "nets"}
+
+
+def title_of(networks: Iterable[str]) -> str:
+    """Return what a grid on these networks is called; one named several times counts once."""
+    return f"Stress test on {', '.join(dict.fromkeys(networks))}"
 
 
 def plan_grid(request: GridRequest) -> Grid:
@@ -155,15 +180,20 @@ def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
         raise InputError("`replay`: recorded traffic is as it was; leave densities and demands out")
     if request.ego is not None and not request.replay:
         raise InputError("`ego`: simulated traffic has no such choice; add `replay`, recorded traffic")
+    if request.nets is not None and request.net is not None:
+        raise InputError(f"`nets`: give either net or nets, not both; for example `nets` {NETS_EXAMPLE}")
+    if request.nets is not None and request.replay:
+        raise InputError("`nets`: recorded traffic drives on its own road; leave nets out with `replay`")
+    traffic: list[dict[str, Any]] = [{}]
     if request.demands is not None:
-        return [{DEMAND: name} for name in names(request.demands, "demands", "us101-0750,us101-0805")]
-    if request.densities is not None:
-        return [{DENSITY: value} for value in numbers(request.densities, "densities", "5:65:10")]
+        traffic = [{DEMAND: name} for name in names(request.demands, "demands", "us101-0750,us101-0805")]
+    elif request.densities is not None:
+        traffic = [{DENSITY: value} for value in numbers(request.densities, "densities", "5:65:10")]
     if request.replay:
         if len({Path(path).name for path in request.replay}) < len(request.replay):
             raise InputError("`replay`: two of the files have the same name; results are told apart by it")
         return [{RECORDING: path, "ego": request.ego or EACH} for path in request.replay]
-    return [{}]
+    return [{NET: net, **point} for net in request.networks for point in traffic]
 
 
 def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:

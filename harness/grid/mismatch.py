@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.grid.cells import DEMAND, DENSITY, MISMATCH, RECORDING, SEED
+from harness.grid.cells import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from harness.grid.rows import column_of
 from harness.scoring.statistics import few_groups_ci
 from harness.sensor.profiles import SensorSettings
@@ -72,7 +72,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
     """Return what each mismatch costs each tracker, from the rows of the grid."""
     table = table[table["succeeded"].astype(bool)].copy()
     table["model"] = table["model"].fillna("")
-    world = [name for name in (DENSITY, DEMAND, RECORDING, SEED) if name in table]
+    world = [name for name in (NET, DENSITY, DEMAND, RECORDING, SEED) if name in table]
     axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.", "traffic."))]
     # As text, since missing values are no keys to join on.
     table["world"] = ["|".join(map(str, row)) for row in table[[*world, *axes]].itertuples(index=False)]

@@ -22,6 +22,10 @@ class GridOptions(TypedDict, total=False):
         str | Path | None,
         Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", panel=GRID),
     ]
+    nets: Annotated[
+        str | Sequence[str | Path] | None,
+        Option("Several networks in one grid: A,B,C; each at its middle density unless one is given.", panel=GRID),
+    ]
     densities: Annotated[
         str | float | Sequence[float] | None,
         Option("Vehicles per km and lane: START:STOP:STEP, ends included, or A,B,C. (default: 5:65:10)", panel=GRID),
@@ -102,10 +106,11 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
 
     files = _files_of(options["replay"])
     net = options["net"]
+    nets = _listed(options["nets"])
     given = options["densities"] is not None or options["demands"] is not None or bool(files)
-    own_demand = brings_its_own_demand(net or "us101")
+    own_demand = nets is not None or brings_its_own_demand(net or "us101")
     return GridRequest(
-        net=net if files else net or "us101",
+        net=net if files or nets is not None else net or "us101",
         densities=_listed(options["densities"]) if given or own_demand else "5:65:10",
         demands=_listed(options["demands"]),
         trackers=_listed(options["trackers"], _tracker_path) or "",
@@ -119,6 +124,7 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         replay=tuple(map(str, files)),
         ego=options["ego"],
         mismatch=options["mismatch"],
+        nets=nets,
     )
 
 

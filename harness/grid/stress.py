@@ -6,12 +6,14 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.errors import InputError, RunError, RunInterruptedError
 from harness.grid.cells import MISMATCH, RECORDING, Cell, Grid, distinct_trackers
-from harness.grid.expected import expected_s
+from harness.grid.expected import expected_s, work_s
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
 from harness.grid.pool import OnRow
@@ -39,12 +41,14 @@ class FinishedGrid:
 
     Attributes:
         folder: Where its files lie.
+        title: What its tables are headed by.
         summary: Content of its ``summary.json``.
         points: The curves.
         breaks: Where each tracker breaks.
     """
 
     folder: Path
+    title: str
     summary: dict[str, Any]
     points: Sequence[Point]
     breaks: Sequence[Break]
@@ -112,7 +116,7 @@ def run_stress(
             user.warn(
                 f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?"
             )
-        write_text(out / GRID, json.dumps(asdict(request), indent=2) + "\n")
+        write_text(out / GRID, json.dumps(request.as_table(), indent=2) + "\n")
         cells = _rest_of(grid, done)
         # What was made of fewer runs goes.
         for name in (RUNS, SUMMARY, TABLE) if cells else ():
@@ -137,7 +141,7 @@ def run_stress(
 def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
     """Return what is left to run, the longest first, so that no worker is left alone with it in the end."""
     left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
-    return sorted((cell for cell in left if cell.runs), key=lambda cell: -(cell.config.traffic.density or 0.0))
+    return sorted((cell for cell in left if cell.runs), key=lambda cell: -work_s(cell))
 
 
 @contextmanager
@@ -162,16 +166,18 @@ def _check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
     """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings."""
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
-    traffic = grid.cells[0].config.traffic
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
         _check_recordings(grid, tell)
         return
-    network = load_network(traffic.net)
-    if network.configuration is not None and (traffic.density is not None or traffic.demand is not None):
-        raise InputError(f"`densities`: {network.name} brings its own demand; leave densities and demands out")
-    for demand in {cell.config.traffic.demand for cell in grid.cells} - {None}:
-        network.demand(str(demand))
+    traffic = dict.fromkeys((each.net, each.demand, each.density) for each in (c.config.traffic for c in grid.cells))
+    for name, points in groupby(traffic, key=itemgetter(0)):
+        network = load_network(name)
+        for _, demand, density in points:
+            if network.configuration is not None and (density is not None or demand is not None):
+                raise InputError(f"`densities`: {network.name} brings its own demand; leave densities and demands out")
+            if demand is not None:
+                network.demand(demand)
     _check_sensors_and_trackers(grid)
 
 
@@ -222,12 +228,12 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
     (out / FIGURES).mkdir(exist_ok=True)
     tell = _mismatched if request.mismatch else _pooled if grid.is_replay else _curves
     told = tell(table, grid, request, out / FIGURES, _lines(failures))
-    about = {"grid": asdict(request), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
+    about = {"grid": request.as_table(), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
     summary: dict[str, Any] = without_nan(about | told.numbers)
     write_text(out / TABLE, told.text)
     write_text(out / SUMMARY, json.dumps(summary, indent=2) + "\n")
     write_table(table, out / RUNS)
-    return FinishedGrid(out, summary, told.points, told.breaks)
+    return FinishedGrid(out, request.title, summary, told.points, told.breaks)
 
 
 @dataclass(frozen=True)
@@ -243,12 +249,11 @@ class _Told:
 def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:
     from harness.grid.tables import as_markdown, curves_figure  # noqa: PLC0415
 
-    title = f"Stress test on {request.net}"
     points, broken = curve_points(table, grid.axes), breaks(table)
     for axis in dict.fromkeys(point.axis for point in points):
-        save_figure(curves_figure(points, axis, title), figures / f"over_{axis.replace('.', '_')}.png")
+        save_figure(curves_figure(points, axis, request.title), figures / f"over_{axis.replace('.', '_')}.png")
     numbers = {"breaks": [asdict(entry) for entry in broken], "curves": [asdict(point) for point in points]}
-    return _Told(numbers, as_markdown(title, points, broken, failures), points, broken)
+    return _Told(numbers, as_markdown(request.title, points, broken, failures), points, broken)
 
 
 def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.grid import common_steps
+from harness.grid.cells import NET
 from harness.grid.rows import column_of
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import few_groups_ci
@@ -49,9 +50,9 @@ class Point:
     """One point of a curve.
 
     Attributes:
-        label: Tracker with its settings and model.
+        label: Tracker with its settings and model; along any axis but that of several networks, its network too.
         axis: What the curve runs over.
-        value: Where on that axis, a number or a demand's name.
+        value: Where on that axis, a number, or the name of a demand or network.
         metric: Key of the quantity.
         mean: Mean over seeds; None without a sample. Errors are pooled by their samples, shares by their events.
         ci95: Student's interval over seeds; None with fewer than two seeds.
@@ -77,7 +78,7 @@ class Break:
     again first falls below 50 %, pooled over seeds and interpolated between the densities of the grid.
 
     Attributes:
-        label: Tracker with its settings and model.
+        label: Tracker with its settings and model, and its network if there are several.
         density: That density; None if it holds over the whole grid or nothing was occluded.
         ci95: Bootstrap interval over seeds; an end at which resamples hold is None.
         held_to: Highest density of the grid with enough occlusions to tell; None if there is none.
@@ -105,17 +106,34 @@ def labelled(table: pd.DataFrame) -> pd.DataFrame:
     return done
 
 
+def by_network(done: pd.DataFrame) -> pd.DataFrame:
+    """Return labelled runs with the network in each label, where there are several networks."""
+    if not _several(done):
+        return done
+    return done.assign(label=[f"{label}, {net}" for label, net in zip(done["label"], done[NET], strict=True)])
+
+
+def _several(table: pd.DataFrame) -> bool:
+    return NET in table and len(set(table[NET])) > 1
+
+
 def _axes_of(table: pd.DataFrame, varied: Sequence[str]) -> list[str]:
-    """Return the axes that have curves: density or demand, and every varied key with at least two values."""
+    """Return the axes that have curves: networks, density or demand, and varied keys, each with at least two values.
+
+    Networks have demands of their own: only where one of them is driven at several is that an axis.
+    """
+    nets = [NET] if _several(table) else []
     own = [axis for axis in varied if _values(table, axis) > 1]
     traffic = [axis for axis in ("density", "demand") if _values(table, axis) > 1]
-    if not traffic and not own:
-        traffic = [axis for axis in ("density", "demand") if table[axis].notna().any()]
-    return [*traffic, *own]
+    if not nets and not traffic and not own:
+        traffic = [axis for axis in ("density", "demand") if table[axis].notna().any()] or [NET]
+    return [*nets, *traffic, *own]
 
 
 def _values(table: pd.DataFrame, axis: str) -> int:
-    return len(set(table[axis].dropna()))
+    """Return over how many values an axis goes, on one network."""
+    networks = [runs for _, runs in table.groupby(NET)] if _several(table) else [table]
+    return max((len(set(runs[axis].dropna())) for runs in networks), default=0)
 
 
 def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
@@ -123,23 +141,26 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
 
     Args:
         table: The rows of ``runs.parquet``.
-        varied: Keys of the axes other than density and demand.
+        varied: Keys of the axes other than network, density and demand.
     """
     done = common_steps.with_ratios(labelled(table))
     told = [each for each in told_quantities() if not each.optional or np.isfinite(column_of(done, each.key)).any()]
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:
-        for (label, value), runs in done.groupby(["label", axis], sort=False):
-            points += [
-                _point(str(label), axis, value if isinstance(value, str) else float(str(value)), quantity, runs)
-                for quantity in told
-            ]
+        for (label, value), runs in runs_at(done, axis):
+            points += [_point(label, axis, value, quantity, runs) for quantity in told]
     return points
+
+
+def runs_at(done: pd.DataFrame, axis: str) -> Iterator[tuple[tuple[str, float | str], pd.DataFrame]]:
+    """Yield the runs of each label at each place of an axis, as they stand behind its points."""
+    for (label, value), runs in (done if axis == NET else by_network(done)).groupby(["label", axis], sort=False):
+        yield (str(label), value if isinstance(value, str) else float(str(value))), runs
 
 
 def breaks(table: pd.DataFrame) -> list[Break]:
     """Return where each tracker breaks; none without at least two densities."""
-    done = labelled(table)
+    done = by_network(labelled(table))
     if _values(done, "density") < 2:
         return []
     return [_break(str(label), runs) for label, runs in done.groupby("label", sort=False)]

@@ -13,6 +13,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.grid.cells import NET
 from harness.grid.coasting import COASTING
 from harness.grid.summary import (
     BREAK_METRIC,
@@ -30,14 +31,23 @@ if TYPE_CHECKING:
     from harness.grid.pooled import Mean
 
 
+NAMES = {NET: "network"}
+
+
+def heading_of(axis: str) -> str:
+    """Return what stands over the tables of an axis."""
+    return "By network" if axis == NET else f"Over {axis}"
+
+
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
     lines = [f"# {title}", "", "Means over seeds with Student's 95 % intervals over seeds.", ""]
     for axis in dict.fromkeys(point.axis for point in points):
-        lines += [f"## Over {axis}", ""]
+        lines += [f"## {heading_of(axis)}", ""]
         for heading, columns in _themes({point.metric for point in points}):
             labels = [column.label for column in columns]
-            table = markdown_table(["tracker", axis, *labels, "seeds"], _rows(points, axis, columns, True))
+            headings = ["tracker", NAMES.get(axis, axis), *labels, "seeds"]
+            table = markdown_table(headings, _rows(points, axis, columns, True))
             lines += [heading, "", *table, ""]
     if broken:
         lines += [
@@ -59,9 +69,10 @@ def print_result(
     """Print the same in short on stderr."""
     parts: list[Table | Text] = [Text(f"\n{title}", style="bold")]
     for axis in dict.fromkeys(point.axis for point in points):
-        table = Table(title=f"Means over seeds, by {axis}", box=None, title_justify="left", padding=(0, 2, 0, 0))
+        name = NAMES.get(axis, axis)
+        table = Table(title=f"Means over seeds, by {name}", box=None, title_justify="left", padding=(0, 2, 0, 0))
         table.add_column("tracker", no_wrap=True)
-        for heading in (axis.rpartition(".")[2], *(each.heading or each.label for each in curve_quantities())):
+        for heading in (name.rpartition(".")[2], *(each.heading or each.label for each in curve_quantities())):
             table.add_column(heading, justify="right")
         for row in _rows(points, axis, curve_quantities(), False):
             table.add_row(*row[:-1])
@@ -144,8 +155,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MOST_TICKS = 8
 COLUMNS = 3
 DASHES = ("-", "--", ":", "-.")
+APART = 0.6
+"""How much of the way from one place in words to the next trackers side by side take."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-AXIS_LABELS = {"density": "density, vehicles per km and lane", "demand": "demand"}
+AXIS_LABELS = {"density": "density, vehicles per km and lane", "demand": "demand", NET: NAMES[NET]}
 
 
 def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
@@ -163,10 +176,12 @@ def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
     for axes in panels.flat[len(shown) :]:
         axes.set_axis_off()
     here = [point for point in points if point.axis == axis]
+    places = list(dict.fromkeys(point.value for point in here))
+    labels = len({point.label for point in here})
     lines = {}
     for axes, quantity in zip(panels.flat, shown, strict=False):
         for place, (label, curve) in enumerate(points_of(here, axis, quantity.key)):
-            lines[label] = _draw(axes, curve, place)
+            lines[label] = _draw(axes, curve, place, places, APART * (place - 0.5 * (labels - 1)) / labels)
         axes.set_ylim(bottom=0.0)
         if quantity.label.endswith("%"):
             axes.set_ylim(0.0, 102.0)
@@ -183,6 +198,9 @@ def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
         axes.tick_params(labelbottom=True)
         if 1 < len(values) <= MOST_TICKS:
             axes.set_xticks(values)
+        if any(isinstance(place, str) for place in places):
+            axes.set_xticks(range(len(places)), list(map(str, places)), rotation=20 if len(places) > 3 else 0)
+            axes.set_xlim(-0.5, len(places) - 0.5)
         axes.set_xlabel(AXIS_LABELS.get(axis, axis))
     handles = [line for line in lines.values() if line is not None]
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4) or 1, frameon=False)
@@ -190,23 +208,25 @@ def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, curve: Sequence[Point], place: int) -> Line2D | None:
+def _draw(axes: Axes, curve: Sequence[Point], place: int, places: Sequence[float | str], shift: float) -> Line2D | None:
     if not curve:
         return None
-    x = [point.value for point in curve]
+    in_words = isinstance(curve[0].value, str)
+    # Beside each other, or the intervals of one place would lie on top of each other.
+    x = [places.index(point.value) + shift if in_words else point.value for point in curve]
     means, low, high = (np.array(column, dtype=np.float64) for column in zip(*map(_heights, curve), strict=True))
     colour = COLOURS[place % len(COLOURS)]
     (line,) = axes.plot(
         x,
         means,
         color=colour,
-        linestyle=DASHES[place // len(COLOURS) % len(DASHES)],
+        linestyle="none" if in_words else DASHES[place // len(COLOURS) % len(DASHES)],
         marker=MARKERS[place % len(MARKERS)],
         markersize=4,
         linewidth=1.8,
         label=curve[0].label,
     )
-    if isinstance(x[0], str):
+    if in_words:
         axes.vlines(x, low, high, color=colour, linewidth=1.2)
     else:
         axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)

@@ -14,6 +14,8 @@ from markupsafe import Markup
 
 from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.errors import InputError
+from harness.grid.cells import NET
+from harness.grid.tables import AXIS_LABELS
 from harness.report.charts.chart import Charts
 from harness.report.gridruns import runs_of
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
@@ -59,7 +61,7 @@ def folder_page(folder: Path) -> str:
     texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
     documents = {name: (folder / name).read_text(encoding="utf-8") for name in DOCUMENTS if (folder / name).is_file()}
     runs = runs_of(folder)
-    charts = {f"Over {axis}": group for axis, group in runs.charts.items()} if runs is not None else {}
+    charts = {_chart_heading(axis): group for axis, group in runs.charts.items()} if runs is not None else {}
     return render(
         "folder.html.j2",
         title=title_of(texts) or folder.resolve().name,
@@ -137,6 +139,10 @@ def _break_before_intervals(tokens: Sequence[Token]) -> None:
         if found is not None:
             below = f"{found[1]}<br><span class='interval-cell'>{found[2]}</span>"
             content.children = [Token("html_inline", "", 0, content=below)]
+
+
+def _chart_heading(axis: str) -> str:
+    return "By network" if axis == AXIS_LABELS[NET] else f"Over {axis}"
 
 
 def _figures(folder: Path, without: str | None = None) -> list[PageFigure]:

@@ -76,9 +76,10 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         return None
     shown = [quantity for key in SHOWN for quantity in compared_quantities() if quantity.key == key]
     values = np.stack([column_of(table, quantity.key) for quantity in shown], axis=-1)
+    nets = list(dict.fromkeys(run.config.traffic.net for run in grid.runs))
     placed = sorted(
-        ((_tracker(run), _setting(run), place, run) for place, run in enumerate(grid.runs)),
-        key=lambda each: (each[0], _order(each[3]), each[1]),
+        ((_tracker(run), _setting(run, len(nets) > 1), place, run) for place, run in enumerate(grid.runs)),
+        key=lambda each: (each[0], nets.index(each[3].config.traffic.net), _order(each[3]), each[1]),
     )
     listed = placed[:MOST_LISTED]
     cells: list[CellOfRuns] = []
@@ -94,7 +95,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
             cell_of[place] = number
         headings = ["seed", *(quantity.heading or quantity.label for quantity in shown), "run"]
         cells.append(CellOfRuns(f"{tracker}, {setting}", html_table(headings, rows)))
-    order = {setting: _order(run) for _, setting, _, run in listed}
+    order = {setting: (nets.index(run.config.traffic.net), _order(run)) for _, setting, _, run in listed}
     settings = sorted(order, key=lambda setting: order[setting])
     trackers = list(dict.fromkeys(tracker for tracker, _ in links))
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
@@ -152,12 +153,13 @@ def _tracker(run: PlannedRun) -> str:
     return " ".join(word for word in (run.variant, run.config.tracker.model, *own) if word)
 
 
-def _setting(run: PlannedRun) -> str:
+def _setting(run: PlannedRun, several_nets: bool) -> str:
     traffic = run.config.traffic
     where = f"{traffic.density:g}/km/lane" if traffic.density is not None else traffic.demand
     recording = Path(run.config.replay).name if run.config.replay is not None else None
     shared = [f"{key}={value:g}" for key, value in run.varied.items() if not key.startswith("tracker.")]
-    return ", ".join(word for word in (recording or where or traffic.net, *shared, run.mismatch) if word)
+    net = traffic.net if several_nets else None
+    return ", ".join(word for word in (net, recording or where or traffic.net, *shared, run.mismatch) if word)
 
 
 def _order(run: PlannedRun) -> float:

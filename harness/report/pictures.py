@@ -9,6 +9,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from harness.errors import InputError
+from harness.grid.grid import title_of
 from harness.grid.gridfolder import RUNS
 from harness.grid.summary import curve_points
 from harness.grid.tables import curves_figure
@@ -80,5 +81,5 @@ def _of_grid(folder: Path) -> Iterator[tuple[str, Figure]]:
     table = runfolder.read_table(folder, RUNS, "folder", ("seed", "succeeded"))
     points = curve_points(table, grid.axes)
     for axis in dict.fromkeys(point.axis for point in points):
-        title = f"Stress test on {grid.cells[0].config.traffic.net}"
+        title = title_of(str(cell.config.traffic.net) for cell in grid.cells)
         yield f"over_{axis.replace('.', '_')}.png", curves_figure(points, axis, title)

@@ -1,4 +1,4 @@
-"""Charts of a grid: each tracker's curves over density and what else was varied, whose points lead to their runs."""
+"""Charts of a grid: each tracker's curves over what was varied, density for one, whose points lead to their runs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from harness.grid.summary import (
     curve_quantities,
     labelled,
     points_of,
+    runs_at,
 )
 from harness.grid.tables import AXIS_LABELS
 from harness.report.charts.chart import HIT_AREA, SERIES, Chart, Charts, Spec, colour_by, spec_of, strength, told
@@ -37,7 +38,7 @@ def grid_charts(table: pd.DataFrame, axes: Sequence[str], cells: Sequence[int | 
 
     Args:
         table: The rows of ``runs.parquet``.
-        axes: Keys of the axes other than density and demand.
+        axes: Keys of the axes other than network, density and demand.
         cells: For each row the number of the page's cell that lists it; None where none does.
     """
     points = curve_points(table, axes)
@@ -53,9 +54,8 @@ def _leads(table: pd.DataFrame, axes: set[str]) -> dict[Where, list[int]]:
     done = labelled(table)
     found: dict[Where, list[int]] = {}
     for axis in sorted(axes):
-        for (label, value), runs in done.groupby(["label", axis], sort=False):
-            place = value if isinstance(value, str) else float(str(value))
-            found[str(label), axis, place] = sorted({int(cell) for cell in runs["cell"].dropna()})
+        for (label, place), runs in runs_at(done, axis):
+            found[label, axis, place] = sorted({int(cell) for cell in runs["cell"].dropna()})
     return found
 
 

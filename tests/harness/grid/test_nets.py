@@ -1,0 +1,176 @@
+"""Several networks in one grid: each at its own middle density, and scores by network."""
+
+from __future__ import annotations
+
+import json
+
+import pandas as pd
+import pytest
+
+from harness.api import Grid, compare
+from harness.cli import run_command_line
+from harness.config.options import checked
+from harness.grid.cells import NET
+from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.options import GridOptions, request_of
+from harness.grid.stress import run_stress
+from harness.grid.summary import breaks, curve_points
+from harness.grid.worker import Finished, work_on_cell
+from harness.report.folderpage import folder_page
+from harness.report.gridruns import plan_of
+from tests.harness.grid.test_summary import rows
+from tests.harness.stand_ins import SteadyTraffic, looking_at
+
+ECHO = "tests.harness.stand_ins:echo_tracker"
+SMALL = GridRequest(net=None, nets="curve,junction", seeds="2", trackers=f"{ECHO},{ECHO}+gain=2", duration_s=1.0)
+
+
+def asked(**options) -> GridRequest:
+    return request_of(checked(GridOptions, options, "stress"))
+
+
+def demands(request: GridRequest) -> list[tuple]:
+    traffic = [cell.config.traffic for cell in plan_grid(request).cells]
+    return [(each.net, each.demand, each.density) for each in traffic]
+
+
+def test_each_network_is_driven_at_its_own_middle_density():
+    assert demands(asked(nets=["us101", "junction"], seeds=1)) == [
+        ("us101", "us101-0805", None),
+        ("junction", "middle", None),
+    ]
+
+
+def test_densities_or_demands_that_are_given_hold_for_every_network():
+    assert demands(asked(nets="curve,priority", densities="10,20", seeds=1)) == [
+        ("curve", None, 10.0), ("curve", None, 20.0), ("priority", None, 10.0), ("priority", None, 20.0),
+    ]  # fmt: skip
+    named = demands(asked(nets="curve,priority", demands=["light", "heavy"], seeds=1))
+    assert [demand for _, demand, _ in named] == ["light", "heavy"] * 2
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--nets", "curve,curve"], "--nets"),
+        (["--nets", "curve,,junction"], "--nets"),
+        (["--nets", "curve,nowhere"], "nowhere"),
+        (["--nets", "curve,junction", "--net", "us101"], "--nets"),
+        (["--nets", "curve,us101", "--demands", "light"], "us101 has no such demand"),
+        (["--nets", "curve", "--replay", "somewhere.csv"], "--nets"),
+    ],
+)
+def test_networks_that_make_no_grid_are_told_in_one_line(words, named, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "somewhere.csv").write_text("")
+    assert run_command_line(["stress", *words, "--seeds", "1"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert named in line
+
+
+def test_a_grid_of_one_network_is_written_down_as_it_always_was():
+    assert "nets" not in GridRequest().as_table()
+
+
+def two_networks() -> pd.DataFrame:
+    table = [
+        {**rows(20, seed, same_id=share), NET: net, "density": None, "demand": "middle"}
+        for net, share in (("curve", 40), ("junction", 60))
+        for seed in range(3)
+    ]
+    return pd.DataFrame(table)
+
+
+def test_each_tracker_has_one_row_for_each_network():
+    points = [point for point in curve_points(two_networks(), ()) if point.metric == "occlusion.same_id"]
+    assert [(point.axis, point.label, point.value, point.mean) for point in points] == [
+        (NET, "mmpf cvm", "curve", 40.0), (NET, "mmpf cvm", "junction", 60.0),
+    ]  # fmt: skip
+
+
+def test_over_densities_no_mean_is_taken_over_networks():
+    table = pd.DataFrame([
+        {**rows(density, seed, same_id=share), NET: net}
+        for net, shares in (("curve", (90, 20)), ("junction", (80, 60)))
+        for density, share in zip((10, 20), shares, strict=True)
+        for seed in range(3)
+    ])  # fmt: skip
+    points = [point for point in curve_points(table, ()) if point.metric == "occlusion.same_id"]
+    assert {(point.label, point.value): point.mean for point in points if point.axis == "density"} == {
+        ("mmpf cvm, curve", 10.0): 90.0, ("mmpf cvm, curve", 20.0): 20.0,
+        ("mmpf cvm, junction", 10.0): 80.0, ("mmpf cvm, junction", 20.0): 60.0,
+    }  # fmt: skip
+    assert [(each.label, each.density is None) for each in breaks(table)] == [
+        ("mmpf cvm, curve", False), ("mmpf cvm, junction", True),
+    ]  # fmt: skip
+
+
+def in_process(cells, on_row) -> None:
+    """Run cells here, on stand-in traffic; there is none for seed 1 on the junction."""
+
+    def report(message) -> None:
+        if isinstance(message, Finished):
+            on_row(message.key, message.row)
+
+    for cell in cells:
+        there_is_none = (cell.config.traffic.net, cell.config.seed) == ("junction", 1)
+        work_on_cell(cell, report, _no_traffic if there_is_none else looking_at(SteadyTraffic(steps=8)))
+
+
+def _no_traffic(config):
+    raise OSError("nothing drives there")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("nets") / "grid"
+    run_stress(SMALL, folder, in_process)
+    return folder
+
+
+def test_the_table_the_figure_and_the_page_tell_scores_by_network(finished):
+    text = (finished / "table.md").read_text()
+    assert text.startswith("# Stress test on curve, junction")
+    assert "## By network" in text
+    assert "| tracker | network |" in text
+    assert (finished / "figures" / "over_net.png").stat().st_size > 10_000
+    summary = json.loads((finished / "summary.json").read_text())
+    assert {point["value"] for point in summary["curves"]} == {"curve", "junction"}
+    page = folder_page(finished)
+    assert "By network" in page
+    assert "junction, middle" in page
+
+
+def test_a_failed_cell_of_one_network_is_told_and_in_no_mean(finished):
+    text = (finished / "table.md").read_text()
+    assert "net junction, demand middle" in text.partition("## Runs that failed")[2]
+    points = json.loads((finished / "summary.json").read_text())["curves"]
+    assert {(point["value"], point["seeds"]) for point in points if point["metric"] == "timing.tracker_ms.p50"} == {
+        ("curve", 2), ("junction", 1),
+    }  # fmt: skip
+
+
+def test_a_grid_of_networks_is_taken_up_with_one_more(tmp_path):
+    made: list[str] = []
+
+    def noting(cells, on_row) -> None:
+        made.extend(cell.config.traffic.net for cell in cells)
+        in_process(cells, on_row)
+
+    one = GridRequest(net=None, nets="curve", seeds="1", trackers=ECHO, duration_s=1.0)
+    run_stress(one, tmp_path / "grid", noting)
+    run_stress(GridRequest(**{**one.as_table(), "nets": "curve,priority"}), tmp_path / "grid", noting, resume=True)
+    assert made == ["curve", "priority"]
+    plan = plan_of(tmp_path / "grid")
+    assert plan is not None
+    assert [run.config.traffic.net for run in plan.runs] == ["curve", "priority"]
+
+
+def test_two_such_grids_are_compared_network_by_network(finished, tmp_path):
+    other = tmp_path / "other"
+    run_stress(GridRequest(**{**SMALL.as_table(), "nets": "junction,curve"}), other, in_process)
+    compared = compare(Grid(finished), Grid(other))
+    judged = compared.verdicts[compared.verdicts["metric"] == "mot.hota"]
+    # Two seeds on the curve and one on the junction, each with itself.
+    assert list(judged["pairs"]) == [3, 3]
+    assert (judged["difference"] == 0.0).all()
