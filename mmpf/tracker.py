@@ -17,7 +17,7 @@ from mmpf.compute.threads import one_blas_thread
 from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
-from mmpf.motion.guided import LaneGuided
+from mmpf.motion.free import in_plane
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
@@ -60,7 +60,7 @@ class MixtureTracker:
             proposal: What new states are drawn from; the prior by default.
         """
         self._road, self._sensor, self._rng = road, sensor, rng
-        self._motion = motion if road.graph is None else LaneGuided(motion, road.graph)
+        self._motion = motion if road.graph is None else in_plane(motion, road.graph)
         self._options = options or FilterOptions()
         self._proposal = proposal
         is_joint = self._options.update == "joint"

@@ -17,6 +17,9 @@ from mmpf.lanes.finding import fill_cells, find_lanes, lay_out, project
 NOWHERE = -1
 """In place of a lane's index: no lane."""
 
+NO_MAP = "no map"
+NO_MAP_AT_M = 1e7
+
 CELL_M = 10.0
 MOST_CELLS = 4_000_000
 # A place farther than this beyond a lane's edge is not beside that lane.
@@ -142,6 +145,11 @@ class LaneGraph:
     def __len__(self) -> int:
         return len(self.name)
 
+    @property
+    def has_map(self) -> bool:
+        """Whether anything is known of lanes; see ``without_map``."""
+        return self.name != (NO_MAP,)
+
     def line(self, lane: int) -> FloatArray:
         """Return the points of a lane's middle line, metres, shape (p, 2)."""
         return self.xy[self.first_point[lane] : self.first_point[lane + 1]]
@@ -263,3 +271,20 @@ class LaneGraph:
         x, y, heading = (np.full(len(along_m), np.nan) for _ in range(3))
         lay_out(lane, along_m, left_m, self.segments.as_arrays(), self.segments.first, x, y, heading)
         return x, y, heading
+
+
+def without_map() -> LaneGraph:
+    """Return what stands for a plane of which no lanes are known: one short lane, farther away than anybody drives."""
+    none, start = np.array([NOWHERE]), NO_MAP_AT_M
+    return LaneGraph(
+        name=(NO_MAP,),
+        xy=np.array([[start, start], [start + 1.0, start]]),
+        first_point=np.array([0, 2]),
+        width_m=np.ones(1),
+        speed_limit_mps=np.ones(1),
+        left=none,
+        right=none,
+        successor=np.zeros(0, dtype=np.int64),
+        first_successor=np.zeros(2, dtype=np.int64),
+        in_junction=np.zeros(1, dtype=np.bool_),
+    )

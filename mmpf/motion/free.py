@@ -1,0 +1,82 @@
+"""Motion in a plane of which no lanes are known: any motion model drives straight on, and turns as it drifts.
+
+The inner model moves a vehicle in a frame that begins where it is and points where it points. What the model makes of
+its lateral speed turns the vehicle: a vehicle goes where it points. The latents have the rows that motion along lanes
+has (``mmpf.motion.guided``), so that whoever reads lanes or directions from particles finds them here too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.compute.arrays import FloatArray, turned, wrapped
+from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
+from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+
+# Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
+SLOWEST_TURN_MPS = 1.0
+TIGHTEST_CURVATURE_PER_M = 0.2
+
+
+@dataclass(frozen=True)
+class Unguided:
+    """A motion model in the plane; see ``mmpf.motion.protocol.MotionModel``.
+
+    Positions of the state are x and y; speeds and accelerations are along and across the particle's direction.
+
+    Attributes:
+        inner: How a vehicle moves along its direction.
+    """
+
+    inner: MotionModel
+
+    @property
+    def name(self) -> str:
+        """Name of the model within."""
+        return self.inner.name
+
+    @property
+    def latent_size(self) -> int:
+        """The inner model's rows and three of guidance."""
+        return self.inner.latent_size + GUIDANCE_SIZE
+
+    @property
+    def spreads_speed(self) -> bool:
+        """What the inner model says."""
+        return spreads_speed(self.inner)
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Draw the inner model's latents, and any direction."""
+        latents = np.full((self.latent_size, state.shape[1]), float(NOWHERE))
+        latents[:-GUIDANCE_SIZE] = self.inner.draw_latents(state, rng)
+        latents[HEADING] = rng.uniform(-np.pi, np.pi, state.shape[1])
+        return latents
+
+    def propagate(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Let the inner model move the particles from where they are, and turn them to where they then go."""
+        local = state.copy()
+        local[LON] = local[LAT] = 0.0
+        moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
+        heading = latents[HEADING]
+        x, y = turned(moved[LON], moved[LAT], -heading)
+        turn = np.arctan2(moved[LAT_SPEED], np.maximum(moved[SPEED], SLOWEST_TURN_MPS))
+        most = TIGHTEST_CURVATURE_PER_M * moved[SPEED] * dt_s
+        turn = np.clip(turn, -most, most)
+        moved[LON], moved[LAT] = state[LON] + x, state[LAT] + y
+        moved[SPEED] = np.where(turn == 0.0, moved[SPEED], np.hypot(moved[SPEED], moved[LAT_SPEED]))
+        moved[LAT_SPEED] = 0.0
+        after = latents.copy()
+        after[:-GUIDANCE_SIZE] = carried
+        after[HEADING] = wrapped(heading + turn)
+        return moved, after
+
+
+def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneGuided | Unguided:
+    """Return how a model's vehicles move in the plane: along its lanes, or freely where no lanes are known."""
+    return LaneGuided(motion, graph) if graph.has_map else Unguided(motion)

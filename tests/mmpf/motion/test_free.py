@@ -1,0 +1,82 @@
+"""Without a map a vehicle goes where it points, and its drift turns it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import NOWHERE, without_map
+from mmpf.motion.free import Unguided, in_plane
+from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
+from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from tests.mmpf.lanes.scenes import arc, graph_of
+
+NOBODY = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
+AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, np.zeros(0), np.zeros(0))  # type: ignore[arg-type]
+RNG = np.random.default_rng(0)
+
+
+def drifting(rate_mps2: float) -> Unguided:
+    """Return a motion that goes on with its speed and drifts to the left the faster the longer it goes."""
+
+    def step(state: FloatArray, around: Surroundings, dt_s: float, rng: np.random.Generator) -> FloatArray:
+        del around, rng
+        moved = state.copy()
+        moved[LON] += dt_s * state[SPEED]
+        moved[LAT_SPEED] += dt_s * rate_mps2
+        return moved
+
+    return Unguided(Memoryless("drifting", step))
+
+
+def driven(motion: Unguided, heading_rad: list[float], speed_mps: float, steps: int) -> tuple[FloatArray, FloatArray]:
+    state = np.zeros((6, len(heading_rad)))
+    state[SPEED] = speed_mps
+    latents = motion.draw_latents(state, RNG)
+    latents[HEADING] = heading_rad
+    for _ in range(steps):
+        state, latents = motion.propagate(state, latents, AROUND, 0.1, RNG)
+    return state, latents
+
+
+def test_a_vehicle_goes_where_it_points() -> None:
+    state, latents = driven(drifting(0.0), [0.0, np.pi / 2, -2.0], 8.0, 50)
+    assert state[LON] == pytest.approx(40.0 * np.cos([0.0, np.pi / 2, -2.0]), abs=1e-9)
+    assert state[LAT] == pytest.approx(40.0 * np.sin([0.0, np.pi / 2, -2.0]), abs=1e-9)
+    assert latents[HEADING] == pytest.approx([0.0, np.pi / 2, -2.0])
+    assert (state[SPEED] == 8.0).all()
+
+
+def test_a_steady_sideways_acceleration_drives_a_circle() -> None:
+    radius_m, speed_mps = 20.0, 5.0
+    state, latents = driven(drifting(speed_mps**2 / radius_m), [0.0], speed_mps, 50)
+    turned = 50 * 0.1 * speed_mps / radius_m
+    assert latents[HEADING] == pytest.approx([turned], rel=0.02)
+    assert state[LON] == pytest.approx([radius_m * np.sin(turned)], abs=1.0)
+    assert state[LAT] == pytest.approx([radius_m * (1.0 - np.cos(turned))], abs=1.0)
+
+
+def test_who_stands_does_not_turn() -> None:
+    _, latents = driven(drifting(1.0), [0.3], 0.0, 20)
+    assert latents[HEADING] == pytest.approx([0.3])
+
+
+def test_newborn_particles_are_on_no_lane_and_point_anywhere() -> None:
+    motion = drifting(0.0)
+    latents = motion.draw_latents(np.zeros((6, 4000)), RNG)
+    assert latents.shape == (motion.latent_size, 4000)
+    assert (latents[[LANE, NEXT]] == NOWHERE).all()
+    assert np.hypot(np.cos(latents[HEADING]).mean(), np.sin(latents[HEADING]).mean()) < 0.05
+
+
+def test_lanes_guide_where_there_are_any() -> None:
+    inner = Memoryless("stand", lambda state, *_: state)
+    assert isinstance(in_plane(inner, graph_of({"bend": arc(60.0, 1.0, 10)})), LaneGuided)
+    assert isinstance(in_plane(inner, without_map()), Unguided)
+
+
+def test_a_plane_without_a_map_has_no_lane_beside_any_place_that_is_driven() -> None:
+    near = without_map().lanes_near(np.array([0.0, 1e5]), np.array([0.0, -1e5]))
+    assert (near.lane == NOWHERE).all()
