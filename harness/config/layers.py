@@ -197,7 +197,20 @@ def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, An
     recording = {"ego": "auto"} | dict(traffic.get("recording", {}))
     entry = recognise(path, recording.get("format"))
     traffic["recording"] = recording | {"format": entry.name}
-    return {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
+    part = {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
+    return part if entry.sensor is None else part | _own_detections_part(entry.name, entry.sensor, asked, recording)
+
+
+def _own_detections_part(
+    name: str, sensor: str, asked: Mapping[str, Any], recording: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the sensor's table of a recording that brings its own detections; refuse what it leaves no choice of."""
+    if recording["ego"] not in ("auto", "each"):
+        raise InputError(f"`ego` {recording['ego']}: a {name} recording is seen from its own car; leave `ego` out")
+    profile = asked.get("sensor", {}).get("profile")
+    if profile not in (None, sensor):
+        raise InputError(f"`sensor` {profile}: a {name} recording brings its own detections; leave `sensor` out")
+    return {"sensor": dict(asked.get("sensor", {})) | {"profile": sensor}}
 
 
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,6 +39,10 @@ class RecordingConfig(_Strict):
     """Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn."""
     start_s: Annotated[float, Field(ge=0.0)] = 0.0
     """Where in the recording the run begins, seconds after its first row."""
+    least_score: float | None = Field(default=None, json_schema_extra={"unit": "the detector's score"})
+    """Of a recording that brings its own detections those with a lower score are left out; as the format has it if not
+    set.
+    """
 
 
 class TrafficConfig(_Strict):

@@ -79,7 +79,7 @@ class RunOptions(TypedDict, total=False):
         Path | str | None,
         Option(
             "A run folder, whose truth and detections are used again; or a file of recorded traffic: CommonRoad "
-            "XML, NGSIM CSV or text, highD folder, SUMO FCD. No SUMO.",
+            "XML, NGSIM CSV or text, highD folder, SUMO FCD, KITTI tracking with its detections. No SUMO.",
             "replay",
             TRAFFIC,
         ),
@@ -87,8 +87,8 @@ class RunOptions(TypedDict, total=False):
     format: Annotated[
         str | None,
         Option(
-            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, or your own reader, "
-            "module:function. (default: by its content)",
+            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, kitti-tracking, or your own "
+            "reader, module:function. (default: by its content; kitti-tracking must be named)",
             "traffic.recording.format",
             TRAFFIC,
         ),

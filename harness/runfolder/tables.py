@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.sensor.observation import VISIBILITY_STATES, Look
-from harness.truth.frame import DIRECTION_COLUMN, EVERYWHERE, WINDOW_COLUMNS, Frame
+from harness.truth.frame import DIRECTION_COLUMN, EVERYWHERE, PARKED_COLUMN, WINDOW_COLUMNS, Frame
 from harness.writing.files import replacing
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodySizes, Detections
@@ -149,6 +149,7 @@ def _truth_columns(look: Look) -> Columns:
         "occluder_id": occluder.astype(object),
         **_window_columns(frame, count),
         **({} if frame.direction_rad is None else {DIRECTION_COLUMN: frame.direction_rad}),
+        **({} if frame.parked is None else {PARKED_COLUMN: frame.parked}),
     }
 
 
@@ -168,6 +169,7 @@ def frame_of(rows: pd.DataFrame) -> Frame:
             float(first.get(WINDOW_COLUMNS[1], EVERYWHERE[1])),
         ),
         direction_rad=floats(rows, DIRECTION_COLUMN) if DIRECTION_COLUMN in rows else None,
+        parked=rows[PARKED_COLUMN].to_numpy(dtype=bool) if PARKED_COLUMN in rows else None,
         **{name: rows[name].to_numpy(dtype=np.float64) for name in TRUTH_NUMBERS if name != "lane"},
     )
 

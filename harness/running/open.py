@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.config.model import RunConfig
+from harness.config.model import RecordingConfig, RunConfig
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.running.follow import TrackerBuilder
@@ -46,12 +46,14 @@ def open_looks(config: RunConfig, gui: bool = False) -> Looks:
 
 
 def _recorded(path: Path, config: RunConfig) -> Looks:
-    from harness.truth.recorded.formats import files_of  # noqa: PLC0415
+    from harness.truth.recorded.formats import brings_detections, files_of  # noqa: PLC0415
     from harness.truth.recorded.source import open_recorded_traffic  # noqa: PLC0415
 
     traffic, recording = config.traffic, config.traffic.recording
     if recording is None:
         raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
+    if brings_detections(recording.format):
+        return _given(path, config, recording)
     sensor = _sensor(config)
     truth = open_recorded_traffic(
         path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s
@@ -59,6 +61,24 @@ def _recorded(path: Path, config: RunConfig) -> Looks:
     return replace(
         look_at(truth, sensor, config.seed),
         files={f"replay/{file.name}": file for file in files_of(path, recording.format)},
+        report=truth.report(),
+        about={"recording": truth.summary()},
+    )
+
+
+def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
+    """Return looks at drives whose detections are on record."""
+    from harness.sensor.given import GivenDetections  # noqa: PLC0415
+    from harness.truth.recorded.detected.source import open_drives  # noqa: PLC0415
+    from harness.truth.recorded.formats import FORMATS, files_of, read_drives  # noqa: PLC0415
+
+    settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
+    drives = read_drives(path, recording.format)
+    least_score = FORMATS[recording.format].least_score if recording.least_score is None else recording.least_score
+    truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
+    return replace(
+        look_at(truth, GivenDetections(settings, truth), config.seed),
+        files={f"replay/{file.parent.name}/{file.name}": file for file in files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )

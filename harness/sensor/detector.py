@@ -62,7 +62,7 @@ class RayedSensor:
         sight = sight_to(frame.lon_m, frame.lat_m, road, ego, box_axes(road, frame.heading_rad))
         in_range = in_reach(self.settings, sight.distance, sight.off_axis)
         in_range[frame.ego] = True
-        fraction, occluder = _visibility(frame, road, ego, in_range, self.settings.range_m)
+        fraction, occluder = visibility_of(frame, road, ego, in_range, self.settings.range_m)
         scene = Scene(frame, road, sight, fraction, occluder, in_range)
         returns = vehicle_returns(self.settings, self.memory, scene, step_s, rng)
         flashes = flashing_returns(self.settings, self.memory, scene, rng)
@@ -99,13 +99,15 @@ def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorMode
 
     Clutter is taken to spread over a straight road of the settings' width. Where the road frame is the plane, it is
     taken to spread over as much of the map's lanes as lies in range on the average over the map, which a tracker that
-    has the map could work out.
+    has the map could work out; without a map, over all that is in range.
 
     Args:
         settings: The sensor's figures.
         road: Where it will be used; None for a straight road.
     """
-    if road is not None and road.graph is not None:
+    if road is not None and road.graph is not None and not road.graph.has_map:
+        area_m2 = np.pi * settings.range_m**2
+    elif road is not None and road.graph is not None:
         area_m2 = mean_lane_area_m2(road.graph, settings.range_m)
     else:
         area_m2 = 2.0 * settings.range_m * settings.road_width_m
@@ -131,10 +133,21 @@ class _Seen:
     visible_fraction: FloatArray
 
 
-def _visibility(
+def visibility_of(
     frame: Frame, road: Road, ego: EgoPose, in_range: BoolArray, range_m: float
 ) -> tuple[FloatArray, IntArray]:
-    """Return visible fraction and occluder for the whole frame; only vehicles that matter enter the geometry."""
+    """Return visible fraction and occluder for the whole frame; only vehicles that matter enter the geometry.
+
+    Args:
+        frame: The truth.
+        road: The road.
+        ego: Pose of the sensor's vehicle.
+        in_range: What is in reach of the sensor; of the rest nothing is seen, shape (n,).
+        range_m: The sensor's range.
+
+    Returns:
+        The fractions, and the index of the vehicle that covers most of each, -1 where none does; each of shape (n,).
+    """
     sensor = sensor_position(ego, road)
     x, y = road.to_cartesian(frame.lon_m, frame.lat_m)
     radius = 0.5 * np.hypot(frame.length_m, frame.width_m)

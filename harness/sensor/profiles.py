@@ -258,6 +258,33 @@ def lidar() -> SensorSettings:
     )
 
 
+@sensor_profiles.register("kitti-pointrcnn")
+def kitti_pointrcnn() -> SensorSettings:
+    """Return what is known of PointRCNN's car boxes on KITTI tracking, which a recording brings; nothing is drawn.
+
+    Only reach, data sheet and the deviations that detections report of themselves count. They are set after the ten
+    training sequences that are not in AB3DMOT's validation split, scores of 2 and more: robust deviations of 0.11 m
+    along and 0.06 m across vehicles, which double at 50 m, 0.23 m and 0.07 m of sizes; 85 % of vehicles that nothing
+    covers are found, and there are 0.6 boxes a frame on nothing that is labelled, some of them on vehicles too far
+    away to be labelled. The network was trained on parts of these recordings.
+    """
+    return SensorSettings(
+        range_m=80.0,
+        field_of_view_deg=82.0,
+        std_lon_m=0.12,
+        std_lat_m=0.05,
+        std_range_m=0.05,
+        std_range_share=0.003,
+        std_bearing_deg=0.1,
+        std_length_m=0.24,
+        std_width_m=0.08,
+        nominal_detection_probability=0.87,
+        nominal_clutter_per_scan=1.0,
+        nominal_bias_share=0.5,
+        nominal_bias_time_s=1.0,
+    )
+
+
 @sensor_profiles.register("lidar-independent")
 def lidar_independent() -> SensorSettings:
     """Return a roof lidar whose misses, noise and clutter are independent from scan to scan.

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, IntArray, StringArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 
@@ -20,6 +20,8 @@ EVERYWHERE = (-np.inf, np.inf)
 WINDOW_COLUMNS = ("window_start_m", "window_end_m")
 # Column of the truth table that holds the directions that vehicles are scored along; absent where that is the road's.
 DIRECTION_COLUMN = "direction_rad"
+# Column of the truth table that says who is parked; absent where the source does not know.
+PARKED_COLUMN = "parked"
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ class Frame:
         window_m: Stretch of the road of which the source knows all vehicles; beyond it nothing is scored.
         direction_rad: Direction against the longitudinal axis that errors of each vehicle are taken along. On a road
             whose frame is the plane (``Road.graph``) its heading; None elsewhere, where it is the road's own.
+        parked: Whether each vehicle stands in one place for as long as it is on record; None where the source does not
+            tell parked vehicles from others.
     """
 
     step: int
@@ -62,6 +66,7 @@ class Frame:
     width_m: FloatArray
     window_m: tuple[float, float] = EVERYWHERE
     direction_rad: FloatArray | None = None
+    parked: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.vehicle_id)

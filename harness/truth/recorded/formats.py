@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from harness.errors import InputError
 from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded import outside
+from harness.truth.recorded.detected.drive import Drive
 from harness.truth.recorded.rows import ReadTraffic
 
 PARAMETER = "replay"
@@ -53,18 +55,28 @@ class RecordingFormat:
         recognises: Whether the first characters of a file are of this format.
         reader: Module and function that read a file, given its path and, unless it brings its road, the network's name;
             None of another package's, which is found by the format's name.
+        sensor: Profile that tells what is known of the detector whose boxes a recording brings; its reader returns
+            drives (``harness.truth.recorded.detected``). None of one that brings no detections.
+        least_score: Detections of a lower score are left out unless the user says otherwise.
     """
 
     name: str
     brings_road: bool
     recognises: Callable[[str], bool]
     reader: str | None
+    sensor: str | None = None
+    least_score: float = -np.inf
 
     def read(self, path: Path, net: str) -> ReadTraffic:
         """Read a file that was driven on a network."""
         if self.reader is None:
             return outside.read_outside(self.name, path, net)
         return self.function(path) if self.brings_road else self.function(path, net)
+
+    def drives(self, path: Path) -> tuple[Drive, ...]:
+        """Read a recording that brings its own detections."""
+        read = cast("Callable[[Path], tuple[Drive, ...]]", self.function)
+        return read(path)
 
     @property
     def function(self) -> Callable[..., ReadTraffic]:
@@ -142,6 +154,8 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         InputError: The file is broken or does not fit the network.
     """
     entry = recognise(path, format_name)
+    if entry.sensor is not None:
+        raise InputError(f"`format` {entry.name}: it brings its own detections, which only run and stress replay")
     for file in files_of(path, format_name):
         check_file(file, MOST_TABLE_BYTES, PARAMETER)
     road = network_of(entry, net)
@@ -153,12 +167,34 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
 
 
+def brings_detections(format_name: str) -> bool:
+    """Return whether recordings of a format bring a real detector's boxes beside the truth."""
+    return format_name in FORMATS and FORMATS[format_name].sensor is not None
+
+
+def read_drives(path: Path, format_name: str) -> tuple[Drive, ...]:
+    """Read a recording that brings its own detections, whose format is known.
+
+    Raises:
+        InputError: A file is missing or broken, or they contradict each other.
+    """
+    entry = recognise(path, format_name)
+    try:
+        with np.errstate(all="ignore"):
+            return entry.drives(path)
+    except NOT_UNDERSTOOD as error:
+        raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
+
+
 def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
     """Return the files of a recording: the file itself and those beside it that belong to it, or all of a folder."""
     from harness.truth.recorded import fcd, highd  # noqa: PLC0415
+    from harness.truth.recorded.detected import kitti  # noqa: PLC0415
 
     if format_name not in FORMATS:
         return tuple(sorted(file for file in path.iterdir() if file.is_file())) if path.is_dir() else (path,)
+    if FORMATS[format_name].sensor is not None:
+        return kitti.files_of(path)
     if format_name == "fcd" and not path.is_dir():
         return fcd.recording_files(path)
     if not path.is_dir() and not path.name.endswith("_tracks.csv"):
@@ -217,5 +253,8 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("ngsim", False, _with_columns(NGSIM_NAMES), f"{_ROOM}.ngsim:read_ngsim_csv"),
         RecordingFormat("highd", True, _with_columns(HIGHD_NAMES), f"{_ROOM}.highd:read_highd"),
         RecordingFormat("ngsim-text", False, _is_ngsim_text, f"{_ROOM}.ngsim:read_ngsim_text"),
+        RecordingFormat(
+            "kitti-tracking", True, _is_never_recognised, f"{_ROOM}.detected.kitti:read_kitti", "kitti-pointrcnn", 2.0
+        ),
     )
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -98,8 +99,11 @@ class RecordedTraffic:
             vehicle_id=self.names[stay],
             lane=self.lane[rows],
             window_m=self.window_m,
-            **{name: values[rows] for name, values in self.columns.items()},
+            **self._floats_of(rows),
         )
+
+    def _floats_of(self, rows: slice) -> dict[str, Any]:
+        return {name: values[rows] for name, values in self.columns.items()}
 
 
 def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 0.0) -> RecordedTraffic:

@@ -1,0 +1,99 @@
+"""A sensor that looks no more: the detections are those of a real detector, on record beside the truth.
+
+How far they are off is what the sensor's figures say of a vehicle in plain view. A vehicle is hidden here while no
+detection has been of it for half a second or longer, whatever the reason, since nobody knows how much of it the real
+sensor saw; its visible fraction is that of its label among the other labels, from above, and is only told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.sensor.detector import DECIMALS, data_sheet, visibility_of
+from harness.sensor.noise import position_std
+from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
+from harness.sensor.profiles import SensorSettings
+from harness.sensor.scene import in_reach, sight_to
+from harness.sensor.shadows import free_space
+from harness.sensor.visibility import compile_kernels
+from harness.truth.frame import Frame
+from harness.truth.recorded.detected.drive import GivenBoxes
+from harness.truth.recorded.detected.origin import NOTHING
+from harness.truth.recorded.detected.source import DriveTruth
+from mmpf.compute.arrays import FloatArray
+from mmpf.road import Road
+from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
+
+SMALLEST_BOX_M = 0.3
+
+
+@dataclass(frozen=True)
+class GivenDetections:
+    """Hands out the detections of drives.
+
+    Attributes:
+        settings: What is said of the detector: its reach, its data sheet and how far its boxes are off.
+        truth: The drives.
+    """
+
+    settings: SensorSettings
+    truth: DriveTruth
+
+    def __post_init__(self) -> None:
+        """Compile what working out shadows needs."""
+        compile_kernels()
+
+    def model(self, road: Road | None = None) -> SensorModel:
+        """Return the data sheet; see ``data_sheet``."""
+        return data_sheet(self.settings, road)
+
+    def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:  # noqa: ARG002
+        """Hand out the detections of a frame of the drives; nothing is drawn.
+
+        Vehicles out of range and labelled things that are no vehicles are out: nobody is judged on them.
+        """
+        moment, ego = self.truth.moment(frame), frame.ego_pose
+        away = np.hypot(frame.lon_m - ego.lon_m, frame.lat_m - ego.lat_m)
+        fraction, occluder = visibility_of(frame, road, ego, away <= self.settings.range_m, self.settings.range_m)
+        in_range = moment.counts & (away <= self.settings.range_m)
+        sight = sight_to(moment.given.x_m, moment.given.y_m, road, ego, moment.given.heading_rad)
+        reached = in_reach(self.settings, sight.distance, np.zeros(len(sight.distance)))
+        given, origin = moment.given.take(reached), moment.origin[reached]
+        detections = self._detections(given, road, ego)
+        view_rad = float(np.deg2rad(self.settings.field_of_view_deg))
+        known = origin != NOTHING
+        return Observation(
+            scan=Scan(
+                time_s=frame.time_s,
+                detections=detections,
+                ego=ego,
+                free_space=free_space(detections, ego, road, self.settings.range_m, view_rad),
+            ),
+            truth_id=np.where(known, frame.vehicle_id[origin], ""),
+            detection_visible_fraction=np.where(known, fraction[origin], np.nan),
+            visible_fraction=fraction,
+            occluder=occluder,
+            in_range=in_range,
+            state=np.select([~in_range, moment.unseen, moment.covered], [OUT, HIDDEN, PARTIAL], default=VISIBLE).astype(
+                np.int8
+            ),
+        )
+
+    def _detections(self, given: GivenBoxes, road: Road, ego: EgoPose) -> Detections:
+        settings, count = self.settings, len(given)
+        sight = sight_to(given.x_m, given.y_m, road, ego, given.heading_rad)
+        std = position_std(settings, sight.distance, sight.against_axis, np.ones(count), given.heading_rad)
+        unknown = np.full(count, np.nan)
+        sizes = None
+        if settings.std_length_m is not None and settings.std_width_m is not None:
+            length, width = (np.maximum(_rounded(column), SMALLEST_BOX_M) for column in (given.length_m, given.width_m))
+            deviations = np.full(count, settings.std_length_m), np.full(count, settings.std_width_m)
+            sizes = BodySizes(length, width, *deviations)
+        place = _rounded(given.x_m), _rounded(given.y_m)
+        return Detections(*place, unknown, _rounded(std.lon_m), _rounded(std.lat_m), unknown.copy(), sizes)
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    return np.asarray(np.round(values, DECIMALS))

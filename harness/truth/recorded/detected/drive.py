@@ -1,0 +1,139 @@
+"""A drive on record: what people labelled, what a real detector found, and where the recording car was."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self, TypeVar
+
+import numpy as np
+
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
+
+EGO = "ego"
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes in the plane, struct of arrays of shape (n,).
+
+    Attributes:
+        step: Step of the drive.
+        x_m: Centre.
+        y_m: Centre.
+        heading_rad: Direction in which the front points.
+        length_m: Extent along the heading.
+        width_m: Extent across it.
+    """
+
+    step: IntArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.step)
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """Its columns by name."""
+        return {column.name: getattr(self, column.name) for column in fields(self)}
+
+    def take(self, rows: IntArray | BoolArray) -> Self:
+        """Return the chosen rows."""
+        return replace(self, **{name: values[rows] for name, values in self.columns.items()})
+
+
+B = TypeVar("B", bound=Boxes)
+
+
+@dataclass(frozen=True)
+class Labels(Boxes):
+    """Boxes that people drew, wherever something was, seen or not; shape (n,).
+
+    Attributes:
+        thing: Index into the names of what was labelled.
+        counts: Whether it is a vehicle that trackers are judged on; others only hide.
+        covered: Whether whoever labelled it says that it is partly or largely covered, or cut off by the picture.
+    """
+
+    thing: IntArray
+    counts: BoolArray
+    covered: BoolArray
+
+
+@dataclass(frozen=True)
+class GivenBoxes(Boxes):
+    """Boxes that a detector found; shape (d,).
+
+    Attributes:
+        score: How sure the detector was; the larger the surer.
+    """
+
+    score: FloatArray
+
+
+@dataclass(frozen=True)
+class EgoPath:
+    """Where the recording car was at each step, in the plane; arrays of shape (steps,).
+
+    Attributes:
+        x_m: Place of the sensor.
+        y_m: The same.
+        heading_rad: Where the sensor looked.
+    """
+
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive in the plane, ten steps a second.
+
+    Attributes:
+        name: What the data set calls it.
+        ego: The recording car's way.
+        names: What each labelled thing is called, unique, shape (v,).
+        labels: The labels, sorted by step.
+        given: The detections, sorted by step.
+        left_out: How many labelled things and detections were left out, by reason.
+    """
+
+    name: str
+    ego: EgoPath
+    names: StringArray
+    labels: Labels
+    given: GivenBoxes
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def cut(self, first: int, steps: int) -> Drive:
+        """Return the drive from a step on, at most so many of them, counted from 0 again."""
+        last = min(first + steps, len(self.ego))
+        path = EgoPath(*(getattr(self.ego, column.name)[first:last] for column in fields(self.ego)))
+        return replace(self, ego=path, labels=_cut(self.labels, first, last), given=_cut(self.given, first, last))
+
+    def scored_above(self, least_score: float) -> Drive:
+        """Return the drive without the detections of a lower score."""
+        return replace(self, given=self.given.take(self.given.score >= least_score))
+
+
+def _cut(boxes: B, first: int, last: int) -> B:
+    inside = boxes.take((boxes.step >= first) & (boxes.step < last))
+    return replace(inside, step=inside.step - first)
+
+
+def sorted_by_step(boxes: B) -> B:
+    """Return boxes sorted by step, those of one step in the order they were in."""
+    return boxes.take(np.argsort(boxes.step, kind="stable"))
+
+
+def step_starts(step: IntArray, steps: int) -> IntArray:
+    """Return where each step's rows begin among sorted ones, and the end of the last, shape (steps + 1,)."""
+    return np.asarray(np.searchsorted(step, np.arange(steps + 1)), dtype=np.int64)

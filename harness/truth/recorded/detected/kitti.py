@@ -1,0 +1,179 @@
+"""KITTI tracking: labels that go on through occlusion, a detector's boxes, and the camera's way.
+
+A folder has for each sequence ``label_02/NNNN.txt`` (KITTI's labels), ``detection/NNNN.txt`` (boxes in the layout of
+AB3DMOT's repository) and ``poses/NNNN.txt`` (camera to first camera, twelve numbers a frame). All are in the frame of
+the left camera, so that no calibration is needed. The plane is that of the first frame: x ahead, y to the left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.truth.recorded.detected.drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
+from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, numbers_of, words_of
+from mmpf.compute.arrays import FloatArray, StringArray
+
+LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"
+VEHICLES = ("Car", "Van", "Truck")
+# A place in the picture where nobody labelled anything, not a thing.
+NO_THING = "DontCare"
+LABEL_WORDS, DETECTION_WORDS, POSE_WORDS = 17, 15, 12
+CAR = 2
+MOST_OFF_RIGID = 0.01
+
+
+@dataclass(frozen=True)
+class SequenceFiles:
+    """The files of a sequence."""
+
+    labels: Path
+    detections: Path
+    poses: Path
+
+    @property
+    def all(self) -> tuple[Path, ...]:
+        """The three of them."""
+        return self.labels, self.detections, self.poses
+
+
+@dataclass(frozen=True)
+class CameraWay:
+    """Poses of the camera: points of its frame (x right, y down, z ahead) to those of the first frame.
+
+    Attributes:
+        rotation: Shape (steps, 3, 3).
+        shift: Shape (steps, 3).
+    """
+
+    rotation: FloatArray
+    shift: FloatArray
+
+
+def sequences(path: Path) -> tuple[SequenceFiles, ...]:
+    """Return the files of each sequence of a folder, or of the one whose label file is given.
+
+    Raises:
+        InputError: There are no label files.
+    """
+    if path.is_dir():
+        root = path.parent if path.name == LABELS else path
+        labels = sorted((root / LABELS).glob("*.txt"))
+        if not labels:
+            raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/evidence.md shows the folder")
+    else:
+        root, labels = path.parent.parent, [path]
+    return tuple(SequenceFiles(file, root / DETECTIONS / file.name, root / POSES / file.name) for file in labels)
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return the files of all sequences."""
+    return tuple(file for files in sequences(path) for file in files.all)
+
+
+def read_kitti(path: Path) -> tuple[Drive, ...]:
+    """Read a folder's sequences, or the one whose label file is given.
+
+    Raises:
+        InputError: A file is missing or broken, or they contradict each other; the message names it.
+    """
+    return tuple(read_sequence(files) for files in sequences(path))
+
+
+def read_sequence(files: SequenceFiles) -> Drive:
+    """Read one sequence; see ``read_kitti``."""
+    way = read_poses(files.poses)
+    names, labels = _labels(files, way)
+    rows = words_of(files.detections, ",", DETECTION_WORDS, "detections")
+    found = numbers_of(files.detections, rows, 0, DETECTION_WORDS)
+    of_car = found[found[:, 1] == CAR]
+    boxes = boxes_in_plane(files.detections, of_car[:, 0], of_car[:, 7:14], way)
+    given = GivenBoxes(**boxes.columns, score=of_car[:, 6])
+    others = len(np.unique(labels.thing)) - len(np.unique(labels.thing[labels.counts]))
+    return Drive(
+        name=files.labels.stem,
+        ego=ego_path(way),
+        names=names,
+        labels=labels,
+        given=sorted_by_step(given),
+        left_out={
+            "labelled things that are no car, van or truck": others,
+            "detections of something else than cars": len(found) - len(of_car),
+        },
+    )
+
+
+def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:
+    words = [row for row in words_of(files.labels, None, LABEL_WORDS, "labels") if row[2] != NO_THING]
+    if not words:
+        raise InputError(f"{files.labels} labels nothing")
+    values = numbers_of(files.labels, [[*row[:2], *row[3:LABEL_WORDS]] for row in words], 0, LABEL_WORDS - 1)
+    frame, number, cut_off, covered = values[:, 0], values[:, 1].astype(np.int64), values[:, 2], values[:, 3]
+    if (number < 0).any():
+        raise InputError(f"{files.labels}: a labelled thing has no number")
+    boxes = boxes_in_plane(files.labels, frame, values[:, 9:16], way)
+    things, thing = np.unique(number, return_inverse=True)
+    if len(np.unique(thing * MOST_STEPS + boxes.step)) < len(thing):
+        raise InputError(f"{files.labels}: a thing is twice in one frame")
+    kinds = np.array([row[2] for row in words], dtype=np.str_)
+    is_covered = (cut_off > 0.0) | (covered > 0.0)
+    counts = np.isin(kinds, VEHICLES)
+    labels = Labels(**boxes.columns, thing=thing.astype(np.int64), counts=counts, covered=is_covered)
+    return things.astype(np.str_), sorted_by_step(labels)
+
+
+def read_poses(path: Path) -> CameraWay:
+    """Read poses: three rows of a rotation and a shift a line.
+
+    Raises:
+        InputError: The file is missing or broken, has too many poses or none, or one that turns nothing rigidly.
+    """
+    rows = words_of(path, None, POSE_WORDS, "camera poses")
+    if not 1 <= len(rows) <= MOST_STEPS:
+        raise InputError(f"{path} has {len(rows)} poses; give 1 to {MOST_STEPS}")
+    pose = numbers_of(path, rows, 0, POSE_WORDS).reshape(-1, 3, 4)
+    rotation, shift = pose[:, :, :3], pose[:, :, 3]
+    off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    if (off > MOST_OFF_RIGID).any():
+        raise InputError(f"{path}: pose {int((off > MOST_OFF_RIGID).argmax())} is no rotation and shift")
+    return CameraWay(rotation, shift)
+
+
+def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWay) -> Boxes:
+    """Return boxes that are in the camera's frame as they lie in the plane.
+
+    Args:
+        path: The file, for the message.
+        frame: Frame of each, shape (n,).
+        box: Rows of height, width, length, x, y, z of the bottom's middle and turn about y, shape (n, 7).
+        way: The camera's way.
+
+    Raises:
+        InputError: A box is impossible, or of a frame without a pose.
+    """
+    check_boxes(path, frame, box[:, :3], box[:, 3:6])
+    step = frame.astype(np.int64)
+    if len(step) and step.max() >= len(way.shift):
+        raise InputError(f"{path} has frame {step.max()}, but there are poses of {len(way.shift)} frames")
+    rotation = way.rotation[step]
+    turn = box[:, 6]
+    front = np.stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)], axis=-1)
+    x, y = _on_ground((rotation @ box[:, 3:6, None])[:, :, 0] + way.shift[step])
+    return Boxes(step, x, y, _heading((rotation @ front[:, :, None])[:, :, 0]), box[:, 2], box[:, 1])
+
+
+def ego_path(way: CameraWay) -> EgoPath:
+    """Return the camera's way in the plane."""
+    return EgoPath(*_on_ground(way.shift), _heading(way.rotation[:, :, 2]))
+
+
+def _on_ground(point: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return point[:, 2], -point[:, 0]
+
+
+def _heading(direction: FloatArray) -> FloatArray:
+    x, y = _on_ground(direction)
+    return np.asarray(np.arctan2(y, x))

@@ -1,0 +1,82 @@
+"""Text files of numbers from elsewhere, read within limits: what is too large is refused before it is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.inputs import MB, check_file
+from mmpf.compute.arrays import FloatArray
+
+MOST_BYTES = 256 * MB
+MOST_STEPS = 100_000
+FARTHEST_M = 1e5
+SIZES_M = (0.05, 60.0)
+
+
+def words_of(path: Path, separator: str | None, least: int, what: str) -> list[list[str]]:
+    """Return the words of each line that is not blank.
+
+    Args:
+        path: The file.
+        separator: What stands between words; None for blanks.
+        least: Words that a line has at least.
+        what: What a line is of, for the message.
+
+    Raises:
+        InputError: The file is missing, no text or too large, or a line has fewer words.
+    """
+    check_file(path, MOST_BYTES)
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; it has the {what}") from None
+    except OSError as error:
+        raise InputError(f"{path}: can't be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text; it should have the {what}") from None
+    rows = [(number, line.split(separator)) for number, line in enumerate(lines, start=1) if line.strip()]
+    for number, row in rows:
+        if len(row) < least:
+            raise InputError(f"{path}, line {number}: {len(row)} values, {what} has {least}")
+    return [row for _, row in rows]
+
+
+def numbers_of(path: Path, rows: list[list[str]], first: int, last: int) -> FloatArray:
+    """Return columns of all rows as numbers, shape (n, last - first).
+
+    Raises:
+        InputError: One is no finite number.
+    """
+    try:
+        values = np.array([[float(word) for word in row[first:last]] for row in rows], dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    values = values.reshape(-1, last - first)
+    if not np.isfinite(values).all():
+        raise InputError(f"{path}: a value is not finite")
+    return values
+
+
+def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:
+    """Refuse boxes that nothing on a road has.
+
+    Args:
+        path: The file, for the message.
+        step: Their steps, shape (n,).
+        size: Their extents, metres, shape (n, k).
+        place: Their places, metres, shape (n, k).
+
+    Raises:
+        InputError: A step is none of a drive, a size that of no vehicle, or a place too far away.
+    """
+    if not len(step):
+        return
+    if (step != np.round(step)).any() or step.min() < 0 or step.max() >= MOST_STEPS:
+        raise InputError(f"{path}: a frame is no whole number of 0 to {MOST_STEPS - 1}")
+    if size.min() < SIZES_M[0] or size.max() > SIZES_M[1]:
+        raise InputError(f"{path}: the size of a box is not within {SIZES_M[0]:g} to {SIZES_M[1]:g} m")
+    if np.abs(place).max() > FARTHEST_M:
+        raise InputError(f"{path}: a box is farther away than {FARTHEST_M:g} m")

@@ -1,0 +1,38 @@
+"""Which labelled thing each detection is of: the nearest, one to one, within two metres."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from harness.truth.recorded.detected.drive import Drive, step_starts
+from mmpf.compute.arrays import IntArray
+
+NOTHING = -1
+GATE_M = 2.0
+"""Farther apart, a box that was found is none of what was labelled."""
+
+
+def origins(drive: Drive, gate_m: float = GATE_M) -> IntArray:
+    """Return the row of the label that each detection is of, ``NOTHING`` of a false one, shape (d,).
+
+    In each step pairs of centres within the gate are chosen so that there are as many as can be, and among those so
+    that the sum of distances is least. What is labelled but no vehicle takes detections too: a box on a tram is not
+    false.
+    """
+    steps = len(drive.ego)
+    label_starts, given_starts = step_starts(drive.labels.step, steps), step_starts(drive.given.step, steps)
+    origin = np.full(len(drive.given), NOTHING, dtype=np.int64)
+    for step in range(steps):
+        labels = slice(label_starts[step], label_starts[step + 1])
+        given = slice(given_starts[step], given_starts[step + 1])
+        away = np.hypot(
+            drive.given.x_m[given][:, None] - drive.labels.x_m[labels],
+            drive.given.y_m[given][:, None] - drive.labels.y_m[labels],
+        )
+        # A pair beyond the gate costs more than all pairs within it together.
+        cost = np.where(away <= gate_m, away, gate_m * (1.0 + min(away.shape)))
+        found, label = linear_sum_assignment(cost)
+        near = away[found, label] <= gate_m
+        origin[given_starts[step] + found[near]] = label_starts[step] + label[near]
+    return origin

@@ -1,0 +1,262 @@
+"""The truth source: drives with labels, one after the other, each seen from its own car."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.truth.frame import STEP_S, Frame
+from harness.truth.recorded.detected.drive import EGO, Drive, GivenBoxes, Labels, step_starts
+from harness.truth.recorded.detected.origin import NOTHING, origins
+from harness.truth.recorded.motion import local_slope
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.lanes.graph import without_map
+from mmpf.road import NO_LANE, Road
+
+# A station wagon carried KITTI's camera; the sizes of other recording cars differ by little.
+EGO_SIZE_M = 4.8, 1.8
+PARKED_WITHIN_M = 2.0
+"""A vehicle that nine tenths of its labels put no farther than this from their middle is parked."""
+UNSEEN_S = 0.5
+"""Whoever is in no detection for as long is hidden, for whatever reason; shorter pauses are misses."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How labelled things move, along the rows of a drive's labels; arrays of shape (n,)."""
+
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    accel_mps2: FloatArray
+    parked: BoolArray
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A step of a drive with all that its source knows of it.
+
+    Attributes:
+        counts: Whether each thing of the frame is a vehicle that counts, shape (n,).
+        covered: Whether its label says that something covers it, shape (n,).
+        unseen: Whether no detection is of it for half a second or longer, shape (n,).
+        given: The detections, shape (d,).
+        origin: Index in the frame of the thing that each is of, ``NOTHING`` of a false one, shape (d,).
+    """
+
+    counts: BoolArray
+    covered: BoolArray
+    unseen: BoolArray
+    given: GivenBoxes
+    origin: IntArray
+
+
+class DriveOnClock:
+    """A drive whose labels have speeds, and whose detections know what they are of."""
+
+    def __init__(self, drive: Drive) -> None:
+        """Work out what the drive's files don't say."""
+        self.drive = drive
+        self._label_starts = step_starts(drive.labels.step, len(drive.ego))
+        self._given_starts = step_starts(drive.given.step, len(drive.ego))
+        self._origin = origins(drive)
+        self.motion = motion_of(drive.labels)
+        self._unseen = unseen(drive.labels, self._origin)
+        ego = drive.ego
+        alone = np.zeros(len(ego), dtype=np.int64)
+        x_speed, y_speed = local_slope(ego.x_m, alone), local_slope(ego.y_m, alone)
+        self._ego_speed = x_speed * np.cos(ego.heading_rad) + y_speed * np.sin(ego.heading_rad)
+        self._ego_accel = local_slope(self._ego_speed, alone)
+
+    def frame(self, own_step: int, step: int, episode: int) -> Frame:
+        """Return the truth of one of the drive's steps, the ego first."""
+        rows = self._rows(own_step)
+        labels, motion, ego = self.drive.labels, self.motion, self.drive.ego
+
+        def column(of_ego: float, of_others: FloatArray) -> FloatArray:
+            return np.concatenate([[of_ego], of_others[rows]])
+
+        heading = column(float(ego.heading_rad[own_step]), labels.heading_rad)
+        return Frame(
+            step=step,
+            time_s=round(step * STEP_S, 6),
+            episode=episode,
+            ego=0,
+            vehicle_id=np.concatenate([[EGO], self.drive.names[labels.thing[rows]]]),
+            lon_m=column(float(ego.x_m[own_step]), labels.x_m),
+            lat_m=column(float(ego.y_m[own_step]), labels.y_m),
+            heading_rad=heading,
+            speed_mps=column(float(self._ego_speed[own_step]), motion.speed_mps),
+            lat_speed_mps=column(0.0, motion.lat_speed_mps),
+            accel_mps2=column(float(self._ego_accel[own_step]), motion.accel_mps2),
+            lane=np.full(len(heading), NO_LANE, dtype=np.int64),
+            length_m=column(EGO_SIZE_M[0], labels.length_m),
+            width_m=column(EGO_SIZE_M[1], labels.width_m),
+            direction_rad=heading,
+            parked=np.concatenate([[False], motion.parked[rows]]),
+        )
+
+    def moment(self, own_step: int) -> Moment:
+        """Return what else is known of one of the drive's steps; arrays begin with the ego where the frame's do."""
+        rows, labels = self._rows(own_step), self.drive.labels
+        given = slice(int(self._given_starts[own_step]), int(self._given_starts[own_step + 1]))
+        origin = self._origin[given]
+        return Moment(
+            counts=np.concatenate([[True], labels.counts[rows]]),
+            covered=np.concatenate([[False], labels.covered[rows]]),
+            unseen=np.concatenate([[False], self._unseen[rows]]),
+            given=self.drive.given.take(np.arange(given.start, given.stop)),
+            origin=np.where(origin == NOTHING, NOTHING, origin - rows.start + 1),
+        )
+
+    def _rows(self, own_step: int) -> slice:
+        return slice(int(self._label_starts[own_step]), int(self._label_starts[own_step + 1]))
+
+    @property
+    def vehicles(self) -> int:
+        """How many labelled vehicles count."""
+        return len(np.unique(self.drive.labels.thing[self.drive.labels.counts]))
+
+    @property
+    def false_detections(self) -> int:
+        """How many detections are of nothing that is labelled."""
+        return int((self._origin == NOTHING).sum())
+
+
+def motion_of(labels: Labels) -> Motion:
+    """Return how labelled things move: slopes of their places by least squares over half a second to either side."""
+    order = np.lexsort((labels.step, labels.thing))
+    thing, step = labels.thing[order], labels.step[order]
+    # A thing that was not labelled for a while begins anew: no slope reaches over the pause.
+    stay = np.cumsum((np.diff(thing, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 1))
+    x_speed, y_speed = local_slope(labels.x_m[order], stay), local_slope(labels.y_m[order], stay)
+    cosine, sine = np.cos(labels.heading_rad[order]), np.sin(labels.heading_rad[order])
+    speed = x_speed * cosine + y_speed * sine
+    columns = np.stack([speed, y_speed * cosine - x_speed * sine, local_slope(speed, stay)])
+    back = np.argsort(order)
+    speed, lat_speed, accel = columns[:, back]
+    return Motion(speed, lat_speed, accel, parked=_parked(labels))
+
+
+def _parked(labels: Labels) -> BoolArray:
+    parked = np.zeros(len(labels), dtype=np.bool_)
+    for thing in np.unique(labels.thing):
+        rows = labels.thing == thing
+        x, y = labels.x_m[rows], labels.y_m[rows]
+        away = np.hypot(x - np.median(x), y - np.median(y))
+        parked[rows] = np.quantile(away, 0.9) <= PARKED_WITHIN_M
+    return parked
+
+
+def unseen(labels: Labels, origin: IntArray) -> BoolArray:
+    """Return which labels are in a time of ``UNSEEN_S`` or longer without a detection of their thing, shape (n,).
+
+    Args:
+        labels: The labels.
+        origin: Row of the label that each detection is of, or ``NOTHING``, shape (d,).
+    """
+    seen = np.zeros(len(labels), dtype=np.bool_)
+    seen[origin[origin != NOTHING]] = True
+    order = np.lexsort((labels.step, labels.thing))
+    changes = (np.diff(labels.thing[order], prepend=-1) != 0) | (np.diff(seen[order].astype(np.int64), prepend=-1) != 0)
+    run = np.cumsum(changes) - 1
+    long_enough = np.bincount(run) >= round(UNSEEN_S / STEP_S) if len(run) else np.zeros(0, dtype=np.bool_)
+    result = np.zeros(len(labels), dtype=np.bool_)
+    result[order] = ~seen[order] & long_enough[run]
+    return result
+
+
+class DriveTruth:
+    """Frames of drives, one episode a drive.
+
+    Attributes:
+        road: The plane without a map.
+        step_s: Time between frames.
+        expected_steps: How many frames there are.
+        drives: The drives.
+    """
+
+    def __init__(self, path: Path, format_name: str, drives: Sequence[Drive]) -> None:
+        """Take the drives in the order in which they are played."""
+        self.road = Road(lanes=(), graph=without_map())
+        self.step_s = STEP_S
+        self.drives = tuple(DriveOnClock(drive) for drive in drives)
+        self._starts = np.concatenate([[0], np.cumsum([len(drive.ego) for drive in drives])]).astype(np.int64)
+        self.expected_steps = int(self._starts[-1])
+        self._path, self._format = path, format_name
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames; time goes on from drive to drive."""
+        for episode, drive in enumerate(self.drives):
+            for own_step in range(len(drive.drive.ego)):
+                yield drive.frame(own_step, int(self._starts[episode]) + own_step, episode)
+
+    def moment(self, frame: Frame) -> Moment:
+        """Return what else is known of a frame."""
+        return self.drives[frame.episode].moment(frame.step - int(self._starts[frame.episode]))
+
+    def close(self) -> None:
+        """Do nothing: everything has been read."""
+
+    def report(self) -> str:
+        """Return what was read and left out, in a few lines for the user."""
+        summary = self.summary()
+        left_out = ", ".join(f"{count} {reason}" for reason, count in self._left_out().items() if count) or "nothing"
+        return (
+            f"{self._path.name} ({self._format}): {len(self.drives)} drives, {self.expected_steps * STEP_S:.1f} s, "
+            f"{summary['vehicles_kept']} labelled vehicles, {summary['parked']} of them parked; "
+            f"{summary['detections']} detections given, {summary['false_detections']} of nothing that is labelled\n"
+            f"left out: {left_out}"
+        )
+
+    def summary(self) -> dict[str, object]:
+        """Return the same as a table for ``metrics.json``."""
+        parked = [np.unique(d.drive.labels.thing[d.motion.parked & d.drive.labels.counts]) for d in self.drives]
+        vehicles = sum(drive.vehicles for drive in self.drives)
+        return {
+            "file": self._path.name,
+            "format": self._format,
+            "ego": EGO,
+            "egos": len(self.drives),
+            "drives": [drive.drive.name for drive in self.drives],
+            "seconds": self.expected_steps * STEP_S,
+            "vehicles_read": sum(len(drive.drive.names) for drive in self.drives),
+            "vehicles_kept": vehicles,
+            "parked": sum(map(len, parked)),
+            "detections": sum(len(drive.drive.given) for drive in self.drives),
+            "false_detections": sum(drive.false_detections for drive in self.drives),
+            "left_out": self._left_out(),
+        }
+
+    def _left_out(self) -> Mapping[str, int]:
+        total: dict[str, int] = {}
+        for drive in self.drives:
+            for reason, count in drive.drive.left_out.items():
+                total[reason] = total.get(reason, 0) + count
+        return total
+
+
+def open_drives(
+    path: Path, format_name: str, drives: Sequence[Drive], duration_s: float, start_s: float, least_score: float
+) -> DriveTruth:
+    """Return the seconds that are used of each drive.
+
+    Args:
+        path: The file or folder.
+        format_name: Name of its format.
+        drives: What was read of it.
+        duration_s: How much of each drive is used.
+        start_s: From where on.
+        least_score: Detections of a lower score are left out.
+
+    Raises:
+        InputError: All drives have ended by then.
+    """
+    first, steps = round(start_s / STEP_S), max(1, round(duration_s / STEP_S))
+    used = [drive.scored_above(least_score).cut(first, steps) for drive in drives if len(drive.ego) > first]
+    if not used:
+        raise InputError(f"`traffic.recording.start_s` {start_s:g}: every drive of {path} has ended by then")
+    return DriveTruth(path, format_name, used)

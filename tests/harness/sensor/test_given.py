@@ -1,0 +1,77 @@
+"""Detections on record are handed out as they are, with what they say of themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.config.layers import resolve_run_config
+from harness.running.looks import Looks
+from harness.running.open import open_looks
+from harness.sensor.observation import HIDDEN, OUT, VISIBLE
+from tests.harness.truth.recorded.detected.made import GAP, PARKED_XY, STEPS, write_kitti
+
+
+def looks_at(folder: Path, *settings: str) -> Looks:
+    options = {"replay": str(write_kitti(folder)), "format": "kitti-tracking"}
+    return open_looks(resolve_run_config(None, options, settings)).kept()
+
+
+def test_a_look_has_the_detections_of_its_frame(tmp_path: Path) -> None:
+    for look in looks_at(tmp_path):
+        detections = look.observation.scan.detections
+        of_parked = look.observation.truth_id == "1"
+        assert of_parked.sum() == 1
+        assert detections.lon_m[of_parked] == pytest.approx(PARKED_XY[0], abs=1e-4)
+        assert detections.lat_m[of_parked] == pytest.approx(PARKED_XY[1], abs=1e-4)
+        assert detections.sizes is not None
+        assert detections.sizes.length_m[of_parked] == pytest.approx(4.4)
+        assert np.isnan(detections.speed_mps).all()
+        detections.validate()
+
+
+def test_low_scores_are_left_out_as_the_user_says(tmp_path: Path) -> None:
+    assert all(len(look.observation.scan.detections) <= 2 for look in looks_at(tmp_path / "usual"))
+    every = looks_at(tmp_path / "all", "traffic.recording.least_score=0")
+    assert all((look.observation.truth_id == "").sum() == 1 for look in every)
+
+
+def test_who_is_not_detected_is_hidden_and_who_is_no_vehicle_is_out(tmp_path: Path) -> None:
+    for look in looks_at(tmp_path):
+        state = dict(zip(look.frame.vehicle_id.tolist(), look.observation.state.tolist(), strict=True))
+        assert state["1"] == VISIBLE
+        assert state["2"] == (HIDDEN if look.frame.step in GAP else VISIBLE)
+        assert state["3"] == OUT
+
+
+def test_outside_of_the_camera_s_view_no_place_is_free(tmp_path: Path) -> None:
+    scan = looks_at(tmp_path).kept().stream[0].observation.scan  # type: ignore[index]
+    assert scan.free_space is not None
+    bearing = np.deg2rad(np.arange(-179.75, 180.0, 0.5))
+    behind = np.abs(bearing) > np.deg2rad(41.5)
+    assert (scan.free_space.range_m[behind] == 0.0).all()
+    assert (scan.free_space.range_m[~behind] > 0.0).any()
+
+
+def test_equal_looks_whatever_the_seed(tmp_path: Path) -> None:
+    one, other = looks_at(tmp_path / "a", "seed=1"), looks_at(tmp_path / "b", "seed=2")
+    assert len(list(one)) == STEPS
+    for left, right in zip(one, other, strict=True):
+        assert (left.observation.scan.detections.lon_m == right.observation.scan.detections.lon_m).all()
+
+
+@pytest.mark.parametrize("tracker", ["mmpf", "oracle-kalman"])
+def test_trackers_run_over_a_recording_and_a_run_of_it_again(tmp_path: Path, tracker: str) -> None:
+    from harness.api import run  # noqa: PLC0415
+
+    folder = write_kitti(tmp_path / "data")
+    first = run(replay=folder, format="kitti-tracking", tracker=tracker, out=tmp_path / "run", settings={"seed": 3})
+    assert first.metrics.loc["mot.truth_n", "value"] > 0
+    again = run(replay=tmp_path / "run", tracker=tracker, out=tmp_path / "again")
+    for name in ("tracks.parquet", "truth.parquet", "detections.parquet"):
+        assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
+    scores = [finished.metrics.loc["mot.hota":"occlusion.events", "value"] for finished in (first, again)]  # type: ignore[misc]
+    pd.testing.assert_series_equal(*scores)
