@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import math
 import os
 import stat
 import zlib
@@ -66,6 +67,21 @@ def check_file(path: Path, most_bytes: int, parameter: str | None = None) -> Non
         raise InputError(f"{place} is a pipe or a device; give an ordinary file")
     if found.st_size > most_bytes:
         raise InputError(f"{place} has {found.st_size / MB:.0f} MB; at most {most_bytes / MB:.0f} MB are read")
+
+
+def number(text: str) -> float:
+    """Read a finite number as files write it: Python alone takes ``1_0`` for 10, and digits of other scripts.
+
+    Raises:
+        ValueError: It is none; the message says what stands there.
+    """
+    try:
+        value = float(text) if "_" not in text and text.isascii() else math.nan
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:40]!r} is no number")
+    return value
 
 
 @contextmanager

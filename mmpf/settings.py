@@ -27,13 +27,16 @@ UNITS_BY_ENDING = {
 
 
 class WithoutTruthValues(BaseModel):
-    """Refuses true and false where a number is asked for; pydantic would take them for 1 and 0."""
+    """Refuses true, false and texts such as 1_0 where a number is asked for; pydantic would take them for numbers."""
 
     @field_validator("*", mode="before")
     @classmethod
     def _is_no_truth_value(cls, value: object, info: ValidationInfo) -> object:
         annotation = cls.model_fields[str(info.field_name)].annotation
         if isinstance(value, bool) and _is_number(annotation):
+            raise ValueError("input should be a number")
+        # Python reads 1_0 as 10; nobody who writes it in quotes or as an option means that.
+        if isinstance(value, str) and "_" in value and _is_number(annotation):
             raise ValueError("input should be a number")
         return value
 

@@ -24,8 +24,12 @@ TEXTS = frozenset(
         *("net", "demand", "replay", "tracker", "variant", "model", "update"),
     }
 )
-LARGEST = {"step": 1e9, "episode": 1e9, "track_id": 2.0**53, "time_s": 1e9, "lon_m": 1e8, "lat_m": 1e8}
+LARGEST = {
+    "step": 1e9, "episode": 1e9, "track_id": 2.0**53, "time_s": 1e9, "lon_m": 1e8, "lat_m": 1e8,
+    "length_m": 100.0, "width_m": 100.0, "heading_rad": 1e3,
+}  # fmt: skip
 """Columns in which no run leaves a gap, and what their numbers stay below."""
+POSITIVE = frozenset({"length_m", "width_m"})
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
@@ -118,6 +122,8 @@ def check_kinds(table: pd.DataFrame, columns: Collection[str], place: str) -> No
             continue
         # What is not finite is not below anything.
         if name in LARGEST and not (np.abs(table[name].to_numpy(dtype=np.float64)) < LARGEST[name]).all():
+            raise InputError(f"{place}: {name} holds a number that none can be; make the run again")
+        if name in POSITIVE and not (table[name].to_numpy(dtype=np.float64) > 0.0).all():
             raise InputError(f"{place}: {name} holds a number that none can be; make the run again")
 
 

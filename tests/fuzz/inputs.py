@@ -21,7 +21,7 @@ from tests.harness.truth.recorded import layouts
 
 ROOT = Path(__file__).parents[2]
 US101 = ROOT / "networks" / "us101"
-SHORT = ["--tracker", "tests.harness.stand_ins:echo_tracker", "--duration", "1"]
+SHORT = ["--tracker", "tests.harness.stand_ins:plain_tracker", "--duration", "1"]
 ROUTES = (
     '<routes><vType id="t" length="5" width="1.8" maxSpeed="30"/><route id="r" edges="upstream auxiliary downstream"/>'
     '<flow id="f" type="t" route="r" begin="0" end="60" number="60" departSpeed="20"/></routes>'

@@ -1,7 +1,8 @@
 """Spoilt inputs of every kind end in time, in bounds, with a documented exit code and without a traceback.
 
-``HARNESS_FUZZ_CASES`` and ``HARNESS_FUZZ_SEED`` set how many there are and which. ``HARNESS_FUZZ_REPORT`` names a file
-that takes a line of JSON for each, with what was changed: whether an accepted one is nonsense is for a reader to say.
+``HARNESS_FUZZ_CASES`` and ``HARNESS_FUZZ_SEED`` set how many there are and which, ``HARNESS_FUZZ_FIRST`` at which of
+them to begin. To the file that ``HARNESS_FUZZ_REPORT`` names a line of JSON is added for each, with what was changed:
+whether an accepted one is nonsense is for a reader to say.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from harness import exitcodes
 
 ROOT = Path(__file__).parents[2]
 CASES, SEED = int(os.environ.get("HARNESS_FUZZ_CASES", "36")), int(os.environ.get("HARNESS_FUZZ_SEED", "1"))
+FIRST = int(os.environ.get("HARNESS_FUZZ_FIRST", "0"))
 LONGEST_S = 60.0
 STARTING_S = 120.0
 BUSY = 10.0
@@ -70,11 +72,11 @@ def processor_s(process: int) -> float:
 def run_cases(folder: Path) -> list[Case]:
     """Run all cases in child processes: one that hangs or dies costs its case, and another goes on behind it."""
     cases: dict[int, Case] = {}
-    first, child_number = 0, 0
-    while first < CASES:
+    first, child_number = FIRST, 0
+    while first < FIRST + CASES:
         told = folder / f"told-{child_number}.jsonl"
         child_number += 1
-        command = [sys.executable, "-m", "tests.fuzz.child", str(SEED), str(first), str(CASES), str(told)]
+        command = [sys.executable, "-m", "tests.fuzz.child", str(SEED), str(first), str(FIRST + CASES), str(told)]
         with (folder / "child.stderr").open("wb") as complaints:
             child = subprocess.Popen(
                 command, cwd=ROOT, stderr=complaints, env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True
@@ -111,7 +113,8 @@ def test_no_spoilt_input_ends_in_a_traceback_a_hang_or_an_unknown_exit_code(tmp_
     assert len(cases) == CASES
     report = os.environ.get("HARNESS_FUZZ_REPORT")
     if report:
-        Path(report).write_text("".join(json.dumps(vars(case) | {"fault": case.fault()}) + "\n" for case in cases))
+        with Path(report).open("a", encoding="utf-8") as file:
+            file.writelines(json.dumps(vars(case) | {"fault": case.fault()}) + "\n" for case in cases)
     faulty = [case for case in cases if case.fault()]
     faults = [f"{case.number} {case.kind}: {case.fault()}: {case.command}\n{case.stderr[-1500:]}" for case in faulty]
     assert not faults, "\n\n".join(faults)

@@ -107,6 +107,13 @@ def echo_tracker(setting: TrackerSetting, options: Mapping[str, object]) -> Echo
     return EchoTracker(setting)
 
 
+def plain_tracker(setting: TrackerSetting, options: Mapping[str, object]) -> EchoTracker:
+    """Build one; refuses options, as trackers of others are asked to."""
+    if options:
+        raise ValueError(f"no such option: {', '.join(sorted(options))}; it takes none")
+    return EchoTracker(setting)
+
+
 class HeraldTracker(EchoTracker):
     """Leaves a file in the working folder once it is well under way."""
 

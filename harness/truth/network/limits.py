@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, ParseError, iterparse
 
 from harness.errors import InputError
-from harness.inputs import MB, check_file, unpacked
+from harness.inputs import MB, check_file, number, unpacked
 
 MOST_BYTES = 1024 * MB
 MOST_LANES = 500_000
@@ -139,7 +139,7 @@ def _number(text: str | None) -> float | None:
 
 def _check_shape(text: str, element: Element, path: Path) -> None:
     try:
-        values = [float(word) for point in text.split() for word in point.split(",")]
+        values = [number(word) for point in text.split() for word in point.split(",")]
     except ValueError:
         values = [math.nan]
     if not all(abs(value) <= FARTHEST_M for value in values):

@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.etree.ElementTree import ParseError, parse
 
 from harness.errors import InputError
-from harness.inputs import MOST_SETTINGS_BYTES, check_file
+from harness.inputs import MOST_SETTINGS_BYTES, check_file, number
 from harness.truth.network.limits import check_xml
 
 FILE_OPTIONS = {
@@ -107,7 +107,7 @@ def _times(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
         if not text:
             continue
         try:
-            seconds = float(text)
+            seconds = number(text)
         except ValueError:
             seconds = math.nan
         if not abs(seconds) <= 1e9:
@@ -133,7 +133,7 @@ def _behaviour(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
 
 def _within(text: str, most: float) -> bool:
     try:
-        return 0.0 <= float(text) <= most
+        return 0.0 <= number(text) <= most
     except ValueError:
         return False
 

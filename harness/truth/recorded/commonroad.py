@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 import numpy as np
 
 from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, unpacked
+from harness.inputs import MOST_TABLE_BYTES, number, unpacked
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
@@ -89,7 +89,7 @@ def _collect(file: BinaryIO, path: Path, scenario: _Scenario) -> None:
         depth += 1 if event == "start" else -1
         if event == "start" and depth == 1:
             _check_root(element, path)
-            scenario.step_s = float(element.attrib["timeStepSize"])
+            scenario.step_s = number(element.attrib["timeStepSize"])
             if not SHORTEST_STEP_S <= scenario.step_s <= LONGEST_STEP_S:
                 raise InputError(
                     f"{path}: timeStepSize is {scenario.step_s:g}; give {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s"
@@ -175,7 +175,7 @@ def _state(state: Element) -> tuple[float, float, float, float, float]:
         _number(point, "x"),
         _number(point, "y"),
         _number(state, "orientation/exact"),
-        float(state.findtext("velocity/exact", "0")),
+        number(state.findtext("velocity/exact", "0")),
     )
 
 
@@ -183,7 +183,7 @@ def _number(element: Element, name: str) -> float:
     text = element.findtext(name)
     if text is None:
         raise ValueError(f"{element.tag} has no {name}")
-    return float(text)
+    return number(text)
 
 
 def _lasting(obstacle: _Obstacle, last: float) -> _Obstacle:

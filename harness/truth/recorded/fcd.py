@@ -17,7 +17,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 import numpy as np
 
 from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, unpacked
+from harness.inputs import MOST_TABLE_BYTES, number, unpacked
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
@@ -53,12 +53,8 @@ class _Collected:
         self.codes.append(self.names.setdefault(name, len(self.names)))
         self.codes.append(self.kinds.setdefault(kind, len(self.kinds)))
         self.numbers.append(time_s)
-        values = [float(given[column]) for column in NUMBERS]
-        sizes = [float(given[column]) for column in SIZES if column in given]
-        if not all(map(math.isfinite, (*values, *sizes))):
-            raise ValueError(f"vehicle {name[:60]} at {time_s:g} s has a value that is not finite")
-        self.numbers.extend(values)
-        self.numbers.extend(float(given.get(column, "nan")) for column in SIZES)
+        self.numbers.extend([number(given[column]) for column in NUMBERS])
+        self.numbers.extend([number(given[column]) if column in given else math.nan for column in SIZES])
 
 
 def types_file(path: Path) -> Path:
@@ -99,7 +95,7 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
             f"{path}: a vehicle or timestep lacks {error}; write the data with SUMO's usual attributes"
         ) from None
     except ValueError as error:
-        raise InputError(f"{path}: a value is no number: {error}") from None
+        raise InputError(f"{path}: {error}; mend the value") from None
     if not collected.names:
         raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
     return _traffic(collected, network, sizes)
@@ -113,7 +109,7 @@ def _collect(file: BinaryIO, path: Path) -> _Collected:
         if root is None:
             root = element
         if event == "start" and element.tag == "timestep":
-            before, time_s = time_s, float(element.attrib["time"])
+            before, time_s = time_s, number(element.attrib["time"])
             if not time_s > before:
                 raise InputError(
                     f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order"
@@ -177,5 +173,8 @@ def _type_sizes(path: Path) -> Iterator[tuple[str, tuple[float, float]]]:
         for _, element in iterparse(file):
             if element.tag == "vType":
                 usual = DEFAULT_SIZES.get(element.attrib.get("vClass", "passenger"), DEFAULT_SIZES["passenger"])
-                length_m = float(element.attrib.get("length", usual[0]))
-                yield element.attrib["id"], (length_m, float(element.attrib.get("width", usual[1])))
+                length_m, width_m = (
+                    number(element.attrib[name]) if name in element.attrib else usual_m
+                    for name, usual_m in zip(SIZES, usual, strict=True)
+                )
+                yield element.attrib["id"], (length_m, width_m)

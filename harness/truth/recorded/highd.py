@@ -13,16 +13,19 @@ import pyarrow as pa
 import pyarrow.csv
 
 from harness.errors import InputError
+from harness.inputs import number
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Lane, Road
 
 TRACK_COLUMNS = ("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity")
 META_COLUMNS = ("id", "drivingDirection")
 RECORDING_COLUMNS = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 UPPER, LOWER = 1, 2
+MARKINGS = {UPPER: "upperLaneMarkings", LOWER: "lowerLaneMarkings"}
 BEYOND_VIEW_M = 1000.0
 LANE_WIDTHS_M = (1.5, 10.0)
+LARGEST_ID = 2.0**53
 
 
 def recording_files(path: Path) -> tuple[Path, Path, Path]:
@@ -54,20 +57,26 @@ def read_highd(path: Path) -> ReadTraffic:
         InputError: A file or column is missing, or a value is no number.
     """
     tracks_file, meta_file, recording_file = recording_files(path)
-    meta = _read(meta_file, META_COLUMNS, {})
-    marking_types = {"upperLaneMarkings": pa.string(), "lowerLaneMarkings": pa.string()}
-    recording = _read(recording_file, RECORDING_COLUMNS, marking_types)
+    meta = _read(meta_file, META_COLUMNS, dict.fromkeys(META_COLUMNS, pa.float64()))
+    # Of columns whose kind is not said Arrow takes 0x10 for 16.
+    kinds = {"frameRate": pa.float64(), "upperLaneMarkings": pa.string(), "lowerLaneMarkings": pa.string()}
+    recording = _read(recording_file, RECORDING_COLUMNS, kinds)
     tracks = _read(tracks_file, TRACK_COLUMNS, dict.fromkeys(TRACK_COLUMNS, pa.float64()))
-    identity = meta["id"].to_numpy().astype(np.int64)
-    direction = meta["drivingDirection"].to_numpy().astype(np.int64)
+    identity, direction = (_whole(meta[name].to_numpy(), name, meta_file) for name in META_COLUMNS)
+    if not np.isin(direction, (UPPER, LOWER)).all():
+        raise InputError(
+            f"{meta_file}: drivingDirection is {UPPER} or {LOWER}; mend or remove the row with another one"
+        )
     chosen = LOWER if np.sum(direction == LOWER) >= np.sum(direction == UPPER) else UPPER
     columns = {name: tracks[name].to_numpy() for name in TRACK_COLUMNS}
-    rate = float(recording["frameRate"][0].as_py())
+    rate = float(recording["frameRate"].to_numpy()[0])
     if not 1.0 <= rate <= 1000.0:
         raise InputError(f"{recording_file}: frameRate is {rate:g}; give 1 to 1000 frames a second")
     if not all(np.isfinite(values).all() for values in columns.values()):
         raise InputError(f"{tracks_file}: a value is missing or not finite; mend or remove the row")
     markings = _markings(recording, chosen, recording_file)
+    if recording[MARKINGS[UPPER + LOWER - chosen]][0].as_py():
+        _markings(recording, UPPER + LOWER - chosen, recording_file)
     on_carriageway = np.isin(columns["id"], identity[direction == chosen])
     without_meta = len(np.setdiff1d(columns["id"], identity))
     names, vehicle = np.unique(columns["id"][on_carriageway].astype(np.int64), return_inverse=True)
@@ -122,10 +131,10 @@ def _in_road_frame(
 
 
 def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
-    name = "lowerLaneMarkings" if direction == LOWER else "upperLaneMarkings"
+    name = MARKINGS[direction]
     text = str(recording[name][0].as_py() or "")
     try:
-        markings = np.array([float(word) for word in text.split(";")])
+        markings = np.array([number(word) for word in text.split(";")])
     except ValueError:
         markings = np.zeros(0)
     if len(markings) < 2 or not np.all(np.abs(markings) < BEYOND_VIEW_M):
@@ -137,6 +146,13 @@ def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
             f"{path}: {name} is {text!r}; from each marking to the next it must be {narrowest_m:g} to {widest_m:g} m"
         )
     return markings
+
+
+def _whole(values: FloatArray, name: str, path: Path) -> IntArray:
+    """Return a column of whole numbers as such."""
+    if not (np.abs(values) < LARGEST_ID).all() or (values != np.floor(values)).any():
+        raise InputError(f"{path}: {name} holds a value that is no whole number; mend or remove the row")
+    return values.astype(np.int64)
 
 
 def _read(path: Path, columns: tuple[str, ...], types: dict[str, pa.DataType]) -> pa.Table:

@@ -8,7 +8,7 @@ are resampled with the particle, the filter learns each vehicle's driver while i
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import ClassVar
@@ -63,6 +63,9 @@ class FreeDriver:
     def driving(self, dt_s: float) -> FreeDriving:
         """Return what one step needs."""
         return FreeDriving(min(self.lag_per_s * dt_s, 1.0), self.gain_per_s, self.accel_noise_mps2)
+
+
+FREE_FIELDS = tuple(field.name for field in fields(FreeDriver))
 
 
 @dataclass(frozen=True)
@@ -232,6 +235,10 @@ def load_driver_model(path: Path) -> DriverModel:
     for name, size in sizes.items():
         if name not in arrays or arrays[name].shape != (size,):
             raise ModelFileError(f"model file {path}: {name} must be {size} numbers")
+        # Rates and deviations all of them, but for how much speed is desired per present acceleration.
+        signed = (FREE_FIELDS.index("desired_per_accel_s"),) if name == "free" else ()
+        if (np.delete(arrays[name], signed) < 0.0).any():
+            raise ModelFileError(f"model file {path}: {name} holds a rate or deviation below 0, which none can be")
     return DriverModel(
         following=mixture_from_arrays(path, arrays, "following", (6, 1)),
         habit=mixture_from_arrays(path, arrays, "habit", (5, 1)),

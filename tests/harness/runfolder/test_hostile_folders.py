@@ -111,6 +111,16 @@ def test_a_table_with_its_rows_in_another_order_is_refused(table, words, scene, 
     assert f"{table}.parquet: its rows are not in the order of time" in told(words, scene, capsys)
 
 
+@pytest.mark.parametrize("column", ["length_m", "width_m", "heading_rad"])
+@pytest.mark.parametrize("value", [float("nan"), 1e4])
+def test_a_truth_without_a_size_or_a_heading_is_neither_shown_nor_exported(value, column, scene, capsys):
+    path = scene / "truth.parquet"
+    rows = pd.read_parquet(path)
+    rows.assign(**{column: rows[column].where(rows.index != 3, value)}).to_parquet(path)
+    for words in READERS[:2]:
+        assert f"{column} holds a number that none can be" in told(words, scene, capsys)
+
+
 CHANGES = {
     "an unknown state": lambda truth: truth.assign(state="flying"),
     "texts for numbers": lambda truth: truth.assign(lon_m="far"),

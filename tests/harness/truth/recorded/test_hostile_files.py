@@ -10,6 +10,7 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.errors import InputError
+from harness.inputs import number
 from harness.truth.recorded.source import open_recorded_traffic
 from tests.harness.truth.recorded.layouts import (
     ngsim_rows,
@@ -78,6 +79,16 @@ HOSTILE = {
     "fcd length infinite": edited(write_fcd, "fcd", r'length="[^"]*"', 'length="inf"', 1),
     "fcd width 0": edited(write_fcd, "fcd", r'width="[^"]*"', 'width="0"'),
     "fcd speed infinite": edited(write_fcd, "fcd", r'speed="[^"]*"', 'speed="inf"', 1),
+    "width in Python's spelling": ngsim(WIDTH, lambda value: "1_0"),
+    "fcd width in Python's spelling": edited(write_fcd, "fcd", r'width="[^"]*"', 'width="1_0"', 1),
+    "fcd place in Python's spelling": edited(write_fcd, "fcd", r' y="[^"]*"', ' y="1_0"', 1),
+    "fcd time in another script's digits": edited(write_fcd, "fcd", r'time="0.00"', 'time="\u0660"', 1),
+    "a size in Python's spelling": edited(
+        write_commonroad, "commonroad", "<length>[^<]*</length>", "<length>1_0</length>", 1
+    ),
+    "a time step in Python's spelling": edited(
+        write_commonroad, "commonroad", 'timeStepSize="0.1"', 'timeStepSize="0_0.1"'
+    ),
     "fcd time nan": edited(write_fcd, "fcd", r'time="[^"]*"', 'time="nan"', 1),
 }
 
@@ -92,7 +103,8 @@ def test_what_no_traffic_is_is_refused_in_one_line(make, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("rate", "accepted"), [("25", True), ("0", False), ("nan", False), ("-25", False), ("1e9", False)]
+    ("rate", "accepted"),
+    [("25", True), ("0", False), ("nan", False), ("-25", False), ("1e9", False), ("0x10", False), ("2_5", False)],
 )
 def test_a_frame_rate_is_a_cameras(rate, accepted, tmp_path):
     folder = write_highd(tmp_path / "recording")
@@ -101,8 +113,38 @@ def test_a_frame_rate_is_a_cameras(rate, accepted, tmp_path):
     if accepted:
         assert open_recorded_traffic(folder, "highd", "recording", "auto", 10.0).expected_steps
     else:
-        with pytest.raises(InputError, match=r"frameRate|highd"):
+        with pytest.raises(InputError, match=r"frameRate|recordingMeta\.csv: broken CSV"):
             open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+
+
+@pytest.mark.parametrize("upper", ["inf;7.75;11.50;15.25", "4.00;7.75;11.50;1_5.25", "4.00;7.75;11.50;1e400", "4"])
+def test_lane_markings_that_nobody_drives_between_are_checked_too(upper, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_recordingMeta.csv"
+    text = meta.read_text()
+    meta.write_text(text.replace("4.00;7.75;11.50;15.25", upper))
+    with pytest.raises(InputError, match=r"upperLaneMarkings is '"):
+        open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+    meta.write_text(text.replace("4.00;7.75;11.50;15.25", ""))
+    assert open_recorded_traffic(folder, "highd", "recording", "auto", 10.0).expected_steps
+
+
+@pytest.mark.parametrize(
+    ("row", "column"), [("nan,2", "id"), (",2", "id"), ("7.5,2", "id"), ("7,3", "drivingDirection")]
+)
+def test_meta_data_name_vehicles_and_directions_that_there_are(row, column, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_tracksMeta.csv"
+    meta.write_text(meta.read_text().replace("\n7,2,", f"\n{row},"))
+    with pytest.raises(InputError, match=rf"01_tracksMeta\.csv: {column}"):
+        open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+
+
+@pytest.mark.parametrize("text", ["1_0", "\u0661", "nan", "inf", "1e400", "0x10", "", "x", "1,0"])
+def test_a_number_of_a_file_is_one_that_every_program_reads_alike(text):
+    with pytest.raises(ValueError, match="is no number"):
+        number(text)
+    assert [number(good) for good in ("10", " -1.5e2 ", "+.5")] == [10.0, -150.0, 0.5]
 
 
 @pytest.mark.parametrize("markings", ["20;;23.75", "20;23.75;27.5;-1e2", "20;20", "20;900", "31.25;27.5;23.75;20"])
