@@ -230,7 +230,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         from harness.report.figures import draw_figures  # noqa: PLC0415
         from harness.report.page import write_run_page  # noqa: PLC0415
         from harness.running import run as running  # noqa: PLC0415
-        from harness.running.open import check_gui, open_looks  # noqa: PLC0415
+        from harness.running.open import check_gui, open_looks, simulate  # noqa: PLC0415
 
         if values["video"] is not None:
             from harness.export.video import check_film, write_video  # noqa: PLC0415
@@ -245,7 +245,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             command=command,
             quiet=quiet,
             draw=running.Drawing(draw_figures, write_run_page),
-            open_looks=partial(open_looks, gui=values["gui"]),
+            open_looks=partial(open_looks, simulate=partial(simulate, gui=values["gui"])),
         )
         if values["video"] is not None:
             write_video(finished.folder, values["video"], values["force"])

@@ -9,9 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.config.model import RunConfig, TrackerConfig
+from harness.config.model import RunConfig, TrackerConfig, TrafficConfig
 
 NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
+
+CellTraffic = tuple[TrafficConfig, int, str | None]
+"""Settings of traffic, its seed and its recording: cells that agree in them see the same vehicles."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,11 @@ class Cell:
     def config(self) -> RunConfig:
         """A configuration that traffic and sensor can be opened from."""
         return self.runs[0].config
+
+    @property
+    def traffic(self) -> CellTraffic:
+        """What cells of the same vehicles agree in."""
+        return self.config.traffic, self.config.seed, self.config.replay
 
 
 @dataclass(frozen=True)

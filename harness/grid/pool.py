@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -17,8 +16,9 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import IO
 
-from harness.grid.cells import Cell, PlannedRun
+from harness.grid.cells import Cell, CellTraffic, PlannedRun
 from harness.grid.rows import Row, failed_row
+from harness.grid.waiting import WaitingCells
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
 
 OnRow = Callable[[str, Row], None]
@@ -41,23 +41,23 @@ def run_cells(cells: Sequence[Cell], workers: int, timeout_s: float | None, on_r
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         on_row: Called with the key and row of every run once, in the order in which they end.
     """
-    waiting = deque(cells)
+    waiting = WaitingCells(cells)
     pool: list[_Worker] = []
     try:
         while waiting or pool:
             while waiting and len(pool) < workers:
                 pool.append(_Worker(timeout_s))
-                pool[-1].give(waiting.popleft())
+                pool[-1].give(waiting.take(None))
             wait([worker.connection for worker in pool], _patience(pool))
             for worker in tuple(pool):
                 worker.take_in(on_row)
                 if worker.idle and waiting and worker.cells < CELLS_PER_PROCESS:
-                    worker.give(waiting.popleft())
+                    worker.give(waiting.take(worker.traffic))
                 elif worker.idle or worker.gone:
                     pool.remove(worker)
                     worker.stop()
                     if worker.rest:
-                        waiting.appendleft(Cell(tuple(worker.rest.values())))
+                        waiting.put_back(Cell(tuple(worker.rest.values())))
     finally:
         for worker in pool:
             worker.stop()
@@ -76,6 +76,7 @@ class _Worker:
         timeout_s: Longest time between two beginnings.
         rest: Runs of the present cell that have not ended, by key.
         cells: How many cells it was given.
+        traffic: Traffic of the last of them.
         idle: Whether it waits for a cell.
         gone: Whether it died or was stopped.
         deadline: When the present piece of work must have ended.
@@ -86,6 +87,7 @@ class _Worker:
     process: subprocess.Popen[bytes] = field(init=False)
     rest: dict[str, PlannedRun] = field(default_factory=dict)
     cells: int = 0
+    traffic: CellTraffic | None = None
     idle: bool = True
     gone: bool = False
     deadline: float | None = None
@@ -111,6 +113,7 @@ class _Worker:
         """Send a cell to work on."""
         self.rest = {run.key: run for run in cell.runs}
         self.cells += 1
+        self.traffic = cell.traffic
         self.idle = False
         self._now, self._since = Started(CELL), monotonic()
         # One that died is noticed when its answer is waited for.

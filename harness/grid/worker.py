@@ -26,6 +26,7 @@ from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.open import OpenLooks, as_believed, open_looks, tracker_builder
+from harness.running.remembered import RememberedTraffic
 from harness.scoring import score_run
 from harness.scoring.scarce import check_scored
 
@@ -131,8 +132,9 @@ def main() -> None:
     connection = Connection(int(sys.argv[1]))
     cells: queue.SimpleQueue[Cell] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, cells), daemon=True).start()
+    open_looks = RememberedTraffic()
     while True:
-        work_on_cell(cells.get(), connection.send)
+        work_on_cell(cells.get(), connection.send, open_looks)
 
 
 def _receive(connection: Connection, cells: queue.SimpleQueue[Cell]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.config.model import RecordingConfig, RunConfig
+from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.running.follow import TrackerBuilder
@@ -20,6 +20,7 @@ from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
+from harness.truth.frame import TruthSource
 from mmpf.registry import UnknownNameError
 from mmpf.road import highway
 
@@ -29,18 +30,35 @@ if TYPE_CHECKING:
 OpenLooks = Callable[[RunConfig], Looks]
 
 
-def open_looks(config: RunConfig, gui: bool = False) -> Looks:
+def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float, gui: bool = False) -> TruthSource:
+    """Start a simulation; see ``harness.truth.sumo.simulation.open_traffic``."""
+    from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415
+
+    return open_traffic(
+        network,
+        reach_m=reach_m,
+        demand=traffic.density if traffic.demand is None else traffic.demand,
+        duration_s=traffic.duration_s,
+        seed=Streams.from_seed(seed).truth,
+        gui=gui,
+    )
+
+
+Simulate = Callable[["Network", TrafficConfig, int, float], TruthSource]
+
+
+def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
     """Open what the configuration asks for.
 
     Args:
         config: The configuration.
-        gui: Whether simulated traffic is shown in a window of sumo-gui; the looks are the same.
+        simulate: Starts the traffic, where it is simulated.
 
     Raises:
         InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """
     if config.replay is None:
-        return _simulated(config, gui)
+        return _simulated(config, simulate)
     path = Path(config.replay)
     return read_looks(path, config) if runfolder.is_run_folder(path) else _recorded(path, config)
 
@@ -84,25 +102,18 @@ def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
     )
 
 
-def _simulated(config: RunConfig, gui: bool) -> Looks:
+def _simulated(config: RunConfig, simulate: Simulate) -> Looks:
     # The sensor is checked first: it costs nothing, while opening traffic starts a simulation.
     sensor = _sensor(config)
     from harness.truth.network.network import load_network  # noqa: PLC0415
     from harness.truth.sumo.planetruth import BEYOND_RANGE_M, REACH_M  # noqa: PLC0415
-    from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415
 
     traffic = config.traffic
     network = load_network(traffic.net)
     if network.configuration is not None and traffic.density is not None:
         raise InputError(f"`density`: {network.name} brings its own demand; leave `density` out")
-    truth = open_traffic(
-        network,
-        reach_m=max(REACH_M, sensor.model().range_m + BEYOND_RANGE_M),
-        demand=traffic.density if traffic.demand is None else traffic.demand,
-        duration_s=traffic.duration_s,
-        seed=Streams.from_seed(config.seed).truth,
-        gui=gui,
-    )
+    reach_m = max(REACH_M, sensor.model().range_m + BEYOND_RANGE_M)
+    truth = simulate(network, traffic, config.seed, reach_m)
     left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
     report = f"left out of {network.name}: {', '.join(left_out)}" if left_out else ""
     return replace(look_at(truth, sensor, config.seed), files=_network_files(network), report=report)
