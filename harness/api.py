@@ -79,6 +79,16 @@ class Run:
         """One row per occlusion: when, how long, and whether the track lasted."""
         return self._table("events.parquet")
 
+    @cached_property
+    def brakings(self) -> pd.DataFrame:
+        """One row per missed or phantom braking: when, who was to blame, and what its track did."""
+        return self._table("brakings.parquet")
+
+    @cached_property
+    def commands(self) -> pd.DataFrame:
+        """One row per step: what the ego's driver would do by the truth and by the tracks."""
+        return self._table("commands.parquet")
+
     def report(self) -> Path:
         """Return the run's page, ``report.html``; it is written if it is not there."""
         page = self.folder / "report.html"

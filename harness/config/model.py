@@ -15,6 +15,7 @@ from mmpf.options import FilterOptions
 from mmpf.settings import WithoutTruthValues
 
 DEFAULT_TRACKER = "mmpf"
+DEFAULT_DRIVER = "hdm"
 # Letters take up to four of the 255 bytes that a name may have, and some mark a folder that is being written.
 LONGEST_FOLDER_NAME = 120
 
@@ -161,6 +162,13 @@ class TrackerConfig(_Strict):
         return {name: value for name, value in named.items() if value is not None} | self.options
 
 
+class DecisionsConfig(_Strict):
+    """Which driver is asked what it would do by the truth and by the tracks."""
+
+    driver: Annotated[str, Field(min_length=1)] = DEFAULT_DRIVER
+    """Name of the driver."""
+
+
 class RunConfig(_Strict):
     """Everything that decides a run's results; same configuration and versions, same results."""
 
@@ -176,12 +184,17 @@ class RunConfig(_Strict):
     """The sensor."""
     tracker: TrackerConfig = Field(default_factory=TrackerConfig)
     """The tracker."""
+    decisions: DecisionsConfig = Field(default_factory=DecisionsConfig)
+    """What the tracks would do to driving."""
 
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
         table = self.model_dump(exclude_none=True)
         if not table["tracker"]["believes"]:
             del table["tracker"]["believes"]
+        if self.decisions == DecisionsConfig():
+            # Nothing that a run records depends on it, and folders of runs that knew no driver stay the same.
+            del table["decisions"]
         return table
 
     def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:

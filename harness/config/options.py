@@ -126,6 +126,15 @@ class RunOptions(TypedDict, total=False):
         str | Path | None,
         Option("Model of your own from 'train' (npz), for --model gmm or gmm-short.", "tracker.model_file", TRACKING),
     ]
+    driver: Annotated[
+        str | None,
+        Option(
+            "Who is asked what it would do by the tracks and by the truth: hdm, idm, mobil, or module:factory. "
+            "(default: hdm)",
+            "decisions.driver",
+            TRACKING,
+        ),
+    ]
     seed: Annotated[int | None, Option("Root of all randomness: same seed, same results. (default: 0)", "seed", RESULT)]
     config: Annotated[
         Path | str | None, Option("TOML file of settings, e.g. an earlier run's config.toml.", panel=RESULT)

@@ -18,6 +18,7 @@ from harness.runfolder import ownership
 from harness.runfolder.checks import rows_of
 from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.runfolder.tables import RunTables, write_table
+from harness.running.keeping import tables_of
 from harness.scoring import ScoredRun
 from harness.writing.files import write_text
 from harness.writing.numbers import as_json
@@ -61,8 +62,7 @@ def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome) -> N
         (runfolder.TRUTH, tables.truth),
         (runfolder.DETECTIONS, tables.detections),
         (runfolder.TRACKS, tables.tracks),
-        (runfolder.ERRORS, scored.errors),
-        (runfolder.EVENTS, scored.events),
+        *tables_of(scored).items(),
     ):
         write_table(table, folder / name)
     write_text(folder / runfolder.METRICS, as_json(dict(outcome.metrics)))

@@ -190,7 +190,7 @@ def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
 
 
 def _check_sensors_and_trackers(grid: Grid) -> None:
-    from harness.running.open import check_tracker  # noqa: PLC0415
+    from harness.running.open import check_driver, check_tracker  # noqa: PLC0415
     from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
 
     for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
@@ -200,6 +200,7 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
             raise with_example(error, grid.axes) from None
     for config in distinct_trackers(grid):
         check_tracker(config)
+        check_driver(config)
 
 
 def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:

@@ -25,7 +25,7 @@ from harness.grid.rows import Row, failed_row, finished_row
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.open import OpenLooks, as_believed, open_looks, tracker_builder
+from harness.running.open import OpenLooks, as_believed, driven_on, open_looks, tracker_builder
 from harness.running.remembered import RememberedTraffic
 from harness.scoring import score_run
 from harness.scoring.scarce import check_scored
@@ -110,7 +110,8 @@ def _run_over(
     try:
         told = as_believed(looks, run.config)
         tables = track(told, tracker_builder(run.config), run.config.seed, (watch,), times)
-        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed)
+        driven = driven_on(looks.road, run.config)
+        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed, driven)
         check_scored(scored.metrics, len(times.tracker_s))
         total_s = perf_counter() - begin
         scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}

@@ -38,6 +38,7 @@ TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
     "diagnostics.parquet",
 )
 PARTICLES = "particles.parquet"
+BRAKINGS, COMMANDS = "brakings.parquet", "commands.parquet"
 IN_ORDER = (TRUTH, DETECTIONS, TRACKS)
 FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"

@@ -15,12 +15,13 @@ from harness.runfolder.growing import GrowingTables, sampled_rows
 from harness.runfolder.tables import STRETCH_ROWS, ColumnRecorder, RunTables
 from harness.running.metrics import TrafficSums
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
-from harness.scoring import RunScorer
+from harness.scoring import RunScorer, ScoredRun, ScoredStretch
 from harness.scoring.scarce import check_scored
-from mmpf.road import Road
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from harness.scoring.asked import Driven
 
 Timed = Callable[[str], AbstractContextManager[None]]
 MOST_DRAWN = 300_000
@@ -38,18 +39,18 @@ class RunKeeper:
         particles: Watches its particles.
     """
 
-    def __init__(self, folder: Path, road: Road, seed: int, timed: Timed) -> None:
+    def __init__(self, folder: Path, driven: Driven, seed: int, timed: Timed) -> None:
         """Begin.
 
         Args:
             folder: Where the tables go.
-            road: What the run is on.
+            driven: The road, and the driver that is asked on it.
             seed: Seed of the run.
             timed: Times a phase of the run, ``score`` or ``write``.
         """
         self.diagnostics, self.particles = DiagnosticsKeeper(), ParticleKeeper()
-        self._folder, self._road, self._timed = folder, road, timed
-        self._scorer = RunScorer(seed)
+        self._folder, self._road, self._timed = folder, driven.road, timed
+        self._scorer = RunScorer(seed, driven)
         self._tables = GrowingTables(folder)
         self._traffic = TrafficSums()
         self._stretch = 0
@@ -80,7 +81,7 @@ class RunKeeper:
         Raises:
             OSError: There is no room for the first stretch.
         """
-        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS))
+        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS, runfolder.BRAKINGS, runfolder.COMMANDS))
         steps = self.recorder.steps
         if self.recorder.kept:
             try:
@@ -108,11 +109,10 @@ class RunKeeper:
     def _end_stretch(self) -> None:
         tables = self.recorder.tables()
         with self._timed("score"):
-            errors, events = self._scorer.add(tables.truth, tables.detections, tables.tracks)
+            scored = self._scorer.add(tables.truth, tables.detections, tables.tracks)
         with self._timed("write"), signals_held():
             self._traffic.add(tables.truth, self._road)
-            scored = {runfolder.ERRORS: errors, runfolder.EVENTS: events}
-            self._tables.append(self._stretch, self._with_watched(tables) | scored)
+            self._tables.append(self._stretch, self._with_watched(tables) | tables_of(scored))
             self._stretch += 1
             for keeper in (self.recorder, self.diagnostics, self.particles):
                 keeper.forget()
@@ -126,6 +126,17 @@ class RunKeeper:
             runfolder.TRACKS: tables.tracks,
             **{name: table for name, table in watched.items() if table is not None},
         }
+
+
+def tables_of(scored: ScoredStretch | ScoredRun) -> dict[str, pd.DataFrame]:
+    """Return the tables that scoring made by the file that each goes to."""
+    tables = {
+        runfolder.ERRORS: scored.errors,
+        runfolder.EVENTS: scored.events,
+        runfolder.BRAKINGS: scored.brakings,
+        runfolder.COMMANDS: scored.commands,
+    }
+    return {name: table for name, table in tables.items() if table is not None}
 
 
 @contextmanager

@@ -188,6 +188,7 @@ def _identification(config: RunConfig) -> dict[str, Any]:
         "model": tracker.model,
         "update": tracker.update,
         "particles": tracker.particles,
+        "driver": config.decisions.driver,
         "seed": config.seed,
     }
 

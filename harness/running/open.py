@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
+from harness.decisions.decide import driver_of
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, Streams, look_at
 from harness.running.replay import read_looks
+from harness.scoring.asked import Driven
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings
@@ -22,7 +24,7 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
 from mmpf.registry import UnknownNameError
-from mmpf.road import highway
+from mmpf.road import Road, highway
 
 if TYPE_CHECKING:
     from harness.truth.network.network import Network
@@ -161,6 +163,20 @@ def check_tracker(config: RunConfig) -> None:
             raise
         raise InputError(f"`tracker.believes`: {error}") from None
     tracker_builder(config)(TrackerSetting(road=highway(), sensor=sensor, rng=np.random.default_rng(0)))
+
+
+def check_driver(config: RunConfig) -> None:
+    """Build the driver once for nothing, so that a wrong name is told before any traffic is simulated.
+
+    Raises:
+        InputError: There is no such driver.
+    """
+    driver_of(config.decisions.driver)
+
+
+def driven_on(road: Road, config: RunConfig) -> Driven:
+    """Return the configuration's driver on a road."""
+    return Driven(driver_of(config.decisions.driver), road)
 
 
 def as_believed(looks: Looks, config: RunConfig) -> Looks:

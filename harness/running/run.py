@@ -26,7 +26,15 @@ from harness.running.follow import StageTimes, follow
 from harness.running.keeping import RunKeeper
 from harness.running.looks import Looks, Streams
 from harness.running.metrics import assemble_metrics, timing_table
-from harness.running.open import OpenLooks, as_believed, check_tracker, open_looks, tracker_builder
+from harness.running.open import (
+    OpenLooks,
+    as_believed,
+    check_driver,
+    check_tracker,
+    driven_on,
+    open_looks,
+    tracker_builder,
+)
 from harness.running.watchers import Moment, MomentKeeper
 from harness.writing.files import write_text
 from harness.writing.numbers import as_json
@@ -115,6 +123,7 @@ def run(
         RunInterruptedError: The user stopped the run; likewise.
     """
     check_tracker(config)
+    check_driver(config)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     attempt = _Attempt(config, pending.path, command)
     if pending.replaced is not None and not quiet:
@@ -216,7 +225,7 @@ class _Attempt:
         expected_s = LOADING_S + expected_traffic_s(self.config) + expected_tracking_s(self.config)
         say_roughly(say, expected_s, "this run")
         runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
-        keeper = self.keeper = RunKeeper(self.folder, looks.road, self.config.seed, self._timed)
+        keeper = self.keeper = RunKeeper(self.folder, driven_on(looks.road, self.config), self.config.seed, self._timed)
         with self._timed("loop"):
             self._loop(looks, keeper, quiet)
         # What was scored and written between two steps is in their own phases.

@@ -16,6 +16,8 @@ from harness.scoring.settings import ScoringSettings
 if TYPE_CHECKING:
     import pandas as pd
 
+    from harness.scoring.asked import Driven
+
 
 @dataclass(frozen=True)
 class ScoredRun:
@@ -25,14 +27,35 @@ class ScoredRun:
         errors: One row per vehicle and step, see ``harness.scoring.errors.error_table``.
         metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
         events: One row per occlusion event, see ``harness.scoring.events.event_table``.
+        brakings: One row per missed or phantom braking, see ``harness.scoring.brakings.braking_table``; None where no
+            driver was asked.
+        commands: One row per step, see ``harness.scoring.brakings.command_table``; likewise.
     """
 
     errors: pd.DataFrame
     metrics: dict[str, Any]
     events: pd.DataFrame
+    brakings: pd.DataFrame | None = None
+    commands: pd.DataFrame | None = None
 
 
-def score_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame, seed: int = 0) -> ScoredRun:
+@dataclass(frozen=True)
+class ScoredStretch:
+    """The tables that scoring makes of a stretch of a run; see ``ScoredRun``."""
+
+    errors: pd.DataFrame
+    events: pd.DataFrame
+    brakings: pd.DataFrame | None
+    commands: pd.DataFrame | None
+
+
+def score_run(
+    truth: pd.DataFrame,
+    detections: pd.DataFrame,
+    tracks: pd.DataFrame,
+    seed: int = 0,
+    driven: Driven | None = None,
+) -> ScoredRun:
     """Score a run by the published rules.
 
     Args:
@@ -40,16 +63,17 @@ def score_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFram
         detections: One row per detection.
         tracks: One row per track and step.
         seed: Seed of the bootstrap intervals.
+        driven: The ego's driver and its road; None asks no driver.
 
     Returns:
-        The errors, metrics and occlusion events.
+        The errors, metrics and occlusion events, and what the driver would do.
 
     Raises:
         ValueError: The tables contradict each other or hold unknown states.
     """
-    scorer = RunScorer(seed)
-    errors, events = scorer.add(truth, detections, tracks)
-    return ScoredRun(errors, scorer.metrics(), events)
+    scorer = RunScorer(seed, driven)
+    tables = scorer.add(truth, detections, tracks)
+    return ScoredRun(tables.errors, scorer.metrics(), tables.events, tables.brakings, tables.commands)
 
 
 class RunScorer:
@@ -59,29 +83,34 @@ class RunScorer:
     one piece by the rounding of sums and by the order in which vehicles are resampled.
     """
 
-    def __init__(self, seed: int = 0) -> None:
-        """Begin; the seed is that of the bootstrap intervals."""
+    def __init__(self, seed: int = 0, driven: Driven | None = None) -> None:
+        """Begin; the seed is that of the bootstrap intervals, the driver is asked by truth and by tracks."""
         from harness.scoring.metrics import Totals  # noqa: PLC0415  pandas is slow to import
         from harness.scoring.parts import Basis  # noqa: PLC0415
 
         self._basis = Basis(ScoringSettings(), seed)
         self._totals = Totals(self._basis)
+        self._driven = driven
 
     @property
     def takes_stretches(self) -> bool:
         """Whether a run may come in more than one stretch: every metric is in parts."""
         return not self._totals.whole_run_needed()
 
-    def add(
-        self, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
-    ) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Measure the next stretch; return its errors and its occlusion events. Errors are those of ``score_run``."""
+    def add(self, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> ScoredStretch:
+        """Measure the next stretch and return its tables. Errors are those of ``score_run``."""
+        from harness.scoring.brakings import braking_table, command_table  # noqa: PLC0415
+        from harness.scoring.decisions import brakings_of  # noqa: PLC0415
         from harness.scoring.events import event_table  # noqa: PLC0415
         from harness.scoring.evidence import gather  # noqa: PLC0415
 
-        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed)
+        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven)
         self._totals.add(evidence)
-        return evidence.error_table, event_table(truth, evidence.rows, evidence.events)
+        asked, rows, brakings, commands = evidence.asked, evidence.rows, None, None
+        if asked is not None:
+            brakings = braking_table(truth, brakings_of(evidence, asked), asked, rows, evidence.history)
+            commands = command_table(truth, asked, rows)
+        return ScoredStretch(evidence.error_table, event_table(truth, rows, evidence.events), brakings, commands)
 
     def metrics(self) -> dict[str, Any]:
         """Return the nested dictionary of ``metrics.json`` over all stretches, without timing and traffic."""

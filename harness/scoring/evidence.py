@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from harness.scoring.asked import Asked, Driven, ask
 from harness.scoring.errors import ErrorArrays, error_arrays, error_table
 from harness.scoring.events import OcclusionEvents, occlusion_events
 from harness.scoring.following import Following, follow
@@ -35,6 +36,7 @@ class Evidence:
         following: Which track follows which of the vehicles that were once seen, hidden ones included.
         settings: The numbers of the rules.
         seed: Seed of the run.
+        asked: What the ego's driver would do by the truth and by the tracks; None where no driver is asked.
     """
 
     rows: RunRows
@@ -49,6 +51,7 @@ class Evidence:
     following: Following
     settings: ScoringSettings
     seed: int
+    asked: Asked | None = None
 
     def new_rng(self) -> np.random.Generator:
         """Return a generator of the run's seed: one for each metric, so that none moves another's draws."""
@@ -56,7 +59,12 @@ class Evidence:
 
 
 def gather(
-    truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame, settings: ScoringSettings, seed: int
+    truth: pd.DataFrame,
+    detections: pd.DataFrame,
+    tracks: pd.DataFrame,
+    settings: ScoringSettings,
+    seed: int,
+    driven: Driven | None = None,
 ) -> Evidence:
     """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``score_run``."""
     rows = read_run(truth, detections, tracks, settings.gate_lon_m)
@@ -77,4 +85,5 @@ def gather(
         following=follow(rows, history, settings),
         settings=settings,
         seed=seed,
+        asked=None if driven is None else ask(driven, truth, detections, tracks, rows, settings),
     )

@@ -8,7 +8,18 @@ from typing import Any
 
 import pandas as pd
 
-from harness.scoring import calibration, coverage, gospa, hidden_cost, hidden_outcomes, mae, manoeuvre, mot, occlusion
+from harness.scoring import (
+    calibration,
+    coverage,
+    decisions,
+    gospa,
+    hidden_cost,
+    hidden_outcomes,
+    mae,
+    manoeuvre,
+    mot,
+    occlusion,
+)
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.parts import Basis, InParts
 from harness.scoring.quantity import Quantity
@@ -69,6 +80,7 @@ register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
     InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
 )
 register(manoeuvre.NAME, *manoeuvre.QUANTITIES)(InParts(manoeuvre.measure_manoeuvres, manoeuvre.scores_by_manoeuvre))
+register("decisions", *decisions.QUANTITIES)(InParts(decisions.measure_decisions, decisions.decisions))
 register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
 register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
 

@@ -63,6 +63,7 @@ class TrackRows:
         step: Index of the step among the run's steps.
         track: Code of the track within its episode, from 0.
         track_id: The tracker's own number.
+        table_row: Row of the table of tracks that this row comes from.
         lon_m: Longitudinal position.
         lat_m: Lateral position.
         speed_mps: Longitudinal speed.
@@ -76,6 +77,7 @@ class TrackRows:
     step: IntArray
     track: IntArray
     track_id: IntArray
+    table_row: IntArray
     lon_m: FloatArray
     lat_m: FloatArray
     speed_mps: FloatArray
@@ -231,6 +233,7 @@ def _reported_tracks(
         step=step,
         track=track,
         track_id=track_id,
+        table_row=rows,
         lon_m=lon,
         lat_m=lat,
         speed_mps=_floats(tracks, "speed_mps")[rows],

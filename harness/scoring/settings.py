@@ -29,6 +29,13 @@ class ScoringSettings:
         gospa_cutoff_m: Cut-off distance c of GOSPA.
         gospa_order: Order p of GOSPA.
         bootstrap_draws: Resamples behind each interval.
+        brakes_mps2: Acceleration at or below which a driver brakes.
+        rolls_mps2: Acceleration above which it does not.
+        decision_s: Shortest time for which truth and tracks must differ for a missed or a phantom braking.
+        driver_existence: Existence from which a driver takes a track for a vehicle.
+        driver_settled_s: Time from the beginning of an ego's stay until its driver's decisions are judged.
+        collision_time_s: Time to collision below which errors of it count.
+        longest_collision_time_s: Longest time to collision that is told apart from none.
     """
 
     gate_lon_m: float = 4.0
@@ -50,6 +57,13 @@ class ScoringSettings:
     gospa_cutoff_m: float = 4.0
     gospa_order: float = 1.0
     bootstrap_draws: int = 1000
+    brakes_mps2: float = -2.0
+    rolls_mps2: float = -1.0
+    decision_s: float = 0.5
+    driver_existence: float = 0.5
+    driver_settled_s: float = 2.0
+    collision_time_s: float = 4.0
+    longest_collision_time_s: float = 10.0
 
     def __post_init__(self) -> None:
         """Refuse a GOSPA cut-off beyond the distance up to which vehicles and tracks are compared at all."""

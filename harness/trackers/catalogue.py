@@ -66,6 +66,11 @@ _CATALOGUE = {
         "Kalman filters told the true association: a reference, not a tracker",
         "harness.trackers.oracle:OracleOptions",
     ),
+    "detections": _Entry(
+        "harness.trackers.detections",
+        "each scan's detections and nothing else: a baseline without memory, not a tracker",
+        "harness.trackers.detections:DetectionsOptions",
+    ),
 }
 
 

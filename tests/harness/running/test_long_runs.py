@@ -29,6 +29,7 @@ from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERRORS, runfolder.EVENTS)
+DECIDED = (runfolder.BRAKINGS, runfolder.COMMANDS)
 STEPS, EGO_STAY = 40, 10
 
 
@@ -61,7 +62,7 @@ def test_every_stretch_is_a_row_group_and_rows_and_scores_are_those_of_one_stret
     parts = run_on(tmp_path / "parts")
     assert groups(whole / runfolder.TRUTH) == 1
     assert groups(parts / runfolder.TRUTH) == STEPS // EGO_STAY
-    for name in TABLES:
+    for name in (*TABLES, *DECIDED):
         pd.testing.assert_frame_equal(pd.read_parquet(parts / name), pd.read_parquet(whole / name))
     scores = [json.loads((folder / runfolder.METRICS).read_text()) for folder in (whole, parts)]
     for key in ("mot", "mot_all", "gospa", "coverage", "traffic"):
@@ -131,7 +132,7 @@ def test_a_full_disk_keeps_the_stretches_that_there_was_room_for(tmp_path, short
     assert not list(folder.glob("*.part"))
 
 
-WRITES = 31
+WRITES = 41
 """How many files a run of four stretches writes, its ledger first and last."""
 
 
@@ -152,7 +153,7 @@ def test_whenever_a_disk_fills_for_good_every_stretch_that_was_written_is_kept_o
     assert list(tmp_path.iterdir()) == ([folder] if stretches else [])
     for name in TABLES[:3] if stretches else ():
         assert kept_steps(folder, name) == list(range(stretches * EGO_STAY)), name
-    assert not [path for path in folder.glob("*") if path.name in (*TABLES[3:], runfolder.METRICS)]
+    assert not [path for path in folder.glob("*") if path.name in (*TABLES[3:], *DECIDED, runfolder.METRICS)]
     assert not list(folder.glob(".*.part*"))
 
 

@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.decisions.decide import driver_of
 from harness.grid.rows import flattened
 from harness.scoring import metrics, score_run
+from harness.scoring.asked import Driven
 from harness.scoring.metrics import completed, quantities, register
 from harness.scoring.quantity import Quantity
+from mmpf.road import highway
 from tests.harness.scoring.scenes import traffic
 
 PAGE = Path(__file__).parents[3] / "docs" / "scores.md"
@@ -60,7 +63,9 @@ def test_a_name_that_is_taken_and_a_quantity_of_another_metric_are_refused():
 def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
     truth, detections, tracks = tables
     told = {key: each.optional for each in quantities() for key in (each.key, each.weight) if key}
-    assert told.keys() <= flattened(score_run(truth.assign(direction_rad=1.0), detections, tracks).metrics).keys()
+    driven = Driven(driver_of("hdm"), highway())
+    every = score_run(truth.assign(direction_rad=1.0), detections, tracks, driven=driven).metrics
+    assert told.keys() <= flattened(every).keys()
     on_road = flattened(score_run(*tables).metrics).keys()
     assert {key for key, optional in told.items() if not optional} <= on_road
     assert not {key for key, optional in told.items() if optional} & on_road

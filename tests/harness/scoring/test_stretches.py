@@ -9,9 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.decisions.decide import driver_of
 from harness.scoring import RunScorer, metrics, score_run
+from harness.scoring.asked import Driven
 from harness.scoring.metrics import register
 from harness.scoring.statistics import cluster_bootstrap
+from mmpf.road import Lane, Road
 from tests.harness.scoring.scenes import traffic
 
 EPISODES, STEPS = 3, 80
@@ -51,9 +54,27 @@ def test_all_scores_are_those_of_the_run_in_one_piece(pieces):
     for key, value in expected.items():
         assert found[key] == (pytest.approx(value, rel=1e-12) if value is not None else None), key
     place = ["step", "vehicle_id"]
-    errors = pd.concat([errors for errors, _ in tables]).sort_values(place, ignore_index=True)
+    errors = pd.concat([each.errors for each in tables]).sort_values(place, ignore_index=True)
     pd.testing.assert_frame_equal(errors, whole.errors.sort_values(place, ignore_index=True), check_categorical=False)
     assert whole.metrics["mot"]["truth_n"] > 0
+
+
+def test_what_the_driver_would_do_is_that_of_the_run_in_one_piece(pieces):
+    lanes = tuple(Lane(number=k + 1, right_m=3.6 * k - 1.8, left_m=3.6 * k + 1.8) for k in range(5))
+    driven = Driven(driver_of("hdm"), Road(lanes=lanes))
+    pieces = [
+        (truth.assign(speed_mps=truth["speed_mps"] + 5.0 * truth["is_ego"]), seen, tracks[tracks["step"] % STEPS < 50])
+        for truth, seen, tracks in pieces
+    ]
+    scorer = RunScorer(4, driven)
+    tables = [scorer.add(*piece) for piece in pieces]
+    whole = score_run(*in_one(pieces), seed=4, driven=driven)
+    expected, found = (dict(numbers(metrics["decisions"])) for metrics in (whole.metrics, scorer.metrics()))
+    assert found == pytest.approx(expected, nan_ok=True)
+    assert expected["missed"] > 0
+    for name, table in (("brakings", whole.brakings), ("commands", whole.commands)):
+        joined = pd.concat([getattr(each, name) for each in tables], ignore_index=True)
+        pd.testing.assert_frame_equal(joined, table)
 
 
 def test_intervals_over_stretches_are_near_those_over_the_run_in_one_piece(pieces):

@@ -25,6 +25,10 @@ def published_rule_checks() -> list[object]:
     ]
 
 
+# A baseline without memory can keep no identity.
+BEYOND_MEMORYLESS = {"one_car_becomes_one_confirmed_track", "identities_stay_with_their_cars"}
+
+
 def slow_beside_gnn(name: str) -> tuple[pytest.MarkDecorator, ...]:
     """Stone Soup's other trackers share most parts with ``stonesoup-gnn``, and take minutes."""
     return (pytest.mark.slow,) if is_made_of_stone_soup(name) and name != "stonesoup-gnn" else ()
@@ -39,11 +43,18 @@ def setting() -> TrackerSetting:
 
 
 @pytest.mark.parametrize("check", tracker_checks(), ids=str)
-@pytest.mark.parametrize("name", [pytest.param(name, marks=slow_beside_gnn(name)) for name in available_trackers()])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=slow_beside_gnn(name)) for name in available_trackers() if name != "detections"]
+)
 def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
     if is_made_of_stone_soup(name):
         pytest.importorskip("stonesoup")
     check(lambda setting, options: build_tracker(name, setting, options))
+
+
+@pytest.mark.parametrize("check", [each for each in tracker_checks() if each.name not in BEYOND_MEMORYLESS], ids=str)
+def test_the_baseline_conforms_but_for_its_identities(check: TrackerCheck):
+    check(lambda setting, options: build_tracker("detections", setting, options))
 
 
 @pytest.mark.parametrize("check", published_rule_checks(), ids=str)
@@ -60,7 +71,7 @@ def test_only_the_oracle_is_told_the_association():
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(
         InputError,
-        match=r"`tracker` kalmann: unknown; choose one of immortal-kalman, mmpf, oracle-kalman, stonesoup-gnn",
+        match=r"`tracker` kalmann: unknown; choose one of detections, immortal-kalman, mmpf, oracle-kalman, stonesoup",
     ):
         build_tracker("kalmann", setting(), {})
 

@@ -1,0 +1,59 @@
+"""What a belief is made of: the ego at each step, and bodies on the road around it, be they true or believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mmpf.compute.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Vehicles but the ego at all steps, struct of arrays of shape (m,), in the road frame.
+
+    Attributes:
+        step: Index of the step among those of the egos.
+        lon_m: Longitudinal position of the centre.
+        lat_m: Lateral position of the centre.
+        speed_mps: Speed: along the road, or on a road in the plane along the body's own direction.
+        direction_rad: In the plane, where it is heading; nan where that is not known.
+        length_m: Length.
+        width_m: Width.
+    """
+
+    step: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    direction_rad: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.step)
+
+
+@dataclass(frozen=True)
+class Egos:
+    """The ego at each step, struct of arrays of shape (n,); its own state is known in every belief.
+
+    Attributes:
+        episode: Its stay; a new ego begins a new one.
+        lon_m: Longitudinal position of the centre.
+        lat_m: Lateral position of the centre.
+        speed_mps: Speed.
+        lane: Number of its lane as in the truth, 0 off every lane.
+        length_m: Length.
+        width_m: Width.
+    """
+
+    episode: IntArray
+    lon_m: FloatArray
+    lat_m: FloatArray
+    speed_mps: FloatArray
+    lane: IntArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.episode)

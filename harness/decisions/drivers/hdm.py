@@ -1,0 +1,57 @@
+"""A driver that looks beyond its leader (Treiber, Kesting and Helbing, Physica A 360 (2006), section 2.4).
+
+Of the human driver model this is the spatial anticipation: each vehicle ahead adds the interaction that it would cause
+if it were the leader, at the sum of the clear gaps up to it. Gaps and headways are divided by the root of the sum of
+1/j², so that a platoon in equilibrium drives at the gaps of the intelligent driver model. Reaction time and errors of
+estimation are left out: what is judged is the tracker, not the driver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.decisions.belief import LEADERS, Belief, Others
+from harness.decisions.drivers.following import (
+    PARAMETERS,
+    desired_speeds,
+    free_acceleration,
+    interaction,
+    safe_gap,
+)
+from harness.decisions.drivers.protocol import Command, drivers
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2
+
+
+@dataclass(frozen=True)
+class HumanDriver:
+    """The multi-anticipative driver.
+
+    Attributes:
+        leaders: How many vehicles ahead it minds, at most as many as a belief holds.
+    """
+
+    leaders: int = LEADERS
+
+    def command(self, belief: Belief) -> Command:
+        """Return what it would do; see ``Driver``."""
+        spread = float(np.sqrt(sum(1.0 / j**2 for j in range(1, self.leaders + 1))))
+        parameters = replace(
+            PARAMETERS,
+            time_headway_s=PARAMETERS.time_headway_s / spread,
+            standstill_gap_m=PARAMETERS.standstill_gap_m / spread,
+        )
+        accel = free_acceleration(belief.speed_mps, desired_speeds(belief), PARAMETERS)
+        ahead = belief.leaders
+        for j in range(self.leaders):
+            other = Others(ahead.gap_m[:, j], ahead.speed_mps[:, j], ahead.body[:, j])
+            accel = accel - interaction(belief.speed_mps, other, parameters)
+        accel = np.maximum(accel, -HARDEST_BRAKING_MPS2)
+        return Command(accel, safe_gap(belief, belief.left), safe_gap(belief, belief.right))
+
+
+@drivers.register("hdm")
+def hdm() -> HumanDriver:
+    """Return a driver that minds three vehicles ahead (human driver model, spatial anticipation)."""
+    return HumanDriver()

@@ -1,0 +1,21 @@
+"""A driver that minds the vehicle right ahead, and nobody else."""
+
+from __future__ import annotations
+
+from harness.decisions.belief import Belief
+from harness.decisions.drivers.following import following, safe_gap
+from harness.decisions.drivers.protocol import Command, drivers
+
+
+class IdmDriver:
+    """The intelligent driver model (Treiber, Hennecke and Helbing 2000)."""
+
+    def command(self, belief: Belief) -> Command:
+        """Return what it would do; see ``Driver``."""
+        return Command(following(belief, belief.leader), safe_gap(belief, belief.left), safe_gap(belief, belief.right))
+
+
+@drivers.register("idm")
+def idm() -> IdmDriver:
+    """Return a driver that follows the vehicle right ahead (intelligent driver model)."""
+    return IdmDriver()

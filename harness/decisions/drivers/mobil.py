@@ -1,0 +1,45 @@
+"""A driver that changes lanes where it gains by it (Kesting, Treiber and Helbing, TRR 1999 (2007): MOBIL)."""
+
+from __future__ import annotations
+
+from harness.decisions.belief import Belief, Beside, Others
+from harness.decisions.drivers.following import follower_acceleration, following, safe_gap
+from harness.decisions.drivers.protocol import Command, drivers
+from mmpf.compute.arrays import BoolArray, FloatArray
+
+POLITENESS = 0.2
+THRESHOLD_MPS2 = 0.1
+
+
+class MobilDriver:
+    """Follows as the intelligent driver model does, and takes a safe gap only if it gains more than others lose."""
+
+    def command(self, belief: Belief) -> Command:
+        """Return what it would do; see ``Driver``."""
+        accel = following(belief, belief.leader)
+        return Command(accel, _takes(belief, belief.left, accel), _takes(belief, belief.right, accel))
+
+
+def _takes(belief: Belief, side: Beside, accel_mps2: FloatArray) -> BoolArray:
+    """Return whether it would change to that lane, by the symmetric criterion, shape (n,)."""
+    gain = following(belief, side.leader) - accel_mps2
+    new = _loss(belief, side.follower, _between(belief, side))
+    gain = gain - POLITENESS * new
+    return safe_gap(belief, side) & (gain > THRESHOLD_MPS2)
+
+
+def _loss(belief: Belief, follower: Others, ahead: Others) -> FloatArray:
+    """Return what the new follower loses in acceleration, 0 where there is none, shape (n,)."""
+    loss = follower_acceleration(belief, follower, ahead) - follower_acceleration(belief, follower, None)
+    return loss * follower.exists
+
+
+def _between(belief: Belief, side: Beside) -> Others:
+    """Return the side's leader as its follower sees it while the ego is not between them."""
+    return Others(side.leader.gap_m + belief.length_m + side.follower.gap_m, side.leader.speed_mps, side.leader.body)
+
+
+@drivers.register("mobil")
+def mobil() -> MobilDriver:
+    """Return a driver that follows the vehicle right ahead and changes lanes where it gains (MOBIL)."""
+    return MobilDriver()
