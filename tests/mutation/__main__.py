@@ -1,21 +1,24 @@
-"""Mutation score on demand: ``python -m tests.mutation --sample 160 --seed 1 [--rooms mmpf/joint]``.
+"""Mutation score on demand: ``python -m tests.mutation --sample 240 --seed 1 [--rooms mmpf/joint]``.
 
-Needs ``pip install mutmut``. Mutants are made of every function of the rooms below that has no decorator, which leaves
-out compiled kernels and registered functions; a seeded sample of them is run, each against the fast tests that call its
-function. Prints the score by room and every survivor as a difference.
+Needs ``pip install mutmut``, which makes the mutants of every function of the rooms below that has no decorator (this
+leaves out compiled kernels and registered functions), and finds out which fast tests call which function. A seeded
+sample of the mutants, as many of each room as its share of all, is tried, each against the fast tests of its room that
+call its function. Prints every survivor as a difference, then the score by room and in all with its 95 % interval.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
+import os
 import random
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[2]
@@ -25,7 +28,8 @@ TESTS_OF = {
     "harness/comparison": ("tests/harness/comparison",),
     "harness/grid": ("tests/harness/grid",),
 }
-KILLED, TIMED_OUT = (1, 3), (24, 36, 152, 255)
+SURVIVED = (0, 5)
+"""Exit codes of pytest: all tests passed, or there was none."""
 SETTINGS = """\
 [mutmut]
 source_paths =
@@ -35,6 +39,8 @@ only_mutate =
 {only}
 also_copy =
     networks
+    docs
+    results
     README.md
 pytest_add_cli_args_test_selection =
 {tests}
@@ -45,12 +51,14 @@ pytest_add_cli_args =
 on_dependency_change = ignore
 """
 NO_MUTANT = "no mutant has this name"
+SLOWER, LEAST_LIMIT_S = 5.0, 20.0
+"""A mutant's tests may take this many times longer than without it, and never less than that."""
 
 
 def main() -> int:
-    """Run a sample of mutants and print the score."""
+    """Try a sample of mutants and print the score."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
-    parser.add_argument("--sample", type=int, default=160)
+    parser.add_argument("--sample", type=int, default=240)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rooms", default=",".join(TESTS_OF), help="some of the rooms, A,B,C")
     parser.add_argument("--folder", type=Path, help="where to work, kept and used again; by default a temporary one")
@@ -58,61 +66,95 @@ def main() -> int:
     rooms = chosen.rooms.split(",")
     with tempfile.TemporaryDirectory() as temporary:
         folder = chosen.folder or Path(temporary) / REPOSITORY.name
-        copy_to(folder, rooms)
-        # Makes all mutants and finds out which tests call which function, then stops for want of a name.
-        mutmut(folder, [NO_MUTANT])
-        names = sorted(outcomes(folder))
-        sample = sorted(random.Random(chosen.seed).sample(names, min(chosen.sample, len(names))))
-        say(f"{len(sample)} of {len(names)} mutants, seed {chosen.seed}")
-        if not mutmut(folder, sample):
-            return 1
-        tell(folder, sample, rooms)
+        if not (folder / "mutants" / "mutmut-stats.json").exists():
+            copy_to(folder)
+            # Makes all mutants and finds out which tests call which function, then stops for want of a name.
+            told = mutmut(folder, "run", "--max-children", "2", NO_MUTANT)
+            if not (folder / "mutants" / "mutmut-stats.json").exists():
+                say(told)
+                return 1
+        names = {room: mutants_of(folder, room) for room in rooms}
+        sample = sampled(names, chosen.sample, random.Random(chosen.seed))
+        say(f"{sum(map(len, sample.values()))} of {sum(map(len, names.values()))} mutants, seed {chosen.seed}")
+        outcomes: dict[str, int | str] = {}
+        for room, mutants in sample.items():
+            outcomes |= tried(folder, f"{room.replace('/', '-')}-{chosen.seed}-{chosen.sample}", mutants)
+        tell(folder, sample, outcomes)
     return 0
 
 
-def copy_to(folder: Path, rooms: Sequence[str]) -> None:
+def copy_to(folder: Path) -> None:
     """Copy what git knows of the repository, and say in a file what is to be mutated."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=REPOSITORY, capture_output=True, check=True).stdout
     for name in listed.decode().split("\0"):
         source, target = REPOSITORY / name, folder / name
-        if name and source.is_file() and not name.startswith(("results/", "docs/")):
+        if name and source.is_file():
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, target)
-    only = "\n".join(f"    {room}/*" for room in rooms)
-    tests = "\n".join(f"    {test}" for room in rooms for test in TESTS_OF[room])
+    only = "\n".join(f"    {room}/*" for room in TESTS_OF)
+    tests = "\n".join(f"    {test}" for tests in TESTS_OF.values() for test in tests)
     (folder / "setup.cfg").write_text(SETTINGS.format(only=only, tests=tests))
 
 
-def mutmut(folder: Path, names: Sequence[str]) -> bool:
-    """Run mutants by name, and return whether that went well; what went wrong is printed."""
-    words = [sys.executable, "-m", "mutmut", "run", "--max-children", "2", *names]
-    ended = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-    if ended.returncode and NO_MUTANT not in names:
-        say(ended.stdout[-3000:] + ended.stderr[-3000:])
-    return ended.returncode == 0
+def mutmut(folder: Path, *words: str) -> str:
+    """Return what mutmut says."""
+    command = [sys.executable, "-m", "mutmut", *words]
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return ended.stdout[-3000:] + ended.stderr[-3000:]
 
 
-def outcomes(folder: Path) -> dict[str, int | None]:
-    """Return the exit code of each mutant's tests by its name; None of one that was not run."""
-    found: dict[str, int | None] = {}
-    for path in (folder / "mutants").rglob("*.py.meta"):
-        found |= json.loads(path.read_text())["exit_code_by_key"]
-    return found
+def mutants_of(folder: Path, room: str) -> list[str]:
+    """Return the names of all mutants of a room, sorted."""
+    files = (folder / "mutants" / room).rglob("*.py.meta")
+    return sorted(name for path in files for name in json.loads(path.read_text())["exit_code_by_key"])
 
 
-def tell(folder: Path, sample: Sequence[str], rooms: Sequence[str]) -> None:
-    """Print how many were killed, by room and in all, and the survivors."""
-    codes = outcomes(folder)
-    killed = {name for name in sample if codes[name] in (*KILLED, *TIMED_OUT)}
-    in_room = {name: next(room for room in rooms if name.startswith(room.replace("/", "."))) for name in sample}
-    of_room, killed_of = Counter(in_room.values()), Counter(in_room[name] for name in killed)
-    for name in sample:
-        if name not in killed:
-            words = [sys.executable, "-m", "mutmut", "show", name]
-            say(subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False).stdout)
-    for room, count in of_room.items():
-        say(f"{room:20} {killed_of[room]:4d} of {count:4d} killed")
-    say(f"score {100.0 * len(killed) / max(len(sample), 1):.1f} % of {len(sample)}")
+def sampled(names: Mapping[str, Sequence[str]], count: int, draw: random.Random) -> dict[str, list[str]]:
+    """Return a sample of each room's mutants that is its share of all."""
+    whole = sum(map(len, names.values()))
+    return {
+        room: sorted(draw.sample(mutants, min(round(count * len(mutants) / whole), len(mutants))))
+        for room, mutants in names.items()
+    }
+
+
+def tried(folder: Path, label: str, mutants: Sequence[str]) -> dict[str, int | str]:
+    """Try mutants against the tests that call their functions, and return what came of each."""
+    known = json.loads((folder / "mutants" / "mutmut-stats.json").read_text())
+    seconds, callers = known["duration_by_test"], known["tests_by_mangled_function_name"]
+    plan = []
+    for mutant in mutants:
+        tests = sorted(callers.get(mutant.rpartition("__mutmut_")[0], ()), key=lambda test: (seconds[test], test))
+        limit_s = math.ceil(max(SLOWER * sum(seconds[test] for test in tests), LEAST_LIMIT_S))
+        plan.append({"mutant": mutant, "tests": tests, "limit_s": limit_s})
+    asked, told = folder / f"plan-{label}.json", folder / f"told-{label}.jsonl"
+    asked.write_text(json.dumps(plan))
+    tree = folder / "mutants"
+    command = [sys.executable, str(REPOSITORY / "tests" / "mutation" / "tried.py"), str(asked), str(told)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tree), os.environ.get("PYTHONPATH", "")])}
+    subprocess.run(command, cwd=tree, env=environment, stdout=subprocess.DEVNULL, check=True)
+    rows = [json.loads(line) for line in told.read_text().splitlines()]
+    return {row["mutant"]: row["outcome"] for row in rows}
+
+
+def tell(folder: Path, sample: Mapping[str, Sequence[str]], outcomes: Mapping[str, int | str]) -> None:
+    """Print the survivors, and how many were killed, by room and in all."""
+    killed = {name for name, outcome in outcomes.items() if outcome not in SURVIVED}
+    for mutants in sample.values():
+        for name in sorted(set(mutants) - killed):
+            say(f"{name} (no test calls it)" if outcomes[name] == 5 else mutmut(folder, "show", name))
+    for room, mutants in sample.items():
+        say(f"{room:20} {score(len(killed & set(mutants)), len(mutants))}")
+    say(f"{'all':20} {score(len(killed), len(outcomes))}; {Counter(map(str, outcomes.values()))}")
+
+
+def score(killed: int, count: int) -> str:
+    """Return a share with its 95 % interval, Wilson's."""
+    count = max(count, 1)
+    share, z2 = killed / count, 1.96**2
+    middle, half = share + z2 / (2 * count), 1.96 * math.sqrt(share * (1 - share) / count + z2 / (4 * count**2))
+    low, high = ((middle + side * half) / (1 + z2 / count) for side in (-1, 1))
+    return f"{killed:4d} of {count:4d} killed: {100 * share:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
 
 
 def say(line: str) -> None:

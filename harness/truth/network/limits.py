@@ -26,6 +26,8 @@ TYPE_LIMITS = {
     "probability": (-1e-9, 1e9), "impatience": (-1e3, 1.0), "minGapLat": (-1e-9, 10.0), "maxSpeedLat": (-1e-9, 50.0),
     "speedDev": (-1e-9, 2.0), "speedFactor": (0.0, 20.0),
 }  # fmt: skip
+LARGEST_OF_TYPE = 1e6
+"""Of all other numbers that describe a vehicle and its driver."""
 FLOW_LIMITS = {
     "number": (-1.0, 1e6), "vehsPerHour": (-1e-9, 1e5), "perHour": (-1e-9, 1e5), "probability": (-1e-9, 1.0),
     "begin": (-1.0, 1e9), "end": (-1.0, 1e9), "depart": (-1.0, 1e9), "departSpeed": (-1e-9, 150.0),
@@ -114,6 +116,12 @@ def _check_element(element: Element, path: Path) -> None:
         if value is not None and not above < value <= most:
             who = element.get("id", "?")[:60]
             raise InputError(f"{path}: {element.tag} {who} has {name} {text}; give {max(above, 0.0):g} to {most:g}")
+    if element.tag == "vType":
+        for name, text in element.items():
+            value = None if name == "id" else _number(text)
+            if value is not None and not abs(value) <= LARGEST_OF_TYPE:
+                who = element.get("id", "?")[:60]
+                raise InputError(f"{path}: vType {who} has {name} {text[:40]}; no driver is described by that")
     for name in ("shape", "pos"):
         text = element.get(name)
         if text and element.tag in ("lane", "edge", "junction"):

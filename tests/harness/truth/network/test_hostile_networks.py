@@ -73,6 +73,8 @@ def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, c
         VEHICLES.replace("<route ", '<vType id="t" width="nan"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" tau="inf"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" speedDev="0x10"/><route '),
+        VEHICLES.replace("<route ", '<vType id="t" lcAssertive="inf"/><route '),
+        VEHICLES.replace("<route ", '<vType id="t" lcSpeedGain="-1e9"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" maxSpeed="0x1p300"/><route '),
         VEHICLES.replace("<route ", '<vType id="t"><param key="device.ssm.file" value="/tmp/x"/></vType><route '),
         VEHICLES.replace("<route ", '<include href="/etc/passwd"/><route '),
