@@ -45,10 +45,7 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [f"## {heading_of(axis)}", ""]
         for heading, columns in _themes({point.metric for point in points}):
-            labels = [column.label for column in columns]
-            headings = ["tracker", NAMES.get(axis, axis), *labels, "seeds"]
-            table = markdown_table(headings, _rows(points, axis, columns, True))
-            lines += [heading, "", *table, ""]
+            lines += [heading, "", *_table(points, axis, columns, BY_KIND.get(heading)), ""]
     if broken:
         lines += [
             "## Where each tracker breaks",
@@ -61,6 +58,30 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
     if failures:
         lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]
     return "\n".join(lines)
+
+
+def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kinds: str | None) -> list[str]:
+    """Return a table with a row for each tracker and place, and for each kind if it goes by kinds."""
+    start = ["tracker", NAMES.get(axis, axis)]
+    if kinds is None:
+        labels = [column.label for column in columns]
+        return markdown_table([*start, *labels, "seeds"], _rows(points, axis, columns, True))
+    grouped: dict[str, list[Quantity]] = {}
+    for column in columns:
+        grouped.setdefault(_kind(column), []).append(column)
+    by_kind = [[(kind, row) for row in _rows(points, axis, of_kind, True)] for kind, of_kind in grouped.items()]
+    rows = [[*row[:2], kind, *row[2:]] for place in zip(*by_kind, strict=True) for kind, row in place]
+    labels = [_label_of_all_kinds(column) for column in next(iter(grouped.values()))]
+    return markdown_table([*start, kinds, *labels, "seeds"], rows)
+
+
+def _kind(quantity: Quantity) -> str:
+    return quantity.key.split(".")[1]
+
+
+def _label_of_all_kinds(quantity: Quantity) -> str:
+    kind = _kind(quantity)
+    return quantity.label.replace(f", behind a {kind}", "").replace(f", {kind}", "")
 
 
 def print_result(
@@ -111,11 +132,20 @@ FOLLOWED_NOTE = (
 )
 REST_NOTE = "Identities, sets and time:"
 MANOEUVRE_NOTE = "By what vehicles do (docs/scores.md):"
+CAUSE_NOTE = "By what hides vehicles, other vehicles or walls of buildings (docs/scores.md):"
+ROUTE_NOTE = (
+    "Vehicles that turned while hidden for 2 s or more: is their track on the way that they drove, when they are seen "
+    "again and just before?"
+)
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
     **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),
     "manoeuvre": MANOEUVRE_NOTE,
+    "hidden_by": CAUSE_NOTE,
+    "unseen_turns": ROUTE_NOTE,
 }
+BY_KIND = {MANOEUVRE_NOTE: "vehicles", CAUSE_NOTE: "behind"}
+"""Tables with a row for each kind, the second word of their quantities' keys, and what the kinds are headed by."""
 
 
 def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:

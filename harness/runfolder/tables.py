@@ -12,8 +12,16 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.sensor.observation import VISIBILITY_STATES, Look
-from harness.truth.frame import DIRECTION_COLUMN, EVERYWHERE, PARKED_COLUMN, WINDOW_COLUMNS, Frame
+from harness.sensor.observation import VISIBILITY_STATES, Look, Observation
+from harness.truth.frame import (
+    DIRECTION_COLUMN,
+    EVERYWHERE,
+    PARKED_COLUMN,
+    ROUNDABOUT_COLUMN,
+    WALL_COLUMN,
+    WINDOW_COLUMNS,
+    Frame,
+)
 from harness.writing.files import replacing
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodySizes, Detections
@@ -150,7 +158,16 @@ def _truth_columns(look: Look) -> Columns:
         **_window_columns(frame, count),
         **({} if frame.direction_rad is None else {DIRECTION_COLUMN: frame.direction_rad}),
         **({} if frame.parked is None else {PARKED_COLUMN: frame.parked}),
+        **({} if frame.on_roundabout is None else {ROUNDABOUT_COLUMN: frame.on_roundabout}),
+        **_wall_columns(observation),
     }
+
+
+def _wall_columns(observation: Observation) -> Columns:
+    """Return how much of each vehicle walls hide, if there are walls."""
+    if observation.behind_walls is None:
+        return {}
+    return {WALL_COLUMN: np.round(observation.behind_walls, TRACK_DECIMALS)}
 
 
 def frame_of(rows: pd.DataFrame) -> Frame:
@@ -170,6 +187,7 @@ def frame_of(rows: pd.DataFrame) -> Frame:
         ),
         direction_rad=floats(rows, DIRECTION_COLUMN) if DIRECTION_COLUMN in rows else None,
         parked=rows[PARKED_COLUMN].to_numpy(dtype=bool) if PARKED_COLUMN in rows else None,
+        on_roundabout=rows[ROUNDABOUT_COLUMN].to_numpy(dtype=bool) if ROUNDABOUT_COLUMN in rows else None,
         **{name: rows[name].to_numpy(dtype=np.float64) for name in TRUTH_NUMBERS if name != "lane"},
     )
 

@@ -16,7 +16,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES, Observation
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from harness.sensor.shadows import free_space
-from harness.truth.frame import DIRECTION_COLUMN, Frame
+from harness.truth.frame import DIRECTION_COLUMN, WALL_COLUMN, Frame
 from mmpf.road import Road
 from mmpf.scan import Scan
 
@@ -93,6 +93,8 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
         raise ValueError("a state is none of " + ", ".join(VISIBILITY_STATES))
     if not (truth["visible_fraction"].between(0.0, 1.0)).all():
         raise ValueError("a visible fraction is not one of 0 to 1")
+    if WALL_COLUMN in truth and not (truth[WALL_COLUMN].between(0.0, 1.0)).all():
+        raise ValueError(f"{WALL_COLUMN} is not one of 0 to 1")
     measured = detections[["lon_m", "lat_m", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     if not (np.abs(measured) <= FARTHEST).all() or not (measured[:, 2:] > 0.0).all():
         raise ValueError("a detection is not finite, or its deviation is not positive")
@@ -125,4 +127,5 @@ def _observation(
         occluder=pd.Index(truth["vehicle_id"]).get_indexer(pd.Index(truth["occluder_id"])).astype(np.int64),
         in_range=truth["in_range"].to_numpy(dtype=bool),
         state=np.array([VISIBILITY_STATES.index(state) for state in truth["state"]], dtype=np.int8),
+        behind_walls=truth[WALL_COLUMN].to_numpy(dtype=np.float64) if WALL_COLUMN in truth else None,
     )

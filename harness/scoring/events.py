@@ -129,6 +129,16 @@ def _detection_gaps(rows: RunRows, settings: ScoringSettings) -> tuple[IntArray,
     return onset[enough], back[enough]
 
 
+def other_track_after(
+    rows: RunRows, matching: Matching, events: OcclusionEvents, settings: ScoringSettings
+) -> BoolArray:
+    """Return after which events another track than the old one is on the vehicle when it is judged, shape (e,)."""
+    judged = _row_after(rows, events.return_row, settings.event_judged_s)
+    now = np.where(judged >= 0, matching.track_row[judged], -1)
+    old = matching.holder[events.onset_row]
+    return np.asarray((old >= 0) & (now >= 0) & (_take(rows.tracks.track, now) != old))
+
+
 def _row_after(rows: RunRows, row: IntArray, delay_s: float) -> IntArray:
     """Return the first row of the same vehicle at least the delay later, or -1 if its record ends before."""
     truth = rows.truth

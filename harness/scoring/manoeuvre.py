@@ -1,7 +1,7 @@
-"""Scores by what vehicles do: straight on, turning left or right, or coming towards the ego.
+"""Scores by what vehicles do: straight on, turning left or right, coming towards the ego, or on a roundabout.
 
-Only where positions are in the plane; on a road with a frame of its own every vehicle goes straight on, and the table
-is left out.
+Only where positions are in the plane, and of roundabouts where the network tells of one; on a road with a frame of its
+own every vehicle goes straight on, and the table is left out.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 
-MANOEUVRES = ("straight", "left", "right", "oncoming")
-STRAIGHT, LEFT, RIGHT, ONCOMING = range(4)
+MANOEUVRES = ("straight", "left", "right", "oncoming", "roundabout")
+STRAIGHT, LEFT, RIGHT, ONCOMING, ROUNDABOUT = range(5)
 NAME = "manoeuvre"
 
 TURN_RATE_RADPS = 0.2
@@ -70,15 +70,17 @@ class ManoeuvrePart:
 
     Attributes:
         in_plane: Whether there are directions to tell manoeuvres by.
-        followed: Vehicle-steps in sight that are followed, shape (4,).
-        in_sight: Vehicle-steps in sight, shape (4,).
-        error_sum: Sums of the followed ones' absolute errors of position and speed, shape (2, 4).
-        outcomes: Vehicle-steps hidden by outcome, shape (4, outcomes).
-        events: Occlusions, shape (4,).
-        same_id: Those of them after which a vehicle has its old track, shape (4,).
+        has_roundabouts: Whether roundabouts are known.
+        followed: Vehicle-steps in sight that are followed, shape (5,).
+        in_sight: Vehicle-steps in sight, shape (5,).
+        error_sum: Sums of the followed ones' absolute errors of position and speed, shape (2, 5).
+        outcomes: Vehicle-steps hidden by outcome, shape (5, outcomes).
+        events: Occlusions, shape (5,).
+        same_id: Those of them after which a vehicle has its old track, shape (5,).
     """
 
     in_plane: bool
+    has_roundabouts: bool
     followed: IntArray
     in_sight: IntArray
     error_sum: FloatArray
@@ -92,7 +94,7 @@ def manoeuvres(rows: RunRows) -> IntArray:
 
     A vehicle turns where its heading changes by more than ``TURN_RATE_RADPS`` on average over the second before and the
     second after; one that does not is oncoming if it heads against the ego, and goes straight on otherwise, be it along
-    or across the ego's way.
+    or across the ego's way. Whoever is on a roundabout does that, whichever way it turns.
     """
     truth = rows.truth
     rate = heading_rate(truth)
@@ -101,6 +103,8 @@ def manoeuvres(rows: RunRows) -> IntArray:
     if rows.ego_direction_rad is not None:
         away = wrapped(truth.direction_rad - rows.ego_direction_rad[truth.step])
         code[(code == STRAIGHT) & (np.abs(away) > ONCOMING_RAD)] = ONCOMING
+    if rows.on_roundabout is not None:
+        code[rows.on_roundabout] = ROUNDABOUT
     return code
 
 
@@ -133,13 +137,14 @@ def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart:
     followed = errors.tracked & ~hidden
     position_m = np.hypot(errors.absolute[:, 0], errors.absolute[:, 1])
     values = np.stack([position_m, errors.absolute[:, 2]])[:, followed]
-    of_event = _during(code, evidence.events.onset_row, evidence.events.return_row)
+    of_event = manoeuvre_between(code, evidence.events.onset_row, evidence.events.return_row)
 
     def count(codes: IntArray) -> IntArray:
         return np.bincount(codes, minlength=len(MANOEUVRES))
 
     return ManoeuvrePart(
         in_plane=rows.ego_direction_rad is not None,
+        has_roundabouts=rows.on_roundabout is not None,
         followed=count(of_kept[followed]),
         in_sight=count(of_kept[~hidden]),
         error_sum=np.stack([np.bincount(of_kept[followed], row, minlength=len(MANOEUVRES)) for row in values]),
@@ -157,7 +162,8 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
         hidden over the ``n`` vehicle-steps followed of ``of_n``; shares ``hidden_tracked_percent``,
         ``hidden_lost_percent``, ``hidden_hijacked_percent`` and ``hidden_untracked_percent`` of ``hidden_n``
         vehicle-steps hidden; and ``same_id_percent`` of ``events`` occlusions, each of the manoeuvre of its return, or
-        of the turn in it. Empty on a road with a frame of its own.
+        of the turn in it, or of the roundabout. Empty on a road with a frame of its own; without ``roundabout`` where
+        none is known.
     """
     if not any(part.in_plane for part in parts):
         return {}
@@ -166,7 +172,8 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
         for name in ("followed", "in_sight", "error_sum", "events", "same_id", "outcomes")
     )
     table: dict[str, object] = {}
-    for code, name in enumerate(MANOEUVRES):
+    told = MANOEUVRES if any(part.has_roundabouts for part in parts) else MANOEUVRES[:ROUNDABOUT]
+    for code, name in enumerate(told):
         hidden = {f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()}
         table[name] = {
             "position_m": _ratio(error_sum[POSITION, code], followed[code]),
@@ -180,10 +187,13 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
     return table
 
 
-def _during(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
-    """Return the manoeuvre of each time from one row of a vehicle to a later one: a turn in it, or that at its end."""
+def manoeuvre_between(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
+    """Return the manoeuvre of each time from one row of a vehicle to a later one.
+
+    It is a roundabout or a turn in it, or that at its end.
+    """
     manoeuvre = code[back]
-    for turn in (LEFT, RIGHT):
+    for turn in (LEFT, RIGHT, ROUNDABOUT):
         before = np.concatenate([[0], np.cumsum(code == turn)])
         manoeuvre = np.where(before[back + 1] > before[onset], turn, manoeuvre)
     return np.asarray(manoeuvre, dtype=np.int64)

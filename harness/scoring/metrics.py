@@ -13,12 +13,14 @@ from harness.scoring import (
     coverage,
     decisions,
     gospa,
+    hidden_by,
     hidden_cost,
     hidden_outcomes,
     mae,
     manoeuvre,
     mot,
     occlusion,
+    unseen_turns,
 )
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.parts import Basis, InParts
@@ -81,6 +83,8 @@ register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
 )
 register(manoeuvre.NAME, *manoeuvre.QUANTITIES)(InParts(manoeuvre.measure_manoeuvres, manoeuvre.scores_by_manoeuvre))
 register("decisions", *decisions.QUANTITIES)(InParts(decisions.measure_decisions, decisions.decisions))
+register(hidden_by.NAME, *hidden_by.QUANTITIES)(InParts(hidden_by.measure_causes, hidden_by.scores_by_cause))
+register(unseen_turns.NAME, *unseen_turns.QUANTITIES)(InParts(unseen_turns.measure_turns, unseen_turns.scores_of_turns))
 register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
 register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
 

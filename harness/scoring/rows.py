@@ -11,7 +11,7 @@ import pandas as pd
 from harness.scoring.directions import nearest_row, read_directions
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
-from harness.truth.frame import WINDOW_COLUMNS
+from harness.truth.frame import ROUNDABOUT_COLUMN, WALL_COLUMN, WINDOW_COLUMNS
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -122,6 +122,9 @@ class RunRows:
         tracks: The reported tracks.
         ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one,
             shape (steps,); None on a road that has a frame of its own.
+        hidden_by_wall: Whether walls hide more of each vehicle than other vehicles do, shape (n,) along ``truth``; None
+            on a road without walls.
+        on_roundabout: Whether each vehicle is on a roundabout, shape (n,) along ``truth``; None where none is known.
     """
 
     time_s: FloatArray
@@ -130,6 +133,8 @@ class RunRows:
     detections: DetectionRows
     tracks: TrackRows
     ego_direction_rad: FloatArray | None = None
+    hidden_by_wall: BoolArray | None = None
+    on_roundabout: BoolArray | None = None
 
 
 def read_run(
@@ -140,7 +145,8 @@ def read_run(
     Args:
         truth: One row per vehicle and step; a missing column ``episode`` means a single episode. Columns
             ``window_start_m`` and ``window_end_m`` bound what the source knows of the road. A column ``direction_rad``
-            means that positions are in the plane, and says along which direction each vehicle is scored.
+            means that positions are in the plane, and says along which direction each vehicle is scored. Columns
+            ``wall_fraction`` and ``on_roundabout`` tell what walls hide and who is on a roundabout.
         detections: One row per detection; ``truth_id`` empty or null for clutter.
         tracks: One row per track and step.
         edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
@@ -197,7 +203,16 @@ def read_run(
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
         ego_direction_rad=ego_direction,
+        hidden_by_wall=_hidden_by_wall(truth, rows),
+        on_roundabout=truth[ROUNDABOUT_COLUMN].to_numpy(dtype=bool)[rows] if ROUNDABOUT_COLUMN in truth else None,
     )
+
+
+def _hidden_by_wall(truth: pd.DataFrame, rows: IntArray) -> BoolArray | None:
+    if WALL_COLUMN not in truth:
+        return None
+    behind_walls, visible = _floats(truth, WALL_COLUMN)[rows], _floats(truth, "visible_fraction")[rows]
+    return np.asarray(2.0 * behind_walls > 1.0 - visible)
 
 
 def _windows(truth: pd.DataFrame, first_row: IntArray, edge_m: float) -> FloatArray | None:

@@ -15,7 +15,7 @@ from harness.sensor.profiles import SensorSettings
 from harness.sensor.returns import CLUTTER_SPEED_MPS, flashing_returns, standing_returns, vehicle_returns
 from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
-from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
+from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_beside_walls
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.road import Road, wall_bodies
@@ -62,7 +62,7 @@ class RayedSensor:
         sight = sight_to(frame.lon_m, frame.lat_m, road, ego, box_axes(road, frame.heading_rad))
         in_range = in_reach(self.settings, sight.distance, sight.off_axis)
         in_range[frame.ego] = True
-        fraction, occluder = visibility_of(frame, road, ego, in_range, self.settings.range_m)
+        fraction, occluder, behind_walls = visibility_of(frame, road, ego, in_range, self.settings.range_m)
         scene = Scene(frame, road, sight, fraction, occluder, in_range)
         returns = vehicle_returns(self.settings, self.memory, scene, step_s, rng)
         flashes = flashing_returns(self.settings, self.memory, scene, rng)
@@ -89,6 +89,7 @@ class RayedSensor:
             detection_visible_fraction=seen.visible_fraction,
             visible_fraction=fraction,
             occluder=occluder,
+            behind_walls=behind_walls,
             in_range=in_range,
             state=_states(self.settings, fraction, in_range),
         )
@@ -135,8 +136,8 @@ class _Seen:
 
 def visibility_of(
     frame: Frame, road: Road, ego: EgoPose, in_range: BoolArray, range_m: float
-) -> tuple[FloatArray, IntArray]:
-    """Return visible fraction and occluder for the whole frame; only vehicles that matter enter the geometry.
+) -> tuple[FloatArray, IntArray, FloatArray | None]:
+    """Return what is seen of each vehicle of the frame; only vehicles that matter enter the geometry.
 
     Args:
         frame: The truth.
@@ -146,7 +147,8 @@ def visibility_of(
         range_m: The sensor's range.
 
     Returns:
-        The fractions, and the index of the vehicle that covers most of each, -1 where none does; each of shape (n,).
+        The visible fractions; the index of the vehicle that covers most of each, -1 where none does; and the share
+        behind walls, None on a road without walls; each of shape (n,).
     """
     sensor = sensor_position(ego, road)
     x, y = road.to_cartesian(frame.lon_m, frame.lat_m)
@@ -157,17 +159,16 @@ def visibility_of(
     heading = frame.heading_rad + road.heading_at(frame.lon_m)
     bodies = np.stack([x, y, heading, frame.length_m, frame.width_m])[:, chosen]
     walls = wall_bodies(road.walls_near(*sensor, range_m))
-    part, part_occluder = visible_fractions(sensor, *np.concatenate([bodies, walls], axis=1))
-    part, part_occluder = part[: len(chosen)], part_occluder[: len(chosen)]
+    part, part_occluder, part_behind = visible_beside_walls(sensor, bodies, walls)
     # What a wall hides no vehicle hides.
     part_occluder[part_occluder >= len(chosen)] = NO_OCCLUDER
-    fraction = np.zeros(len(frame))
+    fraction, behind_walls = np.zeros(len(frame)), np.zeros(len(frame))
     occluder = np.full(len(frame), NO_OCCLUDER, dtype=np.int64)
-    fraction[chosen] = part
+    fraction[chosen], behind_walls[chosen] = part, part_behind
     occluder[chosen] = np.append(chosen, NO_OCCLUDER)[part_occluder]
-    fraction[~in_range], occluder[~in_range] = 0.0, NO_OCCLUDER
+    fraction[~in_range], occluder[~in_range], behind_walls[~in_range] = 0.0, NO_OCCLUDER, 0.0
     fraction[frame.ego] = 1.0
-    return fraction, occluder
+    return fraction, occluder, None if road.walls_xy is None else behind_walls
 
 
 def _states(settings: SensorSettings, fraction: FloatArray, in_range: BoolArray) -> npt.NDArray[np.int8]:

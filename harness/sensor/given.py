@@ -56,7 +56,7 @@ class GivenDetections:
         """
         moment, ego = self.truth.moment(frame), frame.ego_pose
         away = np.hypot(frame.lon_m - ego.lon_m, frame.lat_m - ego.lat_m)
-        fraction, occluder = visibility_of(frame, road, ego, away <= self.settings.range_m, self.settings.range_m)
+        fraction, occluder, _ = visibility_of(frame, road, ego, away <= self.settings.range_m, self.settings.range_m)
         in_range = moment.counts & (away <= self.settings.range_m)
         sight = sight_to(moment.given.x_m, moment.given.y_m, road, ego, moment.given.heading_rad)
         reached = in_reach(self.settings, sight.distance, np.zeros(len(sight.distance)))

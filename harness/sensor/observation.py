@@ -29,6 +29,7 @@ class Observation:
         occluder: Index in the frame of the vehicle that covers most of each vehicle, -1 where none, shape (n,).
         in_range: Whether each vehicle's centre lies within the sensor's range, shape (n,).
         state: ``VISIBLE``, ``PARTIAL``, ``HIDDEN`` or ``OUT`` of range for each vehicle, shape (n,).
+        behind_walls: Share of each vehicle that walls hide, in [0, 1], shape (n,); None on a road without walls.
     """
 
     scan: Scan
@@ -38,6 +39,7 @@ class Observation:
     occluder: IntArray
     in_range: npt.NDArray[np.bool_]
     state: npt.NDArray[np.int8]
+    behind_walls: FloatArray | None = None
 
 
 @dataclass(frozen=True)

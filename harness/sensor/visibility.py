@@ -48,11 +48,33 @@ def visible_fractions(
         The visible fraction of each rectangle's angular extent, in [0, 1], shape (n,); and the index of the rectangle
         that comes first over most of the covered part, -1 where nothing is covered, shape (n,).
     """
-    boxes = pack_boxes(sensor_xy, centre_x, centre_y, heading, length, width)
+    return _shared_out(pack_boxes(sensor_xy, centre_x, centre_y, heading, length, width), len(centre_x))[:2]
+
+
+def visible_beside_walls(
+    sensor_xy: tuple[float, float] | FloatArray, bodies: FloatArray, walls: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return how much of each body the sensor sees, what covers most of the rest, and how much of it walls cover.
+
+    Args:
+        sensor_xy: Position of the sensor, metres.
+        bodies: Rows of the rectangles' centres, headings, lengths and widths as above, shape (5, n).
+        walls: The same of walls, shape (5, w).
+
+    Returns:
+        As ``visible_fractions`` of the bodies, indices from n on being walls; and the share of each body's angular
+        extent over which a wall comes first, in [0, 1]; each of shape (n,).
+    """
+    count = bodies.shape[1]
+    seen, occluder, behind = _shared_out(pack_boxes(sensor_xy, *np.concatenate([bodies, walls], axis=1)), count)
+    return seen[:count], occluder[:count], behind[:count]
+
+
+def _shared_out(boxes: FloatArray, first_wall: int) -> tuple[FloatArray, IntArray, FloatArray]:
     if len(boxes) == 0:
-        return np.zeros(0), np.zeros(0, dtype=np.int64)
+        return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0)
     extents = _angular_extents(boxes)
-    return _sweep(boxes, extents, _order_change_angles(boxes, extents))
+    return _sweep(boxes, extents, _order_change_angles(boxes, extents), first_wall)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -120,7 +142,9 @@ def compile_kernels() -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _sweep(boxes: FloatArray, extents: FloatArray, angles: FloatArray) -> tuple[FloatArray, IntArray]:
+def _sweep(
+    boxes: FloatArray, extents: FloatArray, angles: FloatArray, first_wall: int
+) -> tuple[FloatArray, IntArray, FloatArray]:
     """Go round the circle from one order-change angle to the next and share out each interval."""
     count = len(boxes)
     seen = np.zeros(count)
@@ -157,13 +181,15 @@ def _sweep(boxes: FloatArray, extents: FloatArray, angles: FloatArray) -> tuple[
                 covered_by[i, first] += span
     fraction = np.ones(count)
     occluder = np.full(count, NO_OCCLUDER, dtype=np.int64)
+    behind = np.zeros(count)
     for i in range(count):
         if total[i] > 0.0:
             fraction[i] = min(1.0, max(0.0, seen[i] / total[i]))
+            behind[i] = min(1.0, covered_by[i, first_wall:].sum() / total[i])
         most = covered_by[i].argmax()
         if covered_by[i, most] > 0.0:
             occluder[i] = most
-    return fraction, occluder
+    return fraction, occluder, behind
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -22,6 +22,10 @@ WINDOW_COLUMNS = ("window_start_m", "window_end_m")
 DIRECTION_COLUMN = "direction_rad"
 # Column of the truth table that says who is parked; absent where the source does not know.
 PARKED_COLUMN = "parked"
+# Column of the truth table that says who is on a roundabout; absent where the network has none, or none that is known.
+ROUNDABOUT_COLUMN = "on_roundabout"
+# Column of the truth table with the share of each vehicle that walls hide; absent where there are no walls.
+WALL_COLUMN = "wall_fraction"
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,7 @@ class Frame:
             whose frame is the plane (``Road.graph``) its heading; None elsewhere, where it is the road's own.
         parked: Whether each vehicle stands in one place for as long as it is on record; None where the source does not
             tell parked vehicles from others.
+        on_roundabout: Whether each vehicle is on a roundabout; None where none is known.
     """
 
     step: int
@@ -67,6 +72,7 @@ class Frame:
     window_m: tuple[float, float] = EVERYWHERE
     direction_rad: FloatArray | None = None
     parked: BoolArray | None = None
+    on_roundabout: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.vehicle_id)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -9,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import InputError
-from harness.truth.network.corridor import SumoEdge, SumoLane, read_net
+from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.graphlimits import graph_problem
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 
 # Whoever drives on roads; lanes of which rails, feet or bicycles alone have the use are none of the graph's.
@@ -37,10 +38,13 @@ class PlaneNetwork:
     Attributes:
         graph: The lanes.
         origin_xy: SUMO's coordinates of the plane's origin, whole kilometres, so that places stay small numbers.
+        in_roundabout: Which lanes are of a roundabout's ring or cross one of its junctions, shape (lanes,); None if the
+            network tells of no roundabout.
     """
 
     graph: LaneGraph
     origin_xy: tuple[float, float]
+    in_roundabout: BoolArray | None = None
 
     @property
     def lanes_m(self) -> float:
@@ -69,6 +73,7 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
         if not lines:
             raise InputError(f"{path}: no lane of it is for road vehicles; give a network with roads")
         graph, origin = _assemble(lanes, lines)
+        in_roundabout = _in_roundabouts(net, [lanes[name] for name in graph.name])
     except (ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
         if isinstance(error, InputError):
             raise
@@ -76,7 +81,17 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
     problem = graph_problem(graph)
     if problem:
         raise InputError(f"{path}: {problem}; cut out the part that is driven on")
-    return PlaneNetwork(graph, origin)
+    return PlaneNetwork(graph, origin, in_roundabout)
+
+
+def _in_roundabouts(net: SumoNet, lanes: Sequence[SumoLane]) -> BoolArray | None:
+    edges = {edge for roundabout in net.getRoundabouts() for edge in roundabout.getEdges()}
+    nodes = {node for roundabout in net.getRoundabouts() for node in roundabout.getNodes()}
+    if not edges:
+        return None
+    # A path across a junction is called after it: `:JUNCTION_path_lane`.
+    names = [(lane.getEdge().getID(), lane.getID()) for lane in lanes]
+    return np.array([edge in edges or lane[1:].rsplit("_", 2)[0] in nodes for edge, lane in names])
 
 
 def _assemble(lanes: dict[str, SumoLane], lines: dict[str, FloatArray]) -> tuple[LaneGraph, tuple[float, float]]:

@@ -150,6 +150,10 @@ class PlaneTruth:
         me = names.index(ego)
         away = np.hypot(frame.lon_m - frame.lon_m[me], frame.lat_m - frame.lat_m[me])
         kept = np.flatnonzero(away <= self._reach_m)
+        if self._plane.in_roundabout is not None:
+            # Lanes count from 1; what is on none is on no roundabout either.
+            on_ring = np.append(False, self._plane.in_roundabout)[frame.lane]
+            frame = replace(frame, on_roundabout=on_ring)
         columns: dict[str, Any] = {
             name: values[kept] for name, values in vars(frame).items() if isinstance(values, np.ndarray)
         }

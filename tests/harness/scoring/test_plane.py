@@ -72,6 +72,7 @@ def test_vehicles_that_all_head_along_x_are_scored_as_on_a_road_with_a_frame():
     road = score_run(truth, detections, tracks)
     plane = score_run(truth.assign(direction_rad=0.0), detections, tracks)
     by_manoeuvre = plane.metrics.pop("manoeuvre")
+    assert plane.metrics.pop("unseen_turns")["events"] == 0
     assert plane.metrics == road.metrics
     assert "manoeuvre" not in road.metrics
     assert by_manoeuvre["straight"]["speed_mps"] == pytest.approx(

@@ -32,8 +32,8 @@ def look(frame: Frame, walls: FloatArray) -> Observation:
     return sensor.observe(frame, Road(lanes=(), graph=GRAPH, walls_xy=walls), np.random.default_rng(0))
 
 
-def traced(frame: Frame, walls: FloatArray) -> FloatArray:
-    """Share of the rays through each car that meet neither wall nor other car before it."""
+def traced(frame: Frame, walls: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Shares of the rays through each car that meet nothing before it, and that meet a wall first."""
     angles = (np.arange(RAYS) + 0.5) * 2.0 * np.pi / RAYS
     ray = np.stack([np.cos(angles), np.sin(angles)])
 
@@ -56,7 +56,9 @@ def traced(frame: Frame, walls: FloatArray) -> FloatArray:
         share = (x0 * ray[1] - y0 * ray[0]) / cross
         stone = np.minimum(stone, np.where((away > 0.0) & (share >= 0.0) & (share <= 1.0), away, np.inf))
     surfaces = np.stack([*cars, stone])
-    return np.array([np.mean((each <= surfaces.min(axis=0))[np.isfinite(each)]) for each in cars])
+    nearest = surfaces.min(axis=0)
+    seen = np.array([np.mean((each <= nearest)[np.isfinite(each)]) for each in cars])
+    return seen, np.array([np.mean(((stone <= nearest) & (stone < each))[np.isfinite(each)]) for each in cars])
 
 
 def test_a_car_behind_a_building_is_hidden_and_one_beside_it_is_not() -> None:
@@ -66,7 +68,22 @@ def test_a_car_behind_a_building_is_hidden_and_one_beside_it_is_not() -> None:
     seen = look(in_the_plane([(50.0, 0.0), (20.0, 25.0)], [0.0, 1.0]), walls)
     assert seen.state[1:].tolist() == [HIDDEN, VISIBLE]
     assert seen.occluder.tolist() == [-1, -1, -1]
+    assert seen.behind_walls is not None
+    assert seen.behind_walls.tolist() == [0.0, 1.0, 0.0]
     assert len(seen.scan.detections) == 1
+
+
+def test_a_lorry_before_a_building_is_what_hides() -> None:
+    walls = np.array([[40.0, -9.0, 40.0, 9.0]])
+    seen = look(in_the_plane([(10.0, 0.0), (60.0, 0.0)], [0.5 * np.pi, 0.0]), walls)
+    assert seen.behind_walls is not None
+    assert (seen.state[2], seen.occluder[2], seen.behind_walls[2]) == (HIDDEN, 1, 0.0)
+
+
+def test_a_road_without_walls_tells_nothing_of_them() -> None:
+    sensor = build_sensor(sensor_settings("ideal", {}))
+    frame = in_the_plane([(10.0, 0.0)], [0.0])
+    assert sensor.observe(frame, Road(lanes=(), graph=GRAPH), np.random.default_rng(0)).behind_walls is None
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -79,5 +96,8 @@ def test_shadows_of_walls_and_cars_together_are_those_of_dense_ray_casting(seed:
     start = rng.uniform(-60.0, 60.0, (6, 2))
     start += 8.0 * np.sign(start)
     walls = np.concatenate([start, start + rng.uniform(-15.0, 15.0, (6, 2))], axis=1)
-    found = look(frame, walls).visible_fraction[1:]
-    assert found == pytest.approx(traced(frame, walls), abs=0.01)
+    found = look(frame, walls)
+    seen, behind_walls = traced(frame, walls)
+    assert found.visible_fraction[1:] == pytest.approx(seen, abs=0.01)
+    assert found.behind_walls is not None
+    assert found.behind_walls[1:] == pytest.approx(behind_walls, abs=0.01)

@@ -2,6 +2,7 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 from harness.errors import InputError
@@ -56,3 +57,22 @@ def test_the_fingerprint_changes_with_the_buildings(tmp_path):
     buildings = folder / "priority.poly.xml"
     buildings.write_text(buildings.read_text().replace("8.00,9.00", "8.50,9.00"))
     assert load_network(str(folder)).fingerprint() != before
+
+
+def test_the_ring_of_the_roundabout_and_its_junctions_are_known_and_its_arms_are_none_of_it():
+    plane = load_network("roundabout").plane
+    assert plane is not None
+    assert plane.in_roundabout is not None
+    x, y = np.array([plane.graph.line(lane).mean(axis=0) for lane in range(len(plane.graph))]).T
+    centre = np.array([x[plane.in_roundabout].mean(), y[plane.in_roundabout].mean()])
+    away = np.hypot(x - centre[0], y - centre[1])
+    # The ring has a radius of 26 m to its middle.
+    assert plane.in_roundabout[away < 31.0].all()
+    assert not plane.in_roundabout[away > 45.0].any()
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "roundabout"])
+def test_a_network_without_a_roundabout_knows_of_none(name):
+    plane = load_network(name).plane
+    assert plane is not None
+    assert plane.in_roundabout is None
