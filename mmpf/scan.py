@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, IntArray, taken
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 
 
 class InvalidScanError(ValueError):
@@ -145,12 +145,15 @@ class Scan:
         detections: The detections, d of them, which may be none.
         ego: Pose of the sensor's vehicle at that time.
         free_space: What the sensor knows of its own shadows; None if it does not say.
+        open_signals: Whether each signal of the map lets vehicles go, shape (signals,), in the order of
+            ``LinkControl.signal_name``; None where the tracker is not told, as by default.
     """
 
     time_s: float
     detections: Detections
     ego: EgoPose
     free_space: FreeSpace | None = None
+    open_signals: BoolArray | None = None
 
 
 @dataclass(frozen=True)

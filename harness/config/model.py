@@ -135,6 +135,8 @@ class TrackerConfig(_Strict):
     """The tracker's own settings by name."""
     believes: BeliefsConfig = Field(default_factory=BeliefsConfig)
     """What any tracker is told of the sensor."""
+    knows_signals: bool = False
+    """Whether any tracker is told, scan by scan, which of the road's signals let vehicles go."""
     _factory: Callable[..., Any] | None = PrivateAttr(default=None)
 
     @property
@@ -195,6 +197,8 @@ class RunConfig(_Strict):
         if self.decisions == DecisionsConfig():
             # Nothing that a run records depends on it, and folders of runs that knew no driver stay the same.
             del table["decisions"]
+        if not table["tracker"]["knows_signals"]:
+            del table["tracker"]["knows_signals"]
         return table
 
     def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:

@@ -9,8 +9,10 @@ import numpy as np
 
 from harness.truth.network.graphlimits import FARTHEST_M, MOST_POINTS, graph_problem
 from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.control import LinkControl
 from mmpf.lanes.graph import LaneGraph
 
+CONTROL_INTEGERS = ("kind", "signal", "foe", "first_foe")
 FLOATS, INTEGERS = ("width_m", "speed_limit_mps"), ("left", "right", "successor", "first_successor", "first_point")
 
 
@@ -20,6 +22,14 @@ def graph_table(graph: LaneGraph) -> dict[str, Any]:
         "name": list(graph.name),
         **{name: getattr(graph, name).tolist() for name in ("xy", *FLOATS, *INTEGERS)},
         "in_junction": np.flatnonzero(graph.in_junction).tolist(),
+        **({} if graph.control is None else {"control": _control_table(graph.control)}),
+    }
+
+
+def _control_table(control: LinkControl) -> dict[str, Any]:
+    return {
+        "signal_name": list(control.signal_name),
+        **{name: getattr(control, name).tolist() for name in CONTROL_INTEGERS},
     }
 
 
@@ -37,11 +47,19 @@ def graph_of(table: Mapping[str, Any]) -> LaneGraph:
     columns: dict[str, Any] = {name: np.array(table[name], dtype=np.float64) for name in FLOATS}
     columns |= {name: _integers(table[name]) for name in INTEGERS}
     points = np.array(table["xy"], dtype=np.float64).reshape(-1, 2)
-    graph = LaneGraph(name=names, xy=points, in_junction=in_junction, **columns)
+    control = None if "control" not in table else _control_of(table["control"])
+    graph = LaneGraph(name=names, xy=points, in_junction=in_junction, control=control, **columns)
     problem = graph_problem(graph)
     if problem:
         raise ValueError(problem)
     return graph
+
+
+def _control_of(table: Mapping[str, Any]) -> LinkControl:
+    names = tuple(table["signal_name"])
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError("a signal's name is no text")
+    return LinkControl(signal_name=names, **{name: _integers(table[name]) for name in CONTROL_INTEGERS})
 
 
 def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:

@@ -18,6 +18,7 @@ from harness.truth.frame import (
     EVERYWHERE,
     PARKED_COLUMN,
     ROUNDABOUT_COLUMN,
+    SIGNALS_COLUMN,
     WALL_COLUMN,
     WINDOW_COLUMNS,
     Frame,
@@ -160,6 +161,7 @@ def _truth_columns(look: Look) -> Columns:
         **({} if frame.parked is None else {PARKED_COLUMN: frame.parked}),
         **({} if frame.on_roundabout is None else {ROUNDABOUT_COLUMN: frame.on_roundabout}),
         **_wall_columns(observation),
+        **({SIGNALS_COLUMN: np.full(count, frame.signals, dtype=object)} if frame.signals else {}),
     }
 
 
@@ -188,6 +190,7 @@ def frame_of(rows: pd.DataFrame) -> Frame:
         direction_rad=floats(rows, DIRECTION_COLUMN) if DIRECTION_COLUMN in rows else None,
         parked=rows[PARKED_COLUMN].to_numpy(dtype=bool) if PARKED_COLUMN in rows else None,
         on_roundabout=rows[ROUNDABOUT_COLUMN].to_numpy(dtype=bool) if ROUNDABOUT_COLUMN in rows else None,
+        signals=str(first.get(SIGNALS_COLUMN, "")),
         **{name: rows[name].to_numpy(dtype=np.float64) for name in TRUTH_NUMBERS if name != "lane"},
     )
 

@@ -14,9 +14,10 @@ from harness.errors import RunError
 from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.looks import Looks, Streams
 from harness.running.memory import keep_freed_memory
-from harness.sensor.observation import Look, Observation
+from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
 from harness.trackers.wellformed import fault_of
+from harness.truth.frame import OPEN
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
@@ -74,7 +75,7 @@ def follow(
         for look in looks:
             episodes.ready_for(look)
             begin = perf_counter()
-            tracks = episodes.step(look.observation)
+            tracks = episodes.step(look)
             tracker_s = perf_counter() - begin
             recorder.add(look, tracks)
             times.truth_s.append(look.truth_s)
@@ -101,21 +102,28 @@ class _EpisodeTrackers:
         if look.frame.episode == self.episode:
             return
         if self.episode is None:
-            self._compile_once(look.observation)
+            self._compile_once(look)
         self.episode = look.frame.episode
         self.id_offset = self.first_free_id
         self.tracker = self._fresh_tracker(self.stream.spawn(1)[0])
 
-    def step(self, observation: Observation) -> Tracks:
+    def step(self, look: Look) -> Tracks:
         """Give the tracker one scan and make its identities unique over the run."""
-        scan = _as_believed(observation.scan, self.looks.noise_factor)
-        tracks = step_tracker(self.tracker, scan, observation.truth_id)
+        scan = self._told(look)
+        tracks = step_tracker(self.tracker, scan, look.observation.truth_id)
         self._check(tracks, scan)
         if not len(tracks):
             return tracks
         unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
         self.first_free_id = max(self.first_free_id, int(unique.track_id.max()) + 1)
         return unique
+
+    def _told(self, look: Look) -> Scan:
+        """Return what the tracker is told of a look."""
+        scan = _as_believed(look.observation.scan, self.looks.noise_factor)
+        if not self.looks.tells_signals or not look.frame.signals:
+            return scan
+        return replace(scan, open_signals=np.array([letter == OPEN for letter in look.frame.signals]))
 
     def _check(self, tracks: object, scan: Scan) -> None:
         fault = fault_of(tracks)
@@ -129,12 +137,13 @@ class _EpisodeTrackers:
         looks, rng = self.looks, np.random.default_rng(stream)
         return self.build_tracker(TrackerSetting(looks.road, looks.sensor, rng, looks.step_s))
 
-    def _compile_once(self, observation: Observation) -> None:
+    def _compile_once(self, look: Look) -> None:
         """Step a tracker that is thrown away, so that compiling kernels counts in no measured step."""
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
-            scan = replace(observation.scan, time_s=observation.scan.time_s + step * self.looks.step_s)
-            tracks = step_tracker(rehearsal, _as_believed(scan, self.looks.noise_factor), observation.truth_id)
+            told = self._told(look)
+            scan = replace(told, time_s=told.time_s + step * self.looks.step_s)
+            tracks = step_tracker(rehearsal, scan, look.observation.truth_id)
             if fault_of(tracks) is not None:
                 return  # told of the first step that counts
 

@@ -52,6 +52,7 @@ class Looks:
         report: What the user should know about them; empty if nothing.
         about: Tables about them for ``metrics.json``, by name.
         noise_factor: Factor on the deviations that detections report, as trackers are shown them.
+        tells_signals: Whether trackers are told the states of the road's signals.
     """
 
     road: Road
@@ -64,13 +65,15 @@ class Looks:
     report: str = ""
     about: Mapping[str, object] = field(default_factory=dict)
     noise_factor: float = 1.0
+    tells_signals: bool = False
 
-    def believed(self, sheet: Mapping[str, float], noise_factor: float | None) -> Looks:
+    def believed(self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False) -> Looks:
         """Return the same looks of which trackers are told something else.
 
         Args:
             sheet: Values in place of those of the data sheet, by name.
             noise_factor: Factor on the deviations that detections report to trackers; None for none.
+            tells_signals: Whether they are told the states of signals.
 
         Raises:
             InputError: Together with the data sheet the values make no sense.
@@ -79,7 +82,8 @@ class Looks:
             sensor = replace(self.sensor, **sheet)
         except ValueError as error:
             raise InputError(f"`tracker.believes`: {error}") from None
-        return replace(self, sensor=sensor, noise_factor=1.0 if noise_factor is None else noise_factor)
+        factor = 1.0 if noise_factor is None else noise_factor
+        return replace(self, sensor=sensor, noise_factor=factor, tells_signals=tells_signals)
 
     def __iter__(self) -> Iterator[Look]:
         return iter(self.stream)

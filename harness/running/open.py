@@ -186,7 +186,7 @@ def as_believed(looks: Looks, config: RunConfig) -> Looks:
         InputError: Together with the data sheet the beliefs make no sense.
     """
     believes = config.tracker.believes
-    return looks.believed(believes.sheet(), believes.noise_factor)
+    return looks.believed(believes.sheet(), believes.noise_factor, tells_signals=config.tracker.knows_signals)
 
 
 def tracker_builder(config: RunConfig) -> TrackerBuilder:

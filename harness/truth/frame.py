@@ -26,6 +26,9 @@ PARKED_COLUMN = "parked"
 ROUNDABOUT_COLUMN = "on_roundabout"
 # Column of the truth table with the share of each vehicle that walls hide; absent where there are no walls.
 WALL_COLUMN = "wall_fraction"
+# Column of the truth table that holds the states of signals; absent where the road has none.
+SIGNALS_COLUMN = "signals"
+OPEN, CLOSED = "1", "0"
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ class Frame:
         parked: Whether each vehicle stands in one place for as long as it is on record; None where the source does not
             tell parked vehicles from others.
         on_roundabout: Whether each vehicle is on a roundabout; None where none is known.
+        signals: ``OPEN`` or ``CLOSED`` for each signal of the road's graph, one letter each, in the order of
+            ``LinkControl.signal_name``; empty where there are none, or their states are not on record.
     """
 
     step: int
@@ -73,6 +78,7 @@ class Frame:
     direction_rad: FloatArray | None = None
     parked: BoolArray | None = None
     on_roundabout: BoolArray | None = None
+    signals: str = ""
 
     def __len__(self) -> int:
         return len(self.vehicle_id)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 
 from mmpf.around.neighbours import IN_THE_WAY
+from mmpf.around.openness import OnLanes
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.motion.guided import guidance
-from mmpf.motion.protocol import Neighbour, Surroundings
+from mmpf.motion.guided import GATE, AroundOnGraph, guidance
+from mmpf.motion.protocol import Neighbour
 from mmpf.options import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
@@ -22,6 +24,8 @@ HORIZON_M = 120.0
 NOBODY = -1
 # Vehicles whose directions differ by more are no part of the flow.
 SAME_WAY = np.cos(np.deg2rad(60.0))
+# Who would have to brake harder than this before a stop line goes on; the others stand so far before it.
+STOPS_WITH_MPS2, BEFORE_LINE_M = 3.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,10 @@ class Placed:
     next_gap_m: FloatArray
     next_vehicle: IntArray
 
+    def on_lanes(self, seen: BoolArray) -> OnLanes:
+        """Return where they are, with which of them were seen lately, shape (v,)."""
+        return OnLanes(self.lane, self.along_m, self.speed_mps, self.length_m, seen)
+
 
 def surroundings_on_graph(
     mixture: Mixture,
@@ -63,8 +71,11 @@ def surroundings_on_graph(
     ego_accel_mps2: float,
     graph: LaneGraph,
     options: FlowOptions,
-) -> Surroundings:
+    open_links: Callable[[OnLanes], FloatArray | None] | None = None,
+) -> AroundOnGraph:
     """Return what each particle knows of road and traffic, in its own lane's frame; see ``surroundings_of``.
+
+    A link that a particle takes for closed is as a vehicle that stands at its stop line.
 
     Args:
         mixture: The belief; its confirmed components count as vehicles for the others.
@@ -74,6 +85,7 @@ def surroundings_on_graph(
         ego_accel_mps2: Its acceleration.
         graph: The lanes.
         options: What counts as the flow of traffic around.
+        open_links: How probably each link can be taken now, (k,), given where vehicles are; None where all can be.
     """
     cloud, vehicles = mixture.cloud, mixture.components
     placed = _placed(mixture, moments, ego, ego_accel_mps2, graph)
@@ -87,19 +99,42 @@ def surroundings_on_graph(
     def found(of_lane: IntArray, sign: float, then: IntArray | None) -> Neighbour:
         return _nearest(placed, graph, cloud.component, cloud.state[SPEED], lane, of_lane, along, left, sign, then)
 
-    return Surroundings(
+    leader = found(lane, 1.0, following)
+    chance = None if open_links is None else open_links(placed.on_lanes(np.append(is_seen, True)))
+    if chance is not None:
+        own_length = vehicles.length_m[cloud.component]
+        _stop_at_lines(
+            chance,
+            cloud.latents[GATE],
+            lane,
+            following,
+            along,
+            cloud.state[SPEED],
+            own_length,
+            graph.length_m,
+            graph.successor,
+            graph.first_successor,
+            leader.exists,
+            leader.gap_m,
+            leader.speed_mps,
+            leader.accel_mps2,
+            leader.length_m,
+        )
+    return AroundOnGraph(
         length_m=vehicles.length_m[cloud.component],
         lane_right_m=-half,
         lane_left_m=half,
         has_left_lane=beside[0] != NOWHERE,
         has_right_lane=beside[1] != NOWHERE,
-        leader=found(lane, 1.0, following),
+        leader=leader,
         left_leader=found(beside[0], 1.0, None),
         left_follower=found(beside[0], -1.0, None),
         right_leader=found(beside[1], 1.0, None),
         right_follower=found(beside[1], -1.0, None),
         flow_speed_mps=flow[cloud.component],
         is_hidden=~is_seen[cloud.component],
+        along_m=along,
+        left_m=left,
     )
 
 
@@ -262,3 +297,39 @@ def _flow_speeds(moments: Moments, counts: BoolArray, options: FlowOptions) -> F
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)
+
+
+@numba.njit(cache=True, nogil=True)
+def _stop_at_lines(
+    chance: FloatArray,
+    gate: FloatArray,
+    lane: IntArray,
+    following: IntArray,
+    along: FloatArray,
+    own_speed: FloatArray,
+    own_length: FloatArray,
+    lane_length: FloatArray,
+    successor: IntArray,
+    first_successor: IntArray,
+    exists: BoolArray,
+    gap: FloatArray,
+    neighbour_speed: FloatArray,
+    neighbour_accel: FloatArray,
+    neighbour_length: FloatArray,
+) -> None:
+    """Put a standing leader at the end of lanes whose next link a particle takes for closed, in place."""
+    for n in range(len(lane)):
+        if lane[n] < 0 or following[n] < 0:
+            continue
+        for k in range(first_successor[lane[n]], first_successor[lane[n] + 1]):
+            if successor[k] != following[n]:
+                continue
+            to_line = lane_length[lane[n]] - along[n] - 0.5 * own_length[n]
+            if gate[n] < chance[k] or to_line < 0.0 or own_speed[n] ** 2 > 2.0 * STOPS_WITH_MPS2 * to_line:
+                break
+            # A gap of 2 m is left to a leader that stands.
+            away = to_line + 2.0 - BEFORE_LINE_M
+            if not exists[n] or away < gap[n]:
+                exists[n], gap[n], neighbour_speed[n], neighbour_accel[n] = True, away, 0.0, 0.0
+                neighbour_length[n] = own_length[n]
+            break

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
+from mmpf.lanes.control import LinkControl
 from mmpf.lanes.finding import fill_cells, find_lanes, lay_out, project
 
 NOWHERE = -1
@@ -24,6 +25,10 @@ CELL_M = 10.0
 MOST_CELLS = 4_000_000
 # A place farther than this beyond a lane's edge is not beside that lane.
 BESIDE_M = 3.0
+# Of two ways the one that turns by this much more is taken by e times fewer.
+TURN_SCALE_RAD = 1.2
+# Paths across a junction that follow one another.
+LONGEST_CHAIN = 3
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,7 @@ class LaneGraph:
         successor: Lanes that follow, of all lanes, shape (k,).
         first_successor: Where each lane's successors begin, and the end of the last, shape (l + 1,).
         in_junction: Whether the lane is a path across a junction.
+        control: Signals and right of way, link by link as in ``successor``; None where they are not known.
 
     Raises:
         ValueError: Shapes don't fit, an index leads nowhere, or a lane has no length or width.
@@ -121,6 +127,7 @@ class LaneGraph:
     successor: IntArray
     first_successor: IntArray
     in_junction: BoolArray
+    control: LinkControl | None = None
 
     def __post_init__(self) -> None:
         lanes = len(self.name)
@@ -141,6 +148,8 @@ class LaneGraph:
         for indices, lowest in ((self.left, NOWHERE), (self.right, NOWHERE), (self.successor, 0)):
             if len(indices) and (indices.min() < lowest or indices.max() >= lanes):
                 raise ValueError("lane graph: a neighbour or successor is no lane")
+        if self.control is not None and len(self.control.kind) != len(self.successor):
+            raise ValueError("lane graph: control does not have a place for each successor")
 
     def __len__(self) -> int:
         return len(self.name)
@@ -179,6 +188,34 @@ class LaneGraph:
     def length_m(self) -> FloatArray:
         """Length of each lane, metres, shape (l,)."""
         return np.asarray(np.bincount(self.segments.lane, self.segments.length_m, minlength=len(self)))
+
+    @cached_property
+    def link_from(self) -> IntArray:
+        """The lane that each link leads from, shape (k,); ``successor`` says where to."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first_successor))
+
+    @cached_property
+    def way_share(self) -> FloatArray:
+        """How likely a vehicle is to take each link of its lane, as one guesses who has not seen the traffic, (k,).
+
+        Most go straight on.
+        """
+        links = zip(self.link_from.tolist(), self.successor.tolist(), strict=True)
+        turn = np.array([self._turn_rad(lane, to) for lane, to in links])
+        weight = np.exp(-np.abs(turn) / TURN_SCALE_RAD)
+        total = np.bincount(self.link_from, weight, minlength=len(self))
+        return np.asarray(weight / total[self.link_from])
+
+    def _turn_rad(self, lane: int, following: int) -> float:
+        """Return by how much vehicles turn to the left that take a link and leave the junction behind it."""
+        pieces, to = self.segments, following
+        for _ in range(LONGEST_CHAIN):
+            if not self.in_junction[to] or self.first_successor[to] == self.first_successor[to + 1]:
+                break
+            to = int(self.successor[self.first_successor[to]])
+        last, first = pieces.first[lane + 1] - 1, pieces.first[to]
+        heading = np.arctan2(pieces.sine[[last, first]], pieces.cosine[[last, first]])
+        return float(wrapped(heading[1] - heading[0]))
 
     @cached_property
     def cells(self) -> Cells:

@@ -16,12 +16,16 @@ from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.state import LAT, LON, SPEED
 
-LANE, NEXT, HEADING = -3, -2, -1
-"""Rows of the latents, from the end: index of the lane, index of the lane that follows, direction in the plane."""
-GUIDANCE_SIZE = 3
+GATE, LANE, NEXT, HEADING = -4, -3, -2, -1
+"""Rows of the latents, from the end: a number from 0 to 1, below a link's probability of being open where the particle
+takes it for open; index of the lane, index of the lane that follows, direction in the plane.
+"""
+GUIDANCE_SIZE = 4
 
 # A driver makes up its mind anew, on average after this time, until it is in the junction.
 CHANGE_OF_MIND_S = 2.0
+# What it takes a link for, open or closed, it thinks over after this time on average.
+GATE_S = 5.0
 # Drivers exceed speed limits by this factor at most, and brake for a slower lane by this much.
 ABOVE_LIMIT, BRAKING_MPS2 = 1.3, 3.0
 # Who is this far outside of its lane has lost it; another is taken whose direction differs by less than this.
@@ -34,6 +38,19 @@ BESIDE_STD_M = 1.0
 def guidance(latents: FloatArray) -> tuple[IntArray, IntArray]:
     """Return each particle's lane and the lane that it means to take next, each (n,); ``NOWHERE`` for none."""
     return latents[LANE].astype(np.int64), latents[NEXT].astype(np.int64)
+
+
+@dataclass(frozen=True)
+class AroundOnGraph(Surroundings):
+    """What each of n particles knows of road and traffic, in its own lane's frame, and where it is there.
+
+    Attributes:
+        along_m: Arc length along its lane, nan off every lane, shape (n,).
+        left_m: Offset to the left of the lane's middle, shape (n,).
+    """
+
+    along_m: FloatArray
+    left_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -57,7 +74,7 @@ class LaneGuided:
 
     @property
     def latent_size(self) -> int:
-        """The inner model's rows and three of guidance."""
+        """The inner model's rows and four of guidance."""
         return self.inner.latent_size + GUIDANCE_SIZE
 
     @property
@@ -74,9 +91,7 @@ class LaneGuided:
         latents[:-GUIDANCE_SIZE] = self.inner.draw_latents(state, rng)
         lane, heading = self._draw_lanes(state[LON], state[LAT], np.full(state.shape[1], np.nan), rng)
         latents[LANE], latents[HEADING] = lane, heading
-        latents[NEXT] = _pick_successors(
-            lane, rng.uniform(size=len(lane)), self.graph.successor, self.graph.first_successor
-        )
+        latents[NEXT], latents[GATE] = self._pick_successors(lane, rng), rng.uniform(size=len(lane))
         return latents
 
     def propagate(
@@ -85,7 +100,10 @@ class LaneGuided:
         """Take the particles to their lanes' frames, let the inner model move them there, and bring them back."""
         graph = self.graph
         lane, following = guidance(latents)
-        along, left, _ = graph.on_lane(lane, state[LON], state[LAT])
+        if isinstance(surroundings, AroundOnGraph):
+            along, left = surroundings.along_m, surroundings.left_m
+        else:
+            along, left, _ = graph.on_lane(lane, state[LON], state[LAT])
         free = lane == NOWHERE
         local = state.copy()
         # Off every lane a vehicle goes on as it points, from where it is.
@@ -93,7 +111,7 @@ class LaneGuided:
         moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
         moved[SPEED] = np.minimum(moved[SPEED], self._speed_allowed(lane, following, along))
 
-        change, choice = rng.uniform(size=(2, len(lane)))
+        change, choice, rethink, gate = rng.uniform(size=(4, len(lane)))
         along, left = moved[LON].copy(), moved[LAT].copy()
         _go_along(
             lane,
@@ -109,6 +127,7 @@ class LaneGuided:
             graph.in_junction,
             graph.successor,
             graph.first_successor,
+            graph.way_share,
         )
         x, y, direction = graph.place(lane, along, left)
         cosine, sine = np.cos(latents[HEADING]), np.sin(latents[HEADING])
@@ -118,7 +137,8 @@ class LaneGuided:
         beyond = (along < -LOST_M) | (along > graph.length_m[lane] + LOST_M)
         astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)
         self._find_way_back(moved, np.flatnonzero(astray), lane, following, direction, rng)
-        guided = np.stack([lane.astype(np.float64), following.astype(np.float64), direction])
+        gate = np.where(rethink < dt_s / GATE_S, gate, latents[GATE])
+        guided = np.stack([gate, lane.astype(np.float64), following.astype(np.float64), direction])
         return moved, np.concatenate([carried, guided])
 
     def _speed_allowed(self, lane: IntArray, following: IntArray, along: FloatArray) -> FloatArray:
@@ -144,8 +164,12 @@ class LaneGuided:
         if len(index) == 0:
             return
         lane[index], direction[index] = self._draw_lanes(state[LON, index], state[LAT, index], direction[index], rng)
-        choice = rng.uniform(size=len(index))
-        following[index] = _pick_successors(lane[index], choice, self.graph.successor, self.graph.first_successor)
+        following[index] = self._pick_successors(lane[index], rng)
+
+    def _pick_successors(self, lane: IntArray, rng: np.random.Generator) -> IntArray:
+        graph = self.graph
+        choice = rng.uniform(size=len(lane))
+        return _pick_successors(lane, choice, graph.successor, graph.first_successor, graph.way_share)
 
     def _draw_lanes(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, rng: np.random.Generator
@@ -165,17 +189,23 @@ class LaneGuided:
 
 
 @numba.njit(cache=True)
-def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray) -> int:
-    count = first_successor[lane + 1] - first_successor[lane]
-    return successor[first_successor[lane] + min(int(choice * count), count - 1)] if count > 0 else NOWHERE
+def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray, share: FloatArray) -> int:
+    last = first_successor[lane + 1] - 1
+    for k in range(first_successor[lane], last):
+        choice -= share[k]
+        if choice < 0.0:
+            return int(successor[k])
+    return int(successor[last]) if last >= first_successor[lane] else NOWHERE
 
 
 @numba.njit(cache=True)
-def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray) -> IntArray:
+def _pick_successors(
+    lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray, share: FloatArray
+) -> IntArray:
     picked = np.full(len(lane), NOWHERE)
     for n in range(len(lane)):
         if lane[n] >= 0:
-            picked[n] = _pick(lane[n], choice[n], successor, first_successor)
+            picked[n] = _pick(lane[n], choice[n], successor, first_successor, share)
     return picked
 
 
@@ -194,6 +224,7 @@ def _go_along(
     in_junction: BoolArray,
     successor: IntArray,
     first_successor: IntArray,
+    share: FloatArray,
 ) -> None:
     """Take particles over their lanes' edges and ends, in place; who changes its mind chooses its next lane anew."""
     for n in range(len(lane)):
@@ -206,12 +237,12 @@ def _go_along(
             left[n] += -apart if left[n] > 0.0 else apart
             along[n] *= length[beside] / length[own]
             own = beside
-            following[n] = _pick(own, u, successor, first_successor)
+            following[n] = _pick(own, u, successor, first_successor, share)
         elif changes_mind[n] and not in_junction[own]:
-            following[n] = _pick(own, u, successor, first_successor)
+            following[n] = _pick(own, u, successor, first_successor, share)
         while along[n] >= length[own] and following[n] >= 0:
             along[n] -= length[own]
             own = following[n]
             u = (u * 7919.0) % 1.0
-            following[n] = _pick(own, u, successor, first_successor)
+            following[n] = _pick(own, u, successor, first_successor, share)
         lane[n] = own

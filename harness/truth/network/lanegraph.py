@@ -12,6 +12,7 @@ import numpy as np
 from harness.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.graphlimits import graph_problem
+from harness.truth.network.linkcontrol import read_control
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 
@@ -102,6 +103,8 @@ def _assemble(lanes: dict[str, SumoLane], lines: dict[str, FloatArray]) -> tuple
     origin = np.floor(low / GRID_M) * GRID_M + 0.0
     placed = [np.round(_divided(line - origin), DECIMALS) for line in lines.values()]
     follow = [_successors(lanes, index, name) for name in names]
+    successor = np.array([to for each in follow for to in each], dtype=np.int64)
+    first_successor = np.cumsum([0, *map(len, follow)])
     left, right = _neighbours([lanes[name].getEdge() for name in names], index, lines)
     chosen = [lanes[name] for name in names]
     graph = LaneGraph(
@@ -112,9 +115,10 @@ def _assemble(lanes: dict[str, SumoLane], lines: dict[str, FloatArray]) -> tuple
         speed_limit_mps=np.array([float(lane.getSpeed()) for lane in chosen]),
         left=left,
         right=right,
-        successor=np.array([to for each in follow for to in each], dtype=np.int64),
-        first_successor=np.cumsum([0, *map(len, follow)]),
+        successor=successor,
+        first_successor=first_successor,
         in_junction=np.array([name.startswith(":") for name in names]),
+        control=read_control(lanes, names, successor, first_successor),
     )
     return graph, (float(origin[0]), float(origin[1]))
 

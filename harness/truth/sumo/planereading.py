@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from harness.truth.frame import CLOSED, OPEN
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.sumo.session import Sumo
 from mmpf.compute.arrays import FloatArray
@@ -25,6 +26,8 @@ NOT_ON_ROADS = frozenset(
 )
 NO_CAR = frozenset({"bicycle", "moped", "motorcycle", "scooter", "wheelchair", "tram"})
 CAR_LENGTH_M = (3.0, 6.5)
+# SUMO's letters for signals by which vehicles may go: green with and without priority, off, and off but blinking.
+LETS_GO = frozenset("GgOo")
 # From the front bumper to the rear axle, as a share of the length.
 REAR_AXLE_SHARE = 0.8
 # Whoever is farther from where it was a step ago did not drive there: SUMO has teleported it.
@@ -67,6 +70,7 @@ class Snapshot:
         front_y: The same.
         heading_rad: Its heading, counter-clockwise from x, shape (n,).
         lanes: Lanes of the graph that its front was on, the present one first, ``NOWHERE`` for those of no graph.
+        signals: State of each signal of the graph; see ``Frame.signals``.
     """
 
     time_s: float
@@ -76,6 +80,7 @@ class Snapshot:
     front_y: FloatArray
     heading_rad: FloatArray
     lanes: list[tuple[int, ...]]
+    signals: str = ""
 
     def centres(self) -> FloatArray:
         """Return the middles of all vehicles, metres, shape (n, 2)."""
@@ -101,6 +106,8 @@ class PlaneReader:
         self._sumo = sumo
         self._origin = plane.origin_xy
         self._lane = {name: k for k, name in enumerate(plane.graph.name)}
+        control = plane.graph.control
+        self._signals = [] if control is None else [_light(name) for name in control.signal_name]
         self._bodies: dict[str, Body] = {}
         self._kept: dict[str, _Kept] = {}
 
@@ -134,7 +141,13 @@ class PlaneReader:
             front_y=place[:, 1],
             heading_rad=np.arctan2(place[:, 1] - place[:, 3], place[:, 0] - place[:, 2]),
             lanes=[each.lanes for each in rows],
+            signals=self._states(),
         )
+
+    def _states(self) -> str:
+        lights = {light for light, _ in self._signals}
+        shown = {light: str(self._sumo.trafficlight.getRedYellowGreenState(light)) for light in sorted(lights)}
+        return "".join(OPEN if shown[light][index] in LETS_GO else CLOSED for light, index in self._signals)
 
     def _body(self, name: str) -> Body:
         vehicle = self._sumo.vehicle
@@ -161,6 +174,12 @@ class PlaneReader:
         if lane_name != before.lane_name:
             lanes = (self._lane.get(lane_name, NOWHERE), *lanes)[:REMEMBERED_LANES]
         return _Kept(front, pulled(before.front, before.rear, front, REAR_AXLE_SHARE * body.length_m), lane_name, lanes)
+
+
+def _light(signal: str) -> tuple[str, int]:
+    """Return the traffic light that a signal belongs to, and its number there."""
+    light, _, index = signal.rpartition(":")
+    return light, int(index)
 
 
 def pulled(

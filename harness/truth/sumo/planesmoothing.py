@@ -67,6 +67,7 @@ def smoothed_frame(
         length_m=rounded(np.array([middle.body[row].length_m for row in rows])),
         width_m=rounded(np.array([middle.body[row].width_m for row in rows])),
         direction_rad=rounded(heading),
+        signals=middle.signals,
     )
 
 

@@ -20,7 +20,7 @@ class Sumo(Protocol):
     """What is used of SUMO's interface: of the module ``libsumo``, or of a ``harness.truth.sumo.window.SumoWindow``.
 
     Attributes:
-        vehicle: Commands on vehicles; so on with lanes, edges, routes and the simulation.
+        vehicle: Commands on vehicles; so on with lanes, edges, routes, signals and the simulation.
         TraCIException: Raised where SUMO refuses a command.
         FatalTraCIError: Raised where SUMO is gone.
     """
@@ -30,6 +30,7 @@ class Sumo(Protocol):
     edge: Any
     route: Any
     simulation: Any
+    trafficlight: Any
     TraCIException: type[Exception]
     FatalTraCIError: type[Exception]
 

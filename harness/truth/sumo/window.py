@@ -148,6 +148,7 @@ class SumoWindow:
         self.edge: Any = connection.edge
         self.route: Any = connection.route
         self.simulation: Any = connection.simulation
+        self.trafficlight: Any = connection.trafficlight
         self._connection = connection
         self._process = process
         self._complaints = complaints

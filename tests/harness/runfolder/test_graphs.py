@@ -33,6 +33,8 @@ def test_a_graph_comes_back_as_it_was(road, written):
             assert np.array_equal(values, getattr(road.graph, name))
             assert values.dtype == getattr(road.graph, name).dtype
     assert back.graph.name == road.graph.name
+    for name, values in vars(road.graph.control).items():
+        assert np.array_equal(getattr(back.graph.control, name), values)
     assert back.section_m == road.section_m
     assert np.array_equal(back.walls_xy, road.walls_xy)
 

@@ -1,5 +1,7 @@
 """What trackers are told of the sensor, apart from what is true."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,22 @@ def test_an_impossible_data_sheet_is_refused_by_name(values):
     with pytest.raises(ValueError, match=next(iter(values))) as refusal:
         SensorModel(**values)
     assert "\n" not in str(refusal.value)
+
+
+def test_no_tracker_is_told_of_signals_unless_it_shall_know_them():
+    def told_with_signals(*settings):
+        scans = []
+
+        class Listener(EchoTracker):
+            def step(self, scan):
+                scans.append(scan)
+                return super().step(scan)
+
+        config = resolve_run_config(settings=["sensor.profile=lidar", *settings])
+        looks = looking_at(SteadyTraffic(steps=5))(config).kept()
+        shown = [replace(look, frame=replace(look.frame, signals="10")) for look in looks]
+        track(as_believed(replace(looks, stream=shown), config), Listener, 0)
+        return scans
+
+    assert all(scan.open_signals is None for scan in told_with_signals())
+    assert [scan.open_signals.tolist() for scan in told_with_signals("tracker.knows_signals=true")][-1] == [True, False]

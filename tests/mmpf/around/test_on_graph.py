@@ -33,7 +33,9 @@ def street() -> LaneGraph:
 EGO = ("back", 99.0)
 
 
-def around(vehicles: list[tuple[str, float, float, str | None]]) -> Surroundings:
+def around(
+    vehicles: list[tuple[str, float, float, str | None]], gate: float = 0.0, chance: float = 1.0
+) -> Surroundings:
     """Surroundings of vehicles (lane, arc length, speed, next lane), each of one particle."""
     graph = street()
     lane = np.array([graph.name.index(name) for name, *_ in vehicles])
@@ -43,7 +45,7 @@ def around(vehicles: list[tuple[str, float, float, str | None]]) -> Surroundings
     state[SPEED] = [v[2] for v in vehicles]
     zeros = np.zeros(len(vehicles))
     cloud = ParticleCloud(
-        state, zeros, zeros, np.arange(len(lane)), zeros, np.stack([lane, np.array(following), heading])
+        state, zeros, zeros, np.arange(len(lane)), zeros, np.stack([zeros + gate, lane, np.array(following), heading])
     )
     components = Components.newborn(np.arange(1, len(lane) + 1), np.ones(len(lane)))
     components = replace(components, confirmed=np.ones(len(lane), dtype=bool), length_m=np.full(len(lane), LENGTH_M))
@@ -51,7 +53,8 @@ def around(vehicles: list[tuple[str, float, float, str | None]]) -> Surroundings
     x, y, turn = graph.place(np.array([graph.name.index(EGO[0])]), np.array([EGO[1]]), np.zeros(1))
     pose = EgoPose(float(x[0]), float(y[0]), float(turn[0]), 7.0, LENGTH_M, 1.9)
     seen = np.ones(len(lane), dtype=bool)
-    return surroundings_on_graph(mixture, component_moments(mixture), seen, pose, 0.0, graph, FlowOptions())
+    moments, links = component_moments(mixture), np.full(len(graph.successor), chance)
+    return surroundings_on_graph(mixture, moments, seen, pose, 0.0, graph, FlowOptions(), lambda _: links)
 
 
 def test_the_leader_is_the_next_vehicle_in_the_lane_and_nobody_behind_or_oncoming() -> None:
@@ -86,3 +89,21 @@ def test_lane_lines_are_half_a_width_off_and_the_flow_is_that_of_ones_own_direct
     assert found.flow_speed_mps[0] == pytest.approx(14.0)
     assert found.flow_speed_mps[1] == pytest.approx(10.0)
     assert np.isnan(found.flow_speed_mps[2])
+
+
+def before_closed_link(along_m: float, speed_mps: float, gate: float, chance: float) -> Surroundings:
+    """Surroundings of one vehicle on the right lane that means to go on, by a link that is open by chance."""
+    return around([("right", along_m, speed_mps, "on")], gate=gate, chance=chance)
+
+
+def test_who_takes_the_link_ahead_for_closed_has_a_standing_leader_at_the_line() -> None:
+    found = before_closed_link(50.0, 10.0, gate=0.7, chance=0.5)
+    assert found.leader.exists.tolist() == [True]
+    assert found.leader.speed_mps.tolist() == [0.0]
+    # A car that stops so that 2 m are left to that leader stands a metre before the line.
+    assert found.leader.gap_m == pytest.approx([50.0 - 0.5 * LENGTH_M + 1.0])
+
+
+def test_who_takes_it_for_open_or_can_no_longer_stop_goes_on() -> None:
+    assert not before_closed_link(50.0, 10.0, gate=0.3, chance=0.5).leader.exists.any()
+    assert not before_closed_link(90.0, 12.0, gate=0.7, chance=0.5).leader.exists.any()

@@ -30,7 +30,7 @@ class Drive:
         offset = np.full(len(lane), left_m)
         self.state[LON], self.state[LAT], heading = graph.place(index, np.array(along_m, dtype=float), offset)
         self.state[SPEED] = speed_mps
-        self.latents = np.stack([index.astype(float), np.full(len(lane), float(NOWHERE)), heading])
+        self.latents = np.stack([np.zeros(len(lane)), index.astype(float), np.full(len(lane), float(NOWHERE)), heading])
         first = graph.first_successor
         for n, k in enumerate(index):
             if first[k + 1] > first[k]:

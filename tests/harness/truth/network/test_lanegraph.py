@@ -8,6 +8,7 @@ import pytest
 
 from harness.errors import InputError
 from harness.truth.network.lanegraph import read_lane_graph
+from mmpf.lanes.control import FREE, SIGNAL, YIELD
 from mmpf.lanes.graph import NOWHERE
 
 NETS = Path(__file__).parent / "nets"
@@ -103,3 +104,45 @@ def test_a_network_of_rails_alone_is_one_clear_line(tmp_path):
 
 def test_long_lanes_have_a_point_every_hundred_metres(graph):
     assert graph.segments.length_m.max() <= 100.0
+
+
+def link(graph, lane, to):
+    """Return the number of the link from one lane to another."""
+    k = graph.name.index(lane)
+    links = range(graph.first_successor[k], graph.first_successor[k + 1])
+    return next(n for n in links if graph.name[graph.successor[n]] == to)
+
+
+def foes(graph, number):
+    """Return the paths that those wait for who take a link."""
+    control = graph.control
+    return {
+        graph.name[graph.successor[k]] for k in control.foe[control.first_foe[number] : control.first_foe[number + 1]]
+    }
+
+
+def test_who_comes_from_the_side_road_waits_for_those_on_the_main_road(graph):
+    straight = link(graph, "nc_0", ":c_1_0")
+    assert graph.control.kind[straight] == YIELD
+    assert {":c_11_0", ":c_11_1", ":c_4_0", ":c_4_1"} <= foes(graph, straight)
+    on_the_main_road = link(graph, "wc_0", ":c_11_0")
+    assert graph.control.kind[on_the_main_road] == FREE
+    assert not foes(graph, on_the_main_road)
+
+
+def test_who_turns_left_waits_for_oncoming_traffic_within_the_junction_and_not_before_it(graph):
+    before, within = link(graph, "wc_1", ":c_13_0"), link(graph, ":c_13_0", ":c_15_0")
+    assert (graph.control.kind[before], graph.control.kind[within]) == (FREE, YIELD)
+    assert not foes(graph, before)
+    assert {":c_4_0", ":c_4_1"} <= foes(graph, within)
+
+
+def test_each_signal_holds_the_links_that_it_stands_at():
+    junction = next((Path(__file__).parents[4] / "networks" / "junction").glob("*.net.xml"))
+    graph = read_lane_graph(junction).graph
+    control = graph.control
+    straight = link(graph, "east_in_0", ":crossing_5_0")
+    assert control.kind[straight] == SIGNAL
+    assert control.signal_name[control.signal[straight]] == "crossing:5"
+    assert len(control.signal_name) == 16
+    assert (control.kind[graph.in_junction[graph.link_from]] != SIGNAL).all()
