@@ -21,6 +21,7 @@ from harness.inputs import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
 from harness.runfolder import folder as runfolder
 from harness.runfolder.checks import Until
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
+from harness.scoring.brakings import FATES, KINDS
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.profiles import SensorSettings, sensor_settings
 from mmpf.compute.arrays import FloatArray
@@ -31,6 +32,11 @@ WHEN = ("step", "time_s", "episode")
 ERROR_COLUMNS = (*WHEN, "vehicle_id", "state", "track_id", "lon_error_m", "lat_error_m", "speed_error_mps", "outcome")
 PARTICLE_COLUMNS = ("step", "lon_m", "lat_m")
 EVENT_COLUMNS = ("vehicle_id", "from_step", "to_step", "duration_s", "track_id", "outcome", "reacquire_s")
+BRAKING_COLUMNS = (
+    *("kind", "episode", "from_step", "to_step", "step", "duration_s", "truth_mps2", "tracks_mps2"),
+    *("vehicle_id", "visibility", "unseen_s", "track_id", "fate"),
+)
+COMMAND_COLUMNS = (*WHEN, "truth_mps2", "tracks_mps2")
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,8 @@ class RecordedRun:
         errors: One row per vehicle that has been detected and step.
         events: One row per occlusion event.
         particles: A few particles of each step; None of a tracker without particles.
+        brakings: One row per missed or phantom braking; None of a run that asked no driver.
+        commands: One row per step: what the driver would do; likewise.
         whole: Whether the tables hold the whole run; if not, they hold its beginning.
     """
 
@@ -65,6 +73,8 @@ class RecordedRun:
     errors: pd.DataFrame
     events: pd.DataFrame
     particles: pd.DataFrame | None
+    brakings: pd.DataFrame | None = None
+    commands: pd.DataFrame | None = None
     whole: bool = True
 
     @property
@@ -107,6 +117,17 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
             raise InputError(f"`{parameter}`: {folder / name} has a state {unknown[0][:40]!r}; there are {known}")
         return rows
 
+    def decided(name: str, columns: Collection[str], step: str = "step") -> pd.DataFrame | None:
+        # Both or none: a run that was made before drivers were asked has neither.
+        there = all((folder / each).is_file() for each in (runfolder.BRAKINGS, runfolder.COMMANDS))
+        if not there:
+            return None
+        rows = table(name, columns, step)
+        for column, known in (("kind", KINDS), ("fate", FATES)):
+            if column in rows and not rows[column].isin(known).all():
+                raise InputError(f"`{parameter}`: {folder / name} has another {column} than {', '.join(known)}")
+        return rows
+
     truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
     return RecordedRun(
         folder=folder,
@@ -121,6 +142,8 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
         errors=table(runfolder.ERRORS, ERROR_COLUMNS),
         events=table(runfolder.EVENTS, EVENT_COLUMNS, "to_step"),
         particles=table(runfolder.PARTICLES, PARTICLE_COLUMNS) if (folder / runfolder.PARTICLES).is_file() else None,
+        brakings=decided(runfolder.BRAKINGS, BRAKING_COLUMNS, "to_step"),
+        commands=decided(runfolder.COMMANDS, COMMAND_COLUMNS),
         whole=last_step is None,
     )
 

@@ -16,11 +16,13 @@ from markupsafe import Markup
 from harness.errors import InputError
 from harness.report.charts.chart import Charts, charts_data, library
 from harness.report.charts.run import error_charts, visibility_charts
+from harness.report.decisiongallery import GALLERY as DECISIONS
+from harness.report.decisiongallery import draw_decisions, worst_brakings
 from harness.report.figures import DIAGNOSTICS, OVER_TIME, SCENE
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import Beside, replay_data
-from harness.report.sentences import headlines, summary_sentences
+from harness.report.sentences import decision_summary, headlines, summary_sentences
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.report.vehicles import vehicle_table
 from harness.runfolder import folder as runfolder
@@ -53,19 +55,19 @@ class PageFigure:
     description: str
 
 
-AFTERWARDS_S = 0.5
+BEFORE_S, AFTERWARDS_S = 1.0, 0.5
 
 
 @dataclass(frozen=True)
 class Strip:
-    """One strip of the failure gallery.
+    """One strip of a gallery.
 
     Attributes:
         source: The picture itself, as a data address.
         sentence: What happened.
         vehicle_id: The vehicle.
-        time_s: When it was last seen.
-        until_s: Half a second after it was seen again.
+        time_s: Where the replay begins.
+        until_s: Where it stops.
     """
 
     source: str
@@ -88,7 +90,8 @@ def write_run_page(folder: Path, parameter: str = "folder") -> Path:
     run = read_recorded_run(folder, parameter, MOST_SHOWN)
     page = page_of(folder, parameter)
     write_text(page, run_page(run))
-    ownership.add(folder, [page, *(folder / runfolder.FIGURES).glob(GALLERY)])
+    drawn = (path for names in (GALLERY, DECISIONS) for path in (folder / runfolder.FIGURES).glob(names))
+    ownership.add(folder, [page, *drawn])
     return page
 
 
@@ -120,6 +123,8 @@ def run_page(run: RecordedRun) -> str:
         sentences=summary_sentences(run.metrics),
         headlines=headlines(run.metrics),
         strips=_strips(run),
+        decisions=decision_summary(run.metrics),
+        decision_strips=_decision_strips(run),
         failures=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[
             PageFigure(embedded(path), description)
@@ -201,6 +206,25 @@ def _strips(run: RecordedRun) -> list[Strip]:
         return Strip(embedded(picture), event.sentence(), event.vehicle_id, begin_s, begin_s + hidden_s)
 
     return [strip(picture, event) for picture, event in zip(pictures, events, strict=True)]
+
+
+def _decision_strips(run: RecordedRun) -> list[Strip]:
+    if run.brakings is None:
+        return []
+    brakings = worst_brakings(run.brakings)
+    pictures = draw_decisions(run, brakings, run.folder / runfolder.FIGURES)
+    times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
+    egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step").set_index("step")["vehicle_id"]
+    return [
+        Strip(
+            embedded(picture),
+            braking.sentence(),
+            braking.vehicle_id or str(egos[braking.step]),
+            max(float(times[braking.from_step]) - BEFORE_S, 0.0),
+            float(times[braking.to_step]) + AFTERWARDS_S,
+        )
+        for picture, braking in zip(pictures, brakings, strict=True)
+    ]
 
 
 def _facts(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -15,6 +15,12 @@ HONEST_COVERAGE = (
     ("visible", "vehicles in view", (93.0, 97.0)),
     ("hidden", "hidden ones", (90.0, 98.0)),
 )
+WHY_MISSED = {
+    "none": "for a vehicle that no track ever held",
+    "lost": "whose track was given up",
+    "displaced": "whose track stood or moved otherwise than the vehicle",
+    "hijacked": "whose track sat on another vehicle",
+}
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class Headline:
 
 def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
-    parts = (_setting, _in_sight, _hidden_cost, _hidden, _occlusions, _trust, _speed)
+    parts = (_setting, _in_sight, _hidden_cost, _hidden, _occlusions, _decisions, _trust, _speed)
     return [sentence for part in parts if (sentence := part(metrics))]
 
 
@@ -170,6 +176,43 @@ def _occlusions(metrics: Metrics) -> str:
         f"{text}. Of {short['events']} that were gone for at most 3 s {short['same_id']} kept their track, of "
         f"{long['events']} gone for longer {long['same_id']}."
     )
+
+
+def _decisions(metrics: Metrics) -> str:
+    decisions = metrics.get("decisions") or {}
+    if not decisions.get("n"):
+        return ""
+    missed, phantom = _times(decisions["missed"]), _times(decisions["phantom"])
+    return (
+        f"By these tracks a driver in the ego's place would have failed to brake {missed} where it had to, and braked "
+        f"for nothing {phantom}, on {decisions['km']:.2f} km."
+    )
+
+
+def decision_summary(metrics: Metrics) -> str:
+    """Return what the ego's driver would have done by the tracks, in words; empty where none was asked."""
+    decisions = metrics.get("decisions") or {}
+    if not decisions.get("n"):
+        return ""
+    driver = metrics["run"].get("driver", "")
+    fates = [f"{count} {WHY_MISSED[fate]}" for fate, count in decisions["missed_by"].items() if count]
+    missed = _plural(decisions["missed"], "braking") + (f" ({', '.join(fates)})" if fates else "")
+    ghosts = decisions["phantom_by"]["ghost"]
+    phantom = _plural(decisions["phantom"], "time") + (f", {ghosts} of them for a track of nobody" if ghosts else "")
+    late = decisions["lateness_s"]
+    of = f"Of {decisions['onsets']} times that it had to brake it would have begun"
+    lateness = "" if late is None else f" {of} {late:.1f} s late, on average."
+    return (
+        f"A driver ({driver}) in the ego's place was asked at each step what it would do, by the truth and by the "
+        f"tracks; the ego itself drove as it did. On {decisions['km']:.2f} km it would have missed {missed}, and "
+        f"braked for nothing {phantom}: for half a second or more one called for -2 m/s² or less, the other for more "
+        "than -1 m/s². What they called for differed by "
+        f"{decisions['accel_difference_mps2']:.2f} m/s² on average.{lateness}"
+    )
+
+
+def _plural(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _trust(metrics: Metrics) -> str:

@@ -21,6 +21,7 @@ LONGEST_TEXT = 2_000
 TEXTS = frozenset(
     {
         *("vehicle_id", "truth_id", "occluder_id", "state", "outcome", "label", "error"),
+        *("kind", "visibility", "fate"),
         *("net", "demand", "replay", "tracker", "variant", "model", "update"),
     }
 )
