@@ -15,7 +15,7 @@ class Options(TypedDict):
     """The options of ``export``."""
 
     folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
-    to: Annotated[str | None, Option("mot, fcd, csv, rerun, mcap, osi or module:function.", metavar="FORMAT")]
+    to: Annotated[str | None, Option("mot, kitti, fcd, csv, rerun, mcap, osi or module:function.", metavar="FORMAT")]
     video: Annotated[Path | None, Option("MP4 file to write: the road from above.")]
     out: Annotated[
         Path | None, Option("Folder to write; for fcd also FILE.xml or FILE.xml.gz. (default: RUN/export/FORMAT)")
@@ -28,9 +28,10 @@ class Options(TypedDict):
 def command(options: Options) -> None:
     """Turn a run into another program's format.
 
-    mot: MOTChallenge text, as TrackEval reads it. fcd: SUMO floating-car
-    data. csv: every table. rerun: a recording for the rerun viewer. mcap: one
-    for Foxglove. osi: ASAM OSI ground truth and sensor data. --video: the
+    mot: MOTChallenge text, as TrackEval reads it. kitti: tracks of a
+    kitti-tracking recording, as AB3DMOT's evaluation reads them. fcd: SUMO
+    floating-car data. csv: every table. rerun: a recording for the rerun
+    viewer. mcap: one for Foxglove. osi: ASAM OSI ground truth and sensor data. --video: the
     scene as a film.
 
     Examples:

@@ -50,6 +50,10 @@ class Format:
 FORMATS = {
     "csv": Format("every table as comma-separated values", "harness.export.csv_tables", packs=True),
     "fcd": Format("truth as SUMO floating-car data, XML", "harness.export.fcd", packs=True),
+    "kitti": Format(
+        "tracks of a kitti-tracking recording in KITTI's layout, as AB3DMOT's evaluation reads it",
+        "harness.export.kitti",
+    ),
     "mot": Format("ground truth and tracker in MOTChallenge's layout, as TrackEval reads it", "harness.export.mot"),
     "mcap": Format("a recording in Foxglove's schemas", "harness.export.mcap_recording", "mcap"),
     "osi": Format("ASAM OSI ground truth and sensor data, binary traces", "harness.export.osi", "osi"),

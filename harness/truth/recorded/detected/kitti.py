@@ -23,6 +23,9 @@ VEHICLES = ("Car", "Van", "Truck")
 NO_THING = "DontCare"
 LABEL_WORDS, DETECTION_WORDS, POSE_WORDS = 17, 15, 12
 CAR = 2
+# Columns of detections.
+KIND, SCORE, ANGLE = 1, 6, 14
+PICTURE, BOX = slice(2, 6), slice(7, 14)
 MOST_OFF_RIGID = 0.01
 
 
@@ -87,11 +90,10 @@ def read_sequence(files: SequenceFiles) -> Drive:
     """Read one sequence; see ``read_kitti``."""
     way = read_poses(files.poses)
     names, labels = _labels(files, way)
-    rows = words_of(files.detections, ",", DETECTION_WORDS, "detections")
-    found = numbers_of(files.detections, rows, 0, DETECTION_WORDS)
-    of_car = found[found[:, 1] == CAR]
-    boxes = boxes_in_plane(files.detections, of_car[:, 0], of_car[:, 7:14], way)
-    given = GivenBoxes(**boxes.columns, score=of_car[:, 6])
+    found = read_detections(files.detections)
+    of_car = cars(found)
+    boxes = boxes_in_plane(files.detections, of_car[:, 0], of_car[:, BOX], way)
+    given = GivenBoxes(**boxes.columns, score=of_car[:, SCORE])
     others = len(np.unique(labels.thing)) - len(np.unique(labels.thing[labels.counts]))
     return Drive(
         name=files.labels.stem,
@@ -104,6 +106,21 @@ def read_sequence(files: SequenceFiles) -> Drive:
             "detections of something else than cars": len(found) - len(of_car),
         },
     )
+
+
+def read_detections(path: Path) -> FloatArray:
+    """Return a file's rows of frame, kind, 2-D box (4), score, 3-D box (7) and angle of observation, shape (d, 15).
+
+    Raises:
+        InputError: The file is missing or broken.
+    """
+    return numbers_of(path, words_of(path, ",", DETECTION_WORDS, "detections"), 0, DETECTION_WORDS)
+
+
+def cars(found: FloatArray) -> FloatArray:
+    """Return the rows of detections that are of cars, sorted by frame, those of one frame in their order."""
+    of_car = found[found[:, KIND] == CAR]
+    return np.asarray(of_car[np.argsort(of_car[:, 0], kind="stable")])
 
 
 def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:

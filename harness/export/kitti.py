@@ -1,0 +1,147 @@
+"""A run over KITTI tracking in KITTI's own layout, a file a sequence, as AB3DMOT's evaluation script reads it.
+
+A track is a place; a benchmark wants a box in the camera's frame with a score. A track's box is that of the detection
+at it, or of the last that was, put where the track is; its score is that detection's. Which detection is at which track
+is decided here, from the tables alone and alike for every tracker: the nearest within two metres, one to one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import linear_sum_assignment
+
+from harness.errors import InputError
+from harness.report.finished import RecordedRun
+from harness.runfolder.tables import floats
+from harness.truth.frame import STEP_S
+from harness.truth.recorded.detected.drive import Boxes, step_starts
+from harness.truth.recorded.detected.kitti import (
+    ANGLE,
+    BOX,
+    PICTURE,
+    SCORE,
+    CameraWay,
+    SequenceFiles,
+    boxes_in_plane,
+    cars,
+    read_detections,
+    read_poses,
+    sequences,
+)
+from harness.truth.recorded.formats import FORMATS
+from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+
+NAME = "kitti-tracking"
+GATE_M = 2.0
+COASTED_S = 0.2
+"""A track is written for this long after the last detection at it: the benchmark wants boxes of what is in sight."""
+
+
+@dataclass(frozen=True)
+class _Sequence:
+    """A sequence's detections, as the camera and as the plane has them, and the camera's way."""
+
+    rows: FloatArray
+    boxes: Boxes
+    way: CameraWay
+    starts: IntArray
+    height_m: FloatArray
+
+
+@dataclass
+class _Box:
+    """What a track's box is like apart from its place."""
+
+    row: FloatArray
+    heading_rad: float
+    down_m: float
+    step: int
+
+
+def export(run: RecordedRun, folder: Path) -> list[Path]:
+    """Write ``data_0/NNNN.txt`` for each sequence of the run.
+
+    Raises:
+        InputError: The run is not over KITTI tracking, or the recording is no longer where it was.
+    """
+    recording = run.config.traffic.recording
+    if recording is None or recording.format != NAME or run.config.replay is None:
+        raise InputError(f"`to` kitti: {run.folder} is no run over a {NAME} recording")
+    least_score = FORMATS[NAME].least_score if recording.least_score is None else recording.least_score
+    first = round(recording.start_s / STEP_S)
+    names = run.metrics["recording"]["drives"]
+    files = {each.labels.stem: each for each in sequences(Path(run.config.replay))}
+    (folder / "data_0").mkdir()
+    written = []
+    for episode, name in enumerate(names):
+        if name not in files:
+            raise InputError(f"`to` kitti: sequence {name} is no longer in {run.config.replay}")
+        sequence = _read(files[name], least_score)
+        lines = _lines(_of_episode(run.tracks, run.truth, episode, first), sequence)
+        path = folder / "data_0" / f"{name}.txt"
+        path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        written.append(path)
+    return written
+
+
+def _read(files: SequenceFiles, least_score: float) -> _Sequence:
+    way = read_poses(files.poses)
+    rows = cars(read_detections(files.detections))
+    rows = rows[rows[:, SCORE] >= least_score]
+    boxes = boxes_in_plane(files.detections, rows[:, 0], rows[:, BOX], way)
+    place = (way.rotation[boxes.step] @ rows[:, 10:13, None])[:, :, 0] + way.shift[boxes.step]
+    return _Sequence(rows, boxes, way, step_starts(boxes.step, len(way.shift)), place[:, 1])
+
+
+def _of_episode(tracks: pd.DataFrame, truth: pd.DataFrame, episode: int, first: int) -> pd.DataFrame:
+    """Return the reported tracks of an episode, with the frames of its sequence as steps."""
+    begin = int(truth["step"][truth["episode"] == episode].min())
+    own = tracks[(tracks["episode"] == episode) & (tracks["state"] != "tentative")]
+    return own.assign(step=own["step"] - begin + first)
+
+
+def _lines(tracks: pd.DataFrame, sequence: _Sequence) -> list[str]:
+    known: dict[int, _Box] = {}
+    lines = []
+    for key, now in tracks.groupby("step"):
+        step = int(str(key))
+        track_id = now["track_id"].to_numpy(dtype=np.int64)
+        x, y = floats(now, "lon_m"), floats(now, "lat_m")
+        for track, found in _at_tracks(sequence, step, x, y):
+            before = known.get(int(track_id[track]))
+            heading = float(sequence.boxes.heading_rad[found])
+            if before is not None and abs(float(wrapped(np.array(heading - before.heading_rad)))) > 0.5 * np.pi:
+                # Detectors take fronts for backs now and then; a vehicle does not turn round within a step.
+                heading += np.pi
+            known[int(track_id[track])] = _Box(sequence.rows[found], heading, float(sequence.height_m[found]), step)
+        for track, number in enumerate(track_id.tolist()):
+            box = known.get(number)
+            if box is not None and (step - box.step) * STEP_S <= COASTED_S + 1e-9:
+                lines.append(_line(step, number, box, (float(x[track]), float(y[track])), sequence.way))
+    return lines
+
+
+def _at_tracks(sequence: _Sequence, step: int, x: FloatArray, y: FloatArray) -> list[tuple[int, int]]:
+    """Return pairs of a track and the row of the detection at it."""
+    begin, end = int(sequence.starts[step]), int(sequence.starts[step + 1])
+    boxes = sequence.boxes
+    away = np.hypot(x[:, None] - boxes.x_m[begin:end], y[:, None] - boxes.y_m[begin:end])
+    # A pair beyond the gate costs more than all pairs within it together.
+    tracks, found = linear_sum_assignment(np.where(away <= GATE_M, away, GATE_M * (1.0 + min(away.shape))))
+    near = away[tracks, found] <= GATE_M
+    return [(int(track), begin + int(row)) for track, row in zip(tracks[near], found[near], strict=True)]
+
+
+def _line(step: int, number: int, box: _Box, place: tuple[float, float], way: CameraWay) -> str:
+    """Return KITTI's line of a track: its box in the camera's frame of the step."""
+    x_right, z_ahead = -place[1], place[0]
+    back = way.rotation[step].T
+    centre = back @ (np.array([x_right, box.down_m, z_ahead]) - way.shift[step])
+    front = back @ np.array([-np.sin(box.heading_rad), 0.0, np.cos(box.heading_rad)])
+    turn = np.arctan2(-front[2], front[0])
+    numbers = [box.row[ANGLE], *box.row[PICTURE], *box.row[BOX][:3], *centre, turn, box.row[SCORE]]
+    return f"{step} {number} Car 0 0 " + " ".join(f"{value:.6f}" for value in numbers)
