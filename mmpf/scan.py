@@ -53,6 +53,43 @@ class BodySizes:
 
 
 @dataclass(frozen=True)
+class BodyHeadings:
+    """Directions of the boxes fitted to d detected vehicles in the plane, struct of arrays; each of shape (d,).
+
+    Attributes:
+        heading_rad: Measured direction against the frame's longitudinal axis, radians.
+        std_rad: Standard deviation of it where the front is taken for the front, as the sensor reports it; positive.
+        flip_probability: Probability that the front is taken for the back, 0 to 1.
+    """
+
+    heading_rad: FloatArray
+    std_rad: FloatArray
+    flip_probability: FloatArray
+
+    def take(self, index: IntArray) -> BodyHeadings:
+        """Return the directions of some detections, in the order of ``index``, shape (k,)."""
+        return taken(self, index)
+
+    def validate(self, count: int) -> None:
+        """Check the arrays for their shape and for values that no measurement has.
+
+        Raises:
+            InvalidScanError: A shape is not (count,), a value is not finite, a deviation not positive, or a probability
+                not one.
+        """
+        for column in fields(self):
+            values = getattr(self, column.name)
+            if values.shape != (count,):
+                raise InvalidScanError(f"detections.headings.{column.name} has shape {values.shape}, not {(count,)}")
+            if not np.isfinite(values).all():
+                raise InvalidScanError(f"detections.headings.{column.name} holds a value that is not finite")
+        if (self.std_rad <= 0.0).any():
+            raise InvalidScanError("detections.headings.std_rad must be positive")
+        if ((self.flip_probability < 0.0) | (self.flip_probability > 1.0)).any():
+            raise InvalidScanError("detections.headings.flip_probability must lie between 0 and 1")
+
+
+@dataclass(frozen=True)
 class Detections:
     """The d detections of one scan in the road frame, struct of arrays, each of shape (d,); their order means nothing.
 
@@ -64,6 +101,8 @@ class Detections:
         std_lat_m: Standard deviation of the lateral noise, metres; positive.
         std_speed_mps: Standard deviation of the speed noise, m/s; nan where speed is not measured.
         sizes: Measured sizes, of shape (d,); None of a sensor that measures none.
+        headings: Measured directions, of shape (d,); None of a sensor that measures none. A tracker may use them where
+            the road frame is the plane and no lanes are known.
     """
 
     lon_m: FloatArray
@@ -73,6 +112,7 @@ class Detections:
     std_lat_m: FloatArray
     std_speed_mps: FloatArray
     sizes: BodySizes | None = None
+    headings: BodyHeadings | None = None
 
     def __len__(self) -> int:
         return len(self.lon_m)
@@ -100,6 +140,8 @@ class Detections:
                 raise InvalidScanError(f"detections.{name} must be positive")
         if self.sizes is not None:
             self.sizes.validate(len(self))
+        if self.headings is not None:
+            self.headings.validate(len(self))
 
 
 @dataclass(frozen=True)

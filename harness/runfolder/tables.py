@@ -25,7 +25,7 @@ from harness.truth.frame import (
 )
 from harness.writing.files import replacing
 from mmpf.compute.arrays import FloatArray
-from mmpf.scan import BodySizes, Detections
+from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES, Tracks
 
 Columns = dict[str, npt.NDArray[np.generic]]
@@ -47,6 +47,7 @@ TRUTH_NUMBERS = (
 )
 DETECTION_NUMBERS = ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps")
 DETECTION_SIZES = ("length_m", "width_m", "std_length_m", "std_width_m")
+DETECTION_HEADINGS = ("heading_rad", "std_heading_rad", "flip_probability")
 TRACK_NUMBERS = (
     "lon_m",
     "lat_m",
@@ -209,6 +210,7 @@ def _detection_columns(look: Look) -> Columns:
         "detection": np.arange(len(detections)),
         **{name: getattr(detections, name) for name in DETECTION_NUMBERS},
         **_size_columns(detections),
+        **_heading_columns(detections),
         "visible_fraction": np.round(observation.detection_visible_fraction, TRACK_DECIMALS),
         "truth_id": observation.truth_id.astype(object),
     }
@@ -221,20 +223,31 @@ def _size_columns(detections: Detections) -> Columns:
     return {name: getattr(detections.sizes, name) for name in DETECTION_SIZES}
 
 
+def _heading_columns(detections: Detections) -> Columns:
+    """Return the measured directions, if the sensor measures any."""
+    headings = detections.headings
+    if headings is None:
+        return {}
+    columns = headings.heading_rad, headings.std_rad, headings.flip_probability
+    return dict(zip(DETECTION_HEADINGS, columns, strict=True))
+
+
 def floats(table: pd.DataFrame, column: str) -> FloatArray:
     """Return a column of numbers."""
     return table[column].to_numpy(dtype=np.float64)
 
 
 def detections_of(rows: pd.DataFrame) -> Detections:
-    """Return the detections that rows of the table record, sizes included where they were measured."""
+    """Return the detections that rows of the table record, with sizes and directions where they were measured."""
 
     def columns(names: tuple[str, ...]) -> list[FloatArray]:
         return [floats(rows, name) for name in names]
 
     lon, lat, speed, std_lon, std_lat, std_speed = columns(DETECTION_NUMBERS)
     sizes = BodySizes(*columns(DETECTION_SIZES)) if set(DETECTION_SIZES) <= set(rows.columns) else None
-    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
+    has_headings = set(DETECTION_HEADINGS) <= set(rows.columns)
+    headings = BodyHeadings(*columns(DETECTION_HEADINGS)) if has_headings else None
+    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes, headings)
 
 
 def _track_columns(frame: Frame, tracks: Tracks) -> Columns:

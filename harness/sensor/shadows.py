@@ -1,7 +1,7 @@
 """What the sensor knows of its own blind areas, worked out from its detections alone.
 
-Each detection stands for a vehicle of its measured size, or else a mean car, that points along the road, in the plane
-along the nearest lane, and off all lanes along the line of sight. The space
+Each detection stands for a vehicle of its measured size, or else a mean car, that points as it was measured, or else
+along the road, in the plane along the nearest lane, and off all lanes along the line of sight. The space
 behind it, seen from the sensor, is its shadow. The body itself is not: a detected vehicle does not lie in its own
 shadow, so that the free distance of a sector ends at the far side of the first body in it.
 """
@@ -76,7 +76,10 @@ def _shadowing_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatA
     else:
         length, width = detections.sizes.length_m, detections.sizes.width_m
     sensor = sensor_position(ego, road)
-    heading = road.heading_at(detections.lon_m) if road.graph is None else _lane_headings(road.graph, sensor, x, y)
+    if detections.headings is not None:
+        heading = detections.headings.heading_rad
+    else:
+        heading = road.heading_at(detections.lon_m) if road.graph is None else _lane_headings(road.graph, sensor, x, y)
     boxes = pack_boxes(sensor, x, y, heading, length, width)
     return boxes[~contains_sensor(boxes)]
 

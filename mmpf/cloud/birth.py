@@ -9,6 +9,7 @@ import numpy as np
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, turned
+from mmpf.motion.free import Unguided
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import BirthOptions, FilterOptions
 from mmpf.plane import SensorPlane
@@ -84,6 +85,9 @@ def give_birth(
     if len(chosen) == 0:
         return mixture.keep(keep)
     state = _draw_states(births, particles, options.birth, rng)
+    latents = motion.draw_latents(state, rng)
+    if isinstance(motion, Unguided) and detections.headings is not None:
+        latents = motion.towards(latents, detections.headings.take(chosen), rng)
     track_id = mixture.next_track_id + np.arange(len(chosen))
     even = np.full(state.shape[1], -np.log(particles))
     cloud = ParticleCloud(
@@ -92,7 +96,7 @@ def give_birth(
         log_raw_weight=even,
         component=np.repeat(np.arange(len(chosen)), particles),
         log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
-        latents=motion.draw_latents(state, rng),
+        latents=latents,
     )
     components = Components.newborn(track_id, births.existence, options.vehicle, births.log_odds)
     components = replace(

@@ -10,7 +10,9 @@ import numpy as np
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, gate_table
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.scan import Detections
+from mmpf.motion.free import heading_ratio
+from mmpf.motion.guided import HEADING
+from mmpf.scan import BodyHeadings, Detections
 from mmpf.state import LAT, LON, SPEED
 
 LOG_SMALLEST = float(np.log(1e-300))
@@ -196,7 +198,20 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         values,
     )
     np.exp(values, out=values)
+    if detections.headings is not None and mixture.has_headings:
+        _weigh_headings(mixture, component, detections.headings.take(detection), starts, values)
     return GatedLikelihoods(component, detection, values, starts)
+
+
+def _weigh_headings(
+    mixture: Mixture, component: IntArray, headings: BodyHeadings, starts: IntArray, values: FloatArray
+) -> None:
+    """Multiply likelihoods by those of measured directions, in place; arguments are as in ``gated_likelihoods``."""
+    direction = mixture.cloud.latents[HEADING]
+    for pair, own in enumerate(component):
+        particles = direction[None, mixture.starts[own] : mixture.starts[own + 1]]
+        ratio = heading_ratio(particles, headings.take(np.array([pair])))
+        values[starts[pair] : starts[pair + 1]] *= ratio[0]
 
 
 def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> FloatArray:

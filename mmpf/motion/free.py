@@ -15,11 +15,14 @@ from mmpf.compute.arrays import FloatArray, turned, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 # Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
 SLOWEST_TURN_MPS = 1.0
 TIGHTEST_CURVATURE_PER_M = 0.2
+WRONG_SHARE = 0.05
+"""Share of measured directions that have nothing to do with the vehicle's."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,24 @@ class Unguided:
         latents[HEADING] = rng.uniform(-np.pi, np.pi, state.shape[1])
         return latents
 
+    def towards(self, latents: FloatArray, headings: BodyHeadings, rng: np.random.Generator) -> FloatArray:
+        """Return latents of newborn particles whose directions are drawn around measured ones.
+
+        Args:
+            latents: Latents of equally many particles for each detection, one after the other, shape (latent_size, n).
+            headings: The measured directions, of shape (k,).
+            rng: Source of randomness.
+        """
+        each = latents.shape[1] // len(headings.heading_rad)
+        measured, std, flipped = (
+            np.repeat(column, each) for column in (headings.heading_rad, headings.std_rad, headings.flip_probability)
+        )
+        drawn, doubt = rng.uniform(size=(2, latents.shape[1]))
+        heading = measured + std * rng.standard_normal(latents.shape[1]) + np.pi * (drawn < flipped)
+        after = latents.copy()
+        after[HEADING] = np.where(doubt < WRONG_SHARE, latents[HEADING], wrapped(heading))
+        return after
+
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
@@ -75,6 +96,20 @@ class Unguided:
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(heading + turn)
         return moved, after
+
+
+def heading_ratio(direction_rad: FloatArray, headings: BodyHeadings) -> FloatArray:
+    """Return by how much likelier a measured direction is of particles than of anything, whose direction is any.
+
+    Args:
+        direction_rad: Directions of n particles for each of p measurements, shape (p, n).
+        headings: The measurements, of shape (p,).
+    """
+    off = np.abs(wrapped(direction_rad - headings.heading_rad[:, None])) / headings.std_rad[:, None]
+    back = np.pi / headings.std_rad[:, None] - off
+    flipped = headings.flip_probability[:, None]
+    peak = (1.0 - flipped) * np.exp(-0.5 * off**2) + flipped * np.exp(-0.5 * back**2)
+    return np.asarray(WRONG_SHARE + (1.0 - WRONG_SHARE) * peak * np.sqrt(2.0 * np.pi) / headings.std_rad[:, None])
 
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneGuided | Unguided:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import NOWHERE, without_map
-from mmpf.motion.free import Unguided, in_plane
+from mmpf.motion.free import Unguided, heading_ratio, in_plane
 from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
+from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.lanes.scenes import arc, graph_of
 
@@ -80,3 +81,25 @@ def test_lanes_guide_where_there_are_any() -> None:
 def test_a_plane_without_a_map_has_no_lane_beside_any_place_that_is_driven() -> None:
     near = without_map().lanes_near(np.array([0.0, 1e5]), np.array([0.0, -1e5]))
     assert (near.lane == NOWHERE).all()
+
+
+def measured(heading_rad: float, std_rad: float = 0.1, flip: float = 0.2) -> BodyHeadings:
+    return BodyHeadings(np.array([heading_rad]), np.array([std_rad]), np.array([flip]))
+
+
+def test_particles_are_born_around_the_measured_direction_and_some_turned_round() -> None:
+    motion = drifting(0.0)
+    latents = motion.towards(motion.draw_latents(np.zeros((6, 20_000)), RNG), measured(3.0), RNG)
+    off = np.abs(wrapped(latents[HEADING] - 3.0))
+    assert (off < 0.3).mean() == pytest.approx(0.95 * 0.8, abs=0.02)
+    assert (off > np.pi - 0.3).mean() == pytest.approx(0.95 * 0.2, abs=0.02)
+
+
+def test_the_likelihood_of_a_direction_is_a_density_over_the_circle() -> None:
+    direction = np.linspace(-np.pi, np.pi, 20_001)[:-1]
+    for heading in (0.0, 3.1):
+        # Against a direction that may be any: the mean over all directions of particles is one.
+        assert heading_ratio(direction[None], measured(heading))[0].mean() == pytest.approx(1.0, abs=1e-3)
+    ahead, back, across = heading_ratio(np.array([[0.0, np.pi, 0.5 * np.pi]]), measured(0.0))[0]
+    assert ahead / back == pytest.approx(4.0, rel=0.05)
+    assert across == pytest.approx(0.05)
