@@ -24,9 +24,11 @@ from harness.truth.recorded.detected.origin import NOTHING
 from harness.truth.recorded.detected.source import DriveTruth
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
-from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
+from mmpf.scan import BodyHeadings, BodySizes, Detections, EgoPose, Scan, SensorModel
 
 SMALLEST_BOX_M = 0.3
+# Of PointRCNN on the training sequences of KITTI: 0.023 rad in a robust sense, with long tails; 2 % are turned round.
+STD_HEADING_RAD, FLIP_PROBABILITY = 0.05, 0.03
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class GivenDetections:
         sight = sight_to(moment.given.x_m, moment.given.y_m, road, ego, moment.given.heading_rad)
         reached = in_reach(self.settings, sight.distance, np.zeros(len(sight.distance)))
         given, origin = moment.given.take(reached), moment.origin[reached]
-        detections = self._detections(given, road, ego)
+        detections = self._detections(given, road, ego, moment.goes_ahead)
         view_rad = float(np.deg2rad(self.settings.field_of_view_deg))
         known = origin != NOTHING
         return Observation(
@@ -81,7 +83,7 @@ class GivenDetections:
             ),
         )
 
-    def _detections(self, given: GivenBoxes, road: Road, ego: EgoPose) -> Detections:
+    def _detections(self, given: GivenBoxes, road: Road, ego: EgoPose, goes_ahead: bool) -> Detections:
         settings, count = self.settings, len(given)
         sight = sight_to(given.x_m, given.y_m, road, ego, given.heading_rad)
         std = position_std(settings, sight.distance, sight.against_axis, np.ones(count), given.heading_rad)
@@ -92,7 +94,12 @@ class GivenDetections:
             deviations = np.full(count, settings.std_length_m), np.full(count, settings.std_width_m)
             sizes = BodySizes(length, width, *deviations)
         place = _rounded(given.x_m), _rounded(given.y_m)
-        return Detections(*place, unknown, _rounded(std.lon_m), _rounded(std.lat_m), unknown.copy(), sizes)
+        std_lon, std_lat = _rounded(std.lon_m), _rounded(std.lat_m)
+        headings = None
+        if goes_ahead:
+            deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
+            headings = BodyHeadings(_rounded(given.heading_rad), deviation, flipped)
+        return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings)
 
 
 def _rounded(values: FloatArray) -> FloatArray:

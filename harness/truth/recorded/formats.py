@@ -78,6 +78,11 @@ class RecordingFormat:
         read = cast("Callable[[Path], tuple[Drive, ...]]", self.function)
         return read(path)
 
+    def own_files(self, path: Path) -> tuple[Path, ...]:
+        """Return the files of a recording that brings its own detections."""
+        files: tuple[Path, ...] = import_module((self.reader or "").partition(":")[0]).files_of(path)
+        return files
+
     @property
     def function(self) -> Callable[..., ReadTraffic]:
         """The function that reads a file; its module is imported."""
@@ -189,12 +194,11 @@ def read_drives(path: Path, format_name: str) -> tuple[Drive, ...]:
 def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
     """Return the files of a recording: the file itself and those beside it that belong to it, or all of a folder."""
     from harness.truth.recorded import fcd, highd  # noqa: PLC0415
-    from harness.truth.recorded.detected import kitti  # noqa: PLC0415
 
     if format_name not in FORMATS:
         return tuple(sorted(file for file in path.iterdir() if file.is_file())) if path.is_dir() else (path,)
     if FORMATS[format_name].sensor is not None:
-        return kitti.files_of(path)
+        return FORMATS[format_name].own_files(path)
     if format_name == "fcd" and not path.is_dir():
         return fcd.recording_files(path)
     if not path.is_dir() and not path.name.endswith("_tracks.csv"):
@@ -255,6 +259,14 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("ngsim-text", False, _is_ngsim_text, f"{_ROOM}.ngsim:read_ngsim_text"),
         RecordingFormat(
             "kitti-tracking", True, _is_never_recognised, f"{_ROOM}.detected.kitti:read_kitti", "kitti-pointrcnn", 2.0
+        ),
+        RecordingFormat(
+            "v2v4real",
+            True,
+            _is_never_recognised,
+            f"{_ROOM}.detected.v2v4real:read_v2v4real",
+            "v2v4real-pointpillars",
+            0.2,
         ),
     )
 }

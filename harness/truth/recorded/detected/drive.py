@@ -104,6 +104,8 @@ class Drive:
         labels: The labels, sorted by step.
         given: The detections, sorted by step.
         left_out: How many labelled things and detections were left out, by reason.
+        moves_with_ego: Whether the plane moves and turns with the recording car, of which there are no poses. Boxes
+            then point another way than they move, and nobody can be told to be parked.
     """
 
     name: str
@@ -112,6 +114,7 @@ class Drive:
     labels: Labels
     given: GivenBoxes
     left_out: Mapping[str, int] = field(default_factory=dict)
+    moves_with_ego: bool = False
 
     def cut(self, first: int, steps: int) -> Drive:
         """Return the drive from a step on, at most so many of them, counted from 0 again."""

@@ -15,7 +15,7 @@ import numpy as np
 from harness.errors import InputError
 from harness.truth.recorded.detected.drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, numbers_of, words_of
-from mmpf.compute.arrays import FloatArray, StringArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"
 VEHICLES = ("Car", "Van", "Truck")
@@ -27,6 +27,7 @@ CAR = 2
 KIND, SCORE, ANGLE = 1, 6, 14
 PICTURE, BOX = slice(2, 6), slice(7, 14)
 MOST_OFF_RIGID = 0.01
+MOST_THINGS = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -124,22 +125,56 @@ def cars(found: FloatArray) -> FloatArray:
 
 
 def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:
-    words = [row for row in words_of(files.labels, None, LABEL_WORDS, "labels") if row[2] != NO_THING]
+    rows = read_labels(files.labels)
+    boxes = boxes_in_plane(files.labels, rows.frame, rows.box, way)
+    counts = np.isin(rows.kind, VEHICLES)
+    return rows.names, sorted_by_step(Labels(**boxes.columns, thing=rows.thing, counts=counts, covered=rows.covered))
+
+
+@dataclass(frozen=True)
+class LabelRows:
+    """Rows of a label file, apart from those of no thing; arrays of shape (n,).
+
+    Attributes:
+        frame: Frame of each.
+        kind: What each is.
+        thing: Index into the names.
+        names: The things' numbers in words, shape (v,).
+        covered: Whether each is partly covered or cut off by the picture.
+        box: Height, width, length, x, y, z of the bottom's middle and turn about y, shape (n, 7).
+    """
+
+    frame: FloatArray
+    kind: StringArray
+    thing: IntArray
+    names: StringArray
+    covered: BoolArray
+    box: FloatArray
+
+
+def read_labels(path: Path) -> LabelRows:
+    """Read a label file.
+
+    Raises:
+        InputError: It is missing or broken, labels nothing, or has a thing without a number or twice in one frame.
+    """
+    words = [row for row in words_of(path, None, LABEL_WORDS, "labels") if row[2] != NO_THING]
     if not words:
-        raise InputError(f"{files.labels} labels nothing")
-    values = numbers_of(files.labels, [[*row[:2], *row[3:LABEL_WORDS]] for row in words], 0, LABEL_WORDS - 1)
-    frame, number, cut_off, covered = values[:, 0], values[:, 1].astype(np.int64), values[:, 2], values[:, 3]
-    if (number < 0).any():
-        raise InputError(f"{files.labels}: a labelled thing has no number")
-    boxes = boxes_in_plane(files.labels, frame, values[:, 9:16], way)
-    things, thing = np.unique(number, return_inverse=True)
-    if len(np.unique(thing * MOST_STEPS + boxes.step)) < len(thing):
-        raise InputError(f"{files.labels}: a thing is twice in one frame")
-    kinds = np.array([row[2] for row in words], dtype=np.str_)
-    is_covered = (cut_off > 0.0) | (covered > 0.0)
-    counts = np.isin(kinds, VEHICLES)
-    labels = Labels(**boxes.columns, thing=thing.astype(np.int64), counts=counts, covered=is_covered)
-    return things.astype(np.str_), sorted_by_step(labels)
+        raise InputError(f"{path} labels nothing")
+    values = numbers_of(path, [[*row[:2], *row[3:LABEL_WORDS]] for row in words], 0, LABEL_WORDS - 1)
+    if not ((values[:, 1] >= 0) & (values[:, 1] < MOST_THINGS)).all():
+        raise InputError(f"{path}: a labelled thing has no number of 0 to {MOST_THINGS - 1}")
+    names, thing = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
+    if len(np.unique(np.stack([values[:, 0], values[:, 1]]), axis=1).T) < len(words):
+        raise InputError(f"{path}: a thing is twice in one frame")
+    return LabelRows(
+        frame=values[:, 0],
+        kind=np.array([row[2] for row in words], dtype=np.str_),
+        thing=thing.astype(np.int64),
+        names=names.astype(np.str_),
+        covered=(values[:, 2] > 0.0) | (values[:, 3] > 0.0),
+        box=values[:, 9:16],
+    )
 
 
 def read_poses(path: Path) -> CameraWay:

@@ -45,6 +45,7 @@ class Moment:
         unseen: Whether no detection is of it for half a second or longer, shape (n,).
         given: The detections, shape (d,).
         origin: Index in the frame of the thing that each is of, ``NOTHING`` of a false one, shape (d,).
+        goes_ahead: Whether vehicles move in the plane as they point; not if the plane itself moves.
     """
 
     counts: BoolArray
@@ -52,6 +53,7 @@ class Moment:
     unseen: BoolArray
     given: GivenBoxes
     origin: IntArray
+    goes_ahead: bool
 
 
 class DriveOnClock:
@@ -63,7 +65,7 @@ class DriveOnClock:
         self._label_starts = step_starts(drive.labels.step, len(drive.ego))
         self._given_starts = step_starts(drive.given.step, len(drive.ego))
         self._origin = origins(drive)
-        self.motion = motion_of(drive.labels)
+        self.motion = motion_of(drive.labels, can_park=not drive.moves_with_ego)
         self._unseen = unseen(drive.labels, self._origin)
         ego = drive.ego
         alone = np.zeros(len(ego), dtype=np.int64)
@@ -110,6 +112,7 @@ class DriveOnClock:
             unseen=np.concatenate([[False], self._unseen[rows]]),
             given=self.drive.given.take(np.arange(given.start, given.stop)),
             origin=np.where(origin == NOTHING, NOTHING, origin - rows.start + 1),
+            goes_ahead=not self.drive.moves_with_ego,
         )
 
     def _rows(self, own_step: int) -> slice:
@@ -126,8 +129,13 @@ class DriveOnClock:
         return int((self._origin == NOTHING).sum())
 
 
-def motion_of(labels: Labels) -> Motion:
-    """Return how labelled things move: slopes of their places by least squares over half a second to either side."""
+def motion_of(labels: Labels, can_park: bool = True) -> Motion:
+    """Return how labelled things move: slopes of their places by least squares over half a second to either side.
+
+    Args:
+        labels: The labels.
+        can_park: Whether what stays in one place of the plane is parked.
+    """
     order = np.lexsort((labels.step, labels.thing))
     thing, step = labels.thing[order], labels.step[order]
     # A thing that was not labelled for a while begins anew: no slope reaches over the pause.
@@ -138,7 +146,9 @@ def motion_of(labels: Labels) -> Motion:
     columns = np.stack([speed, y_speed * cosine - x_speed * sine, local_slope(speed, stay)])
     back = np.argsort(order)
     speed, lat_speed, accel = columns[:, back]
-    return Motion(speed, lat_speed, accel, parked=_parked(labels))
+    return Motion(
+        speed, lat_speed, accel, parked=_parked(labels) if can_park else np.zeros(len(labels), dtype=np.bool_)
+    )
 
 
 def _parked(labels: Labels) -> BoolArray:
