@@ -61,22 +61,33 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
 
 
 def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kinds: str | None) -> list[str]:
-    """Return a table with a row for each tracker and place, and for each kind if it goes by kinds."""
+    """Return a table with a row for each tracker and place, and for each kind of which there is anything to tell."""
     start = ["tracker", NAMES.get(axis, axis)]
     if kinds is None:
         labels = [column.label for column in columns]
         return markdown_table([*start, *labels, "seeds"], _rows(points, axis, columns, True))
-    grouped: dict[str, list[Quantity]] = {}
-    for column in columns:
-        grouped.setdefault(_kind(column), []).append(column)
-    by_kind = [[(kind, row) for row in _rows(points, axis, of_kind, True)] for kind, of_kind in grouped.items()]
-    rows = [[*row[:2], kind, *row[2:]] for place in zip(*by_kind, strict=True) for kind, row in place]
-    labels = [_label_of_all_kinds(column) for column in next(iter(grouped.values()))]
-    return markdown_table([*start, kinds, *labels, "seeds"], rows)
+    shown = dict.fromkeys(_score(column) for column in columns)
+    label_of = {_score(column): _label_of_all_kinds(column) for column in columns}
+    found = {(_kind(column), _score(column)): column for column in columns}
+    known = {kind: [found[kind, score] for score in shown if (kind, score) in found] for kind, _ in found}
+    by_kind: list[tuple[int, list[str]]] = []
+    for kind, of_kind in known.items():
+        scores = [_score(column) for column in of_kind]
+        for place, row in enumerate(_rows(points, axis, of_kind, True)):
+            cells = dict(zip(scores, row[2:-1], strict=True))
+            if any(cell != "-" for cell in cells.values()):
+                told = [cells.get(score, "-") for score in shown]
+                by_kind.append((place, [*row[:2], kind, *told, row[-1]]))
+    rows = [row for _, row in sorted(by_kind, key=lambda each: each[0])]
+    return markdown_table([*start, kinds, *(label_of[score] for score in shown), "seeds"], rows)
 
 
 def _kind(quantity: Quantity) -> str:
     return quantity.key.split(".")[1]
+
+
+def _score(quantity: Quantity) -> str:
+    return quantity.key.split(".", 2)[2]
 
 
 def _label_of_all_kinds(quantity: Quantity) -> str:
@@ -93,8 +104,9 @@ def print_result(
         name = NAMES.get(axis, axis)
         table = Table(title=f"Means over seeds, by {name}", box=None, title_justify="left", padding=(0, 2, 0, 0))
         table.add_column("tracker", no_wrap=True)
-        for heading in (name.rpartition(".")[2], *(each.heading or each.label for each in curve_quantities())):
-            table.add_column(heading, justify="right")
+        table.add_column(name.rpartition(".")[2], no_wrap=axis == NET, justify="left" if axis == NET else "right")
+        for quantity in curve_quantities():
+            table.add_column(quantity.heading or quantity.label, justify="right")
         for row in _rows(points, axis, curve_quantities(), False):
             table.add_row(*row[:-1])
         parts.append(table)

@@ -13,13 +13,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from harness.trackers.conformance.plane_scenes import bend_scene, crossing_scene, scans_in_plane
 from harness.trackers.conformance.requirements import (
     Build,
+    Placed,
     TrackerCheckError,
     follow,
     nearest_position,
@@ -33,6 +35,7 @@ from harness.trackers.conformance.scripted_scenes import (
     ROAD,
     SENSOR,
     STEP_S,
+    LabelledScan,
     ScriptedCar,
     busy_scene,
     ego_at,
@@ -45,6 +48,7 @@ from harness.trackers.conformance.scripted_scenes import (
     without_sizes,
 )
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
+from mmpf.road import Road
 from mmpf.scan import BodySizes, Detections
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 
@@ -58,10 +62,12 @@ class TrackerCheck:
     Attributes:
         name: What must hold, as words joined by underscores.
         examine: The check itself, given a function that builds the tracker from a seed.
+        road: The road that the tracker is told of.
     """
 
     name: str
     examine: Callable[[Build], None]
+    road: Road = ROAD
 
     def __call__(self, make_tracker: TrackerFactory, options: Mapping[str, object] | None = None) -> None:
         """Examine a tracker.
@@ -71,7 +77,7 @@ class TrackerCheck:
         """
 
         def build(seed: int) -> AnyTracker:
-            setting = TrackerSetting(road=ROAD, sensor=SENSOR, rng=np.random.default_rng(seed), step_s=STEP_S)
+            setting = TrackerSetting(road=self.road, sensor=SENSOR, rng=np.random.default_rng(seed), step_s=STEP_S)
             return make_tracker(setting, dict(options or {}))
 
         self.examine(build)
@@ -118,9 +124,14 @@ def tracker_checks() -> list[TrackerCheck]:
         _check_impossible_detections_are_refused,
         _check_time_that_does_not_grow_is_refused,
         _check_steps_of_1_s,
+        _check_identities_stay_on_a_bend,
+        _check_identities_stay_at_a_crossing,
     )
-    checks = [(check.__name__.removeprefix("_check_"), check) for check in found]
-    return [TrackerCheck(name, examine) for name, examine in checks]
+    roads = {_check_identities_stay_on_a_bend: bend_scene, _check_identities_stay_at_a_crossing: crossing_scene}
+    return [
+        TrackerCheck(check.__name__.removeprefix("_check_"), check, roads[check]()[0] if check in roads else ROAD)
+        for check in found
+    ]
 
 
 def _check_tracks_are_well_formed(build: Build) -> None:
@@ -146,6 +157,10 @@ def _check_one_car_becomes_one_confirmed_track(build: Build) -> None:
 def _check_identities_stay_with_their_cars(build: Build) -> None:
     cars = separate_cars()
     scans = scripted_scans(cars, times_every_step(5.0), np.random.default_rng(2), detection_probability=0.95)
+    _require_identities(build, cars, scans)
+
+
+def _require_identities(build: Build, cars: Sequence[Placed], scans: Sequence[LabelledScan]) -> None:
     held: dict[str, set[int]] = {car.name: set() for car in cars}
     for labelled, tracks in zip(scans, follow(build, scans), strict=True):
         if labelled.scan.time_s >= 1.5:
@@ -280,6 +295,16 @@ def _check_steps_of_1_s(build: Build) -> None:
     scans = scripted_scans(cars, times_s, np.random.default_rng(10))
     last = follow(build, scans)[-1]
     require(len(last) > 0, "no track of four cars in plain view is left after steps of 1 s")
+
+
+def _check_identities_stay_on_a_bend(build: Build) -> None:
+    _, cars, ego = bend_scene()
+    _require_identities(build, cars, scans_in_plane(cars, ego, times_every_step(5.0), np.random.default_rng(13)))
+
+
+def _check_identities_stay_at_a_crossing(build: Build) -> None:
+    _, cars, ego = crossing_scene()
+    _require_identities(build, cars, scans_in_plane(cars, ego, times_every_step(6.0), np.random.default_rng(14)))
 
 
 def _content(detections: Detections) -> dict[str, bytes]:

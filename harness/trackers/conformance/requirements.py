@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from typing import Protocol
 
 import numpy as np
 
-from harness.trackers.conformance.scripted_scenes import LabelledScan, ScriptedCar
+from harness.trackers.conformance.scripted_scenes import LabelledScan
 from harness.trackers.protocol import AnyTracker, step_tracker
 from harness.trackers.wellformed import fault_of
 from mmpf.compute.arrays import FloatArray
@@ -15,6 +16,19 @@ from mmpf.scan import InvalidScanError
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 Build = Callable[[int], AnyTracker]
+
+
+class Placed(Protocol):
+    """A car whose place is known at any time."""
+
+    @property
+    def name(self) -> str:
+        """True identity."""
+        ...
+
+    def place_at(self, time_s: float) -> tuple[float, float]:
+        """Return the longitudinal and lateral position at a time."""
+        ...
 
 
 class TrackerCheckError(AssertionError):
@@ -67,21 +81,21 @@ def require_refusal(tracker: AnyTracker, labelled: LabelledScan, what: str) -> N
     raise TrackerCheckError(f"{what} was taken in; it must raise InvalidScanError (call mmpf.scan.check_scan first)")
 
 
-def nearest_position(tracks: Tracks, car: ScriptedCar, labelled: LabelledScan) -> FloatArray:
+def nearest_position(tracks: Tracks, car: Placed, labelled: LabelledScan) -> FloatArray:
     """Return the longitudinal and lateral position of a car's ``nearest_track``, metres, shape (2,)."""
     nearest = nearest_track(tracks, car, labelled)
     return np.array([tracks.lon_m[nearest], tracks.lat_m[nearest]])
 
 
-def nearest_track(tracks: Tracks, car: ScriptedCar, labelled: LabelledScan) -> int:
+def nearest_track(tracks: Tracks, car: Placed, labelled: LabelledScan) -> int:
     """Return the index of the confirmed track nearest to a car.
 
     Raises:
         TrackerCheckError: None is within 3 m of it.
     """
     confirmed = np.flatnonzero(tracks.state != TENTATIVE)
-    time_s = labelled.scan.time_s
-    distance_m = np.hypot(tracks.lon_m[confirmed] - car.lon_at(time_s), tracks.lat_m[confirmed] - car.lat_m)
+    lon_m, lat_m = car.place_at(labelled.scan.time_s)
+    distance_m = np.hypot(tracks.lon_m[confirmed] - lon_m, tracks.lat_m[confirmed] - lat_m)
     require(bool((distance_m < 3.0).any()), f"no confirmed track within 3 m of car {car.name!r}", labelled)
     return int(confirmed[np.argmin(distance_m)])
 

@@ -53,6 +53,10 @@ class ScriptedCar:
         """Return the longitudinal position at a time."""
         return self.lon_m + self.speed_mps * time_s
 
+    def place_at(self, time_s: float) -> tuple[float, float]:
+        """Return the longitudinal and lateral position at a time."""
+        return self.lon_at(time_s), self.lat_m
+
 
 @dataclass(frozen=True)
 class LabelledScan:

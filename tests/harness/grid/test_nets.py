@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -15,6 +16,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions, request_of
 from harness.grid.stress import run_stress
 from harness.grid.summary import breaks, curve_points
+from harness.grid.tables import as_markdown
 from harness.grid.worker import Finished, work_on_cell
 from harness.report.folderpage import folder_page
 from harness.report.gridruns import plan_of
@@ -174,3 +176,20 @@ def test_two_such_grids_are_compared_network_by_network(finished, tmp_path):
     # Two seeds on the curve and one on the junction, each with itself.
     assert list(judged["pairs"]) == [3, 3]
     assert (judged["difference"] == 0.0).all()
+
+
+def test_scores_by_manoeuvre_have_a_row_for_each_that_there_was():
+    turning = {"manoeuvre.left.position_m": 0.5, "manoeuvre.left.n": 10.0, "manoeuvre.straight.same_id_percent": 90.0}
+    table = pd.DataFrame([
+        {**rows(20, 0, same_id=40), **turning, "manoeuvre.straight.events": 4.0, NET: "junction"},
+        {**rows(20, 0, same_id=40), "manoeuvre.left.position_m": np.nan, NET: "curve"},
+    ])  # fmt: skip
+    text = as_markdown("a grid", curve_points(table, ()), [], [])
+    lines = text[text.index("By what vehicles do") :].splitlines()[2:]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line]
+    assert cells[0][:3] == ["tracker", "network", "vehicles"]
+    assert sorted(cells[0][3:5]) == ["position error in sight, m", "same identity after occlusion, %"]
+    told = [dict(zip(cells[0], row, strict=True)) for row in cells[2:]]
+    assert [(row["network"], row["vehicles"]) for row in told] == [("junction", "straight"), ("junction", "left")]
+    assert told[1]["position error in sight, m"] == "0.50"
+    assert told[1]["same identity after occlusion, %"] == "-"

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from harness.trackers.conformance.checks import check_tracker, tracker_checks
+from harness.trackers.conformance.plane_scenes import bend_scene, crossing_scene
 from harness.trackers.conformance.requirements import TrackerCheckError
+from harness.trackers.conformance.scripted_scenes import SENSOR
 from harness.trackers.oracle import build_oracle_kalman
 from mmpf.tracks import Tracks
 
@@ -92,6 +94,9 @@ def fail_on_crowds(scan):
         ("one_car_becomes_one_confirmed_track", {"spoil_tracks": with_column("lon_m", lambda lon: lon + 2.0)}),
         ("one_car_becomes_one_confirmed_track", {"spoil_tracks": with_column("state", lambda state: state * 0)}),
         ("identities_stay_with_their_cars", {"spoil_tracks": number_by_chance()}),
+        ("identities_stay_on_a_bend", {"spoil_tracks": number_by_chance()}),
+        ("identities_stay_on_a_bend", {"spoil_tracks": with_column("lat_m", lambda lat: lat * 0.0)}),
+        ("identities_stay_at_a_crossing", {"spoil_tracks": with_column("lat_m", lambda lat: lat * 0.0)}),
         ("identities_are_never_used_again", {"spoil_tracks": number_by_row}),
         ("equal_seeds_give_equal_tracks", {"spoil_tracks": draw_from_the_global_generator}),
         ("scans_are_left_as_they_were", {"spoil_scan": overwrite_first_position}),
@@ -145,3 +150,15 @@ def test_a_tracker_that_follows_the_order_of_detections_is_found():
     chosen = next(check for check in tracker_checks() if check.name == "order_of_detections_means_nothing")
     with pytest.raises(TrackerCheckError):
         chosen(OrderMinded)
+
+
+def test_cars_of_the_scenes_in_the_plane_are_apart_in_range_and_on_their_lanes():
+    for road, cars, ego in (bend_scene(), crossing_scene()):
+        assert road.graph is not None
+        for time_s in np.arange(0.0, 6.0, 0.1):
+            places = np.array([car.place_at(time_s) for car in [*cars, ego]])
+            away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) + 1e3 * np.eye(len(places))
+            assert away.min() > 3.0
+            assert away[-1, :-1].max() < SENSOR.range_m
+            near = road.graph.lanes_near(*places.T)
+            assert np.abs(near.left_m[:, 0]).max() < 0.01
