@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
@@ -25,6 +25,9 @@ MMPF_DEFAULTS: dict[str, str | int] = {
     "update": FilterOptions().update,
     "particles": FilterOptions().particles,
 }
+
+
+MAP_BELIEFS = ("map", "map_shift_m", "lanes_left_out")
 
 
 class _Strict(WithoutTruthValues):
@@ -98,7 +101,7 @@ class SensorConfig(_Strict):
 
 
 class BeliefsConfig(_Strict):
-    """What trackers are told of the sensor; where nothing is set, the fair data sheet of its profile."""
+    """What trackers are told of sensor and road; where nothing is set, the fair data sheet and the map."""
 
     detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
     """Probability of detecting a vehicle in plain view."""
@@ -112,10 +115,21 @@ class BeliefsConfig(_Strict):
     """Visible fraction below which a vehicle gives no detection."""
     range_m: Annotated[float, Field(gt=0.0)] | None = None
     """Distance beyond which nothing is detected."""
+    map: Literal["one-lane", "none"] | None = None
+    """The lanes that trackers know: ``none``, or of a main road ``one-lane`` as wide as all of them; all if not set."""
+    map_shift_m: Annotated[float, Field(ge=-100.0, le=100.0)] | None = None
+    """How far to the left of the truth the map lies; in the plane to the north."""
+    lanes_left_out: tuple[int, ...] | None = None
+    """Numbers of lanes of a main road that the map lacks."""
 
     def sheet(self) -> dict[str, float]:
         """Return what is believed otherwise than the data sheet says, by its names."""
-        return dict(self.model_dump(exclude_none=True, exclude={"noise_factor"}))
+        return dict(self.model_dump(exclude_none=True, exclude={"noise_factor", *MAP_BELIEFS}))
+
+    @property
+    def of_the_map(self) -> bool:
+        """Whether the map is believed to be another than it is."""
+        return any(getattr(self, name) is not None for name in MAP_BELIEFS)
 
 
 class TrackerConfig(_Strict):
@@ -134,7 +148,7 @@ class TrackerConfig(_Strict):
     options: dict[str, Any] = Field(default_factory=dict)
     """The tracker's own settings by name."""
     believes: BeliefsConfig = Field(default_factory=BeliefsConfig)
-    """What any tracker is told of the sensor."""
+    """What any tracker is told of sensor and road."""
     knows_signals: bool = False
     """Whether any tracker is told, scan by scan, which of the road's signals let vehicles go."""
     _factory: Callable[..., Any] | None = PrivateAttr(default=None)

@@ -13,6 +13,7 @@ from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
 from harness.errors import InputError
 from harness.runfolder import folder as runfolder
+from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, Streams, look_at
 from harness.running.replay import read_looks
@@ -186,6 +187,8 @@ def as_believed(looks: Looks, config: RunConfig) -> Looks:
         InputError: Together with the data sheet the beliefs make no sense.
     """
     believes = config.tracker.believes
+    if believes.of_the_map:
+        looks = replace(looks, road=believed_map(looks.road, believes))
     return looks.believed(believes.sheet(), believes.noise_factor, tells_signals=config.tracker.knows_signals)
 
 

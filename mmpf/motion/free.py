@@ -44,7 +44,7 @@ class Unguided:
 
     @property
     def latent_size(self) -> int:
-        """The inner model's rows and three of guidance."""
+        """The inner model's rows and four of guidance."""
         return self.inner.latent_size + GUIDANCE_SIZE
 
     @property

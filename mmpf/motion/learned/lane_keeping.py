@@ -11,6 +11,7 @@ from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
 from mmpf.motion.protocol import Surroundings, offset_in_lane
 from mmpf.state import LAT
 
+WIDEST_LANE_M = 6.0
 WIDEST_OFFSET_M = 1.0
 
 
@@ -39,9 +40,12 @@ class LaneKeeper:
         self, state: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator
     ) -> FloatArray:
         """Draw the places in the lane, metres from its middle, of particles ``index`` with states (6, len(index))."""
-        offset = offset_in_lane(state[LAT], surroundings.lane_right_m[index], surroundings.lane_left_m[index])
+        right, left = surroundings.lane_right_m[index], surroundings.lane_left_m[index]
+        offset = offset_in_lane(state[LAT], right, left)
         spread = self.offset_spread_m * rng.standard_normal(len(index))
-        return np.clip(offset + spread, -WIDEST_OFFSET_M, WIDEST_OFFSET_M)
+        # Where several vehicles have room side by side, the middle is nobody's place.
+        widest = np.where(left - right > WIDEST_LANE_M, 0.5 * (left - right), WIDEST_OFFSET_M)
+        return np.clip(offset + spread, -widest, widest)
 
     def switch_intentions(
         self, lat_m: FloatArray, aims: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator

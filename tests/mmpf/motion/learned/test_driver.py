@@ -1,5 +1,6 @@
 """The learned driver: it follows, keeps its lane, has habits, changes lanes, and reads only sound files."""
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -184,3 +185,14 @@ def test_committed_models_are_smaller_than_a_megabyte():
     }
     assert sizes
     assert max(sizes.values()) < 1_000_000
+
+
+def test_where_several_have_room_side_by_side_a_vehicle_keeps_its_own_place_and_not_the_middle():
+    state = states(500, 20.0, lat_m=3.0)
+    wide = around(state)
+    wide = replace(wide, lane_right_m=np.zeros(500), lane_left_m=np.full(500, 18.0))
+    model, rng = without_lane_changes(LearnedDriver()), np.random.default_rng(0)
+    latents = model.draw_latents(state, rng)
+    for _ in range(100):
+        state, latents = model.propagate(state, latents, wide, STEP_S, rng)
+    assert state[LAT].mean() == pytest.approx(3.0, abs=0.2)
