@@ -176,8 +176,10 @@ class JointMerging(Settings):
     """Components that exist with less probability do not merge: one stray detection must not take a track's place."""
     speed_mps: Positive = 4.0
     """Those whose speeds differ by more pass each other."""
-    scans: Annotated[int, Field(ge=1)] = 3
-    """Components that overlap for so many scans in a row become one."""
+    after_s: NotNegative = 0.27
+    """Components that overlap in scan after scan become one when that lasts longer, the time before the first of these
+    scans included.
+    """
 
 
 class JointIdentity(Settings):

@@ -100,7 +100,7 @@ class Components:
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
         noise_lat_m: The same, lateral.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
-        overlap_scans: For how many scans in a row.
+        overlap_s: For how long, scan after scan.
         length_m: Estimated length of the vehicle.
         width_m: Estimated width.
         std_length_m: Standard deviation of the length.
@@ -122,7 +122,7 @@ class Components:
     noise_lon_m: FloatArray
     noise_lat_m: FloatArray
     overlap_with: IntArray
-    overlap_scans: IntArray
+    overlap_s: FloatArray
     length_m: FloatArray
     width_m: FloatArray
     std_length_m: FloatArray
@@ -169,7 +169,7 @@ class Components:
             source_log_odds=log_odds,
             vehicle_log_odds=log_odds,
             overlap_with=zeros + NEVER,
-            overlap_scans=zeros,
+            overlap_s=np.zeros(len(track_id)),
             length_m=np.full(len(track_id), vehicle.length_m),
             width_m=np.full(len(track_id), vehicle.width_m),
             std_length_m=np.full(len(track_id), vehicle.std_length_m),

@@ -23,8 +23,9 @@ def merge_lasting_overlaps(
     alive: BoolArray,
     options: JointMerging,
     hidden_after_s: float,
+    dt_s: float,
 ) -> tuple[Mixture, BoolArray]:
-    """Merge components that have shared one place for several scans; the elder's identity stays.
+    """Merge components that have shared one place for long enough; the elder's identity stays.
 
     Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
     one: so they must be well within one footprint for long enough, and two that are both confirmed must be both hidden,
@@ -34,8 +35,9 @@ def merge_lasting_overlaps(
         mixture: The belief.
         moments: Its components' moments.
         alive: Components that may merge, shape (m,); the others are about to be removed.
-        options: How near in place and speed components overlap, and for how many scans in a row before they merge.
+        options: How near in place and speed components overlap, and for how long before they merge.
         hidden_after_s: Unseen for longer, a component counts as hidden.
+        dt_s: Time since the scan before.
 
     Returns:
         The belief with all its particles still, and which components to keep: those alive and not merged away.
@@ -60,10 +62,11 @@ def merge_lasting_overlaps(
     nearest = distance.argmin(axis=1)
     overlaps = np.isfinite(distance[np.arange(len(mixture)), nearest])
     partner = np.where(overlaps, components.track_id[nearest], NEVER)
-    overlap_scans = np.where(overlaps, np.where(partner == components.overlap_with, components.overlap_scans + 1, 1), 0)
+    before_s = np.where(partner == components.overlap_with, components.overlap_s, 0.0)
+    overlap_s = np.where(overlaps, before_s + dt_s, 0.0)
     keep = alive.copy()
     track_id, confirmed = components.track_id.copy(), components.confirmed.copy()
-    for a in np.flatnonzero(overlap_scans >= options.scans):
+    for a in np.flatnonzero(overlap_s > options.after_s):
         b = nearest[a]
         if not (keep[a] and keep[b]):
             continue
@@ -73,7 +76,5 @@ def merge_lasting_overlaps(
         track_id[better], confirmed[better] = components.track_id[elder], components.confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
-    updated = replace(
-        components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_scans=overlap_scans
-    )
+    updated = replace(components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)
     return replace(mixture, components=updated), keep

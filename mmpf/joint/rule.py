@@ -138,9 +138,8 @@ class JointUpdate:
         association = self.options.joint.association
         moments = component_moments(updated.mixture)
         alive = self._worth_keeping(updated.mixture.components, moments, situation)
-        mixture, keep = merge_lasting_overlaps(
-            updated.mixture, moments, alive, self.options.joint.merging, self.options.reporting.hidden_after_s
-        )
+        hidden_after_s, merging = self.options.reporting.hidden_after_s, self.options.joint.merging
+        mixture, keep = merge_lasting_overlaps(updated.mixture, moments, alive, merging, hidden_after_s, situation.dt_s)
         chosen = np.flatnonzero(updated.birth_claim > association.birth_unexplained)
         chosen = chosen[~lies_on_ego(situation.scan.detections, situation.plane)[chosen]]
         density = association.birth_density

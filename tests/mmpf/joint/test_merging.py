@@ -19,7 +19,7 @@ from tests.mmpf.test_update_rules import situation_with
 
 PARTICLES = 200
 ELDER, YOUNGER = 3, 8
-OPTIONS = JointMerging(lon_m=2.5, lat_m=1.4, scans=3)
+OPTIONS = JointMerging(lon_m=2.5, lat_m=1.4, after_s=0.25)
 
 
 def elder_and_younger(
@@ -42,10 +42,10 @@ def elder_and_younger(
     return Mixture(cloud, components, 100)
 
 
-def merged_after(mixture: Mixture, scans: int) -> Mixture:
+def merged_after(mixture: Mixture, scans: int, dt_s: float = 0.1) -> Mixture:
     for _ in range(scans):
         alive = np.ones(len(mixture), dtype=bool)
-        mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, hidden_after_s=0.25)
+        mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, 0.25, dt_s)
         mixture = mixture.keep(keep)
     return mixture
 
@@ -82,7 +82,7 @@ def test_one_that_is_about_to_be_removed_merges_with_nobody() -> None:
     mixture = elder_and_younger(1.0, (True, False), (0.0, 0.0))
     for _ in range(5):
         alive = np.array([True, False])
-        mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, hidden_after_s=0.25)
+        mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, 0.25, 0.1)
         assert keep.tolist() == [True, False]
 
 
@@ -96,6 +96,13 @@ def test_a_tentative_component_on_a_confirmed_one_is_merged_and_the_elders_name_
     assert merged.components.confirmed.tolist() == [True]
     better = 30.0 if unseen_s[0] <= unseen_s[1] else 31.0
     assert merged.cloud.state[LON].mean() == pytest.approx(better, abs=0.2), "the one seen last knows the place"
+
+
+@pytest.mark.parametrize(("dt_s", "scans"), [(0.05, 6), (0.1, 3), (0.2, 2), (0.5, 1)])
+def test_how_many_scans_in_one_place_are_enough_is_a_matter_of_time(dt_s: float, scans: int) -> None:
+    pair = elder_and_younger(1.0, (True, False), (0.0, 0.0))
+    assert len(merged_after(pair, scans - 1, dt_s)) == 2
+    assert len(merged_after(pair, scans, dt_s)) == 1
 
 
 def test_two_scans_in_one_place_are_not_enough() -> None:
