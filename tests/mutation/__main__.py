@@ -26,7 +26,7 @@ TESTS_OF = {
     "mmpf/joint": ("tests/mmpf/joint",),
     "harness/scoring": ("tests/harness/scoring",),
     "harness/comparison": ("tests/harness/comparison",),
-    "harness/grid": ("tests/harness/grid",),
+    "harness/grid": ("tests/harness/grid", "tests/harness/report/test_gridruns.py"),
 }
 SURVIVED = (0, 5)
 """Exit codes of pytest: all tests passed, or there was none."""
@@ -51,6 +51,8 @@ pytest_add_cli_args =
 on_dependency_change = ignore
 """
 NO_MUTANT = "no mutant has this name"
+LONGEST_TEST_S = 6.0
+"""Tests that take longer are left out."""
 SLOWER, LEAST_LIMIT_S = 5.0, 20.0
 """A mutant's tests may take this many times longer than without it, and never less than that."""
 
@@ -124,7 +126,8 @@ def tried(folder: Path, label: str, mutants: Sequence[str]) -> dict[str, int | s
     seconds, callers = known["duration_by_test"], known["tests_by_mangled_function_name"]
     plan = []
     for mutant in mutants:
-        tests = sorted(callers.get(mutant.rpartition("__mutmut_")[0], ()), key=lambda test: (seconds[test], test))
+        fast = [test for test in callers.get(mutant.rpartition("__mutmut_")[0], ()) if seconds[test] < LONGEST_TEST_S]
+        tests = sorted(fast, key=lambda test: (seconds[test], test))
         limit_s = math.ceil(max(SLOWER * sum(seconds[test] for test in tests), LEAST_LIMIT_S))
         plan.append({"mutant": mutant, "tests": tests, "limit_s": limit_s})
     asked, told = folder / f"plan-{label}.json", folder / f"told-{label}.jsonl"

@@ -1,0 +1,229 @@
+"""A grid's tables and curves hold what its points hold, in words and numbers that are known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harness.grid import tables
+from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, told_quantities
+from harness.grid.tables import (
+    DEFINITION,
+    as_markdown,
+    break_sentence,
+    curves_figure,
+    print_result,
+    value_cell,
+)
+
+HELD = Break("mmpf", None, None, 40.0, False)
+
+
+def points(*, axis: str = "density", places=(20.0, 45.0), labels=("mmpf", "jpda"), without=()) -> list[Point]:
+    """Return points of every quantity; no two of them have the same mean, and each interval is one wide."""
+    found = []
+    for label in labels:
+        for value in places:
+            for quantity in told_quantities():
+                mean = 1.0 + len(found)
+                interval = None if value == places[0] else (mean - 0.5, mean + 0.5)
+                point = Point(label, axis, value, quantity.key, mean, interval, 3, 7)
+                found.append(replace(point, mean=None, ci95=None, seeds=0) if quantity.key in without else point)
+    return found
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def sections(text: str) -> dict[str, list[list[str]]]:
+    """Return each table's lines as cells, by the line of words above it."""
+    found: dict[str, list[list[str]]] = {}
+    above = ""
+    for line in text.splitlines():
+        if line.startswith("|"):
+            found.setdefault(above, []).append(cells(line))
+        elif line:
+            above = line
+    return found
+
+
+def test_every_point_stands_in_the_row_of_its_tracker_and_place_below_its_quantity():
+    made = points()
+    found = sections(as_markdown("T", made, [], []))
+    told = {quantity.label: quantity for quantity in told_quantities()}
+    seen = 0
+    for lines in found.values():
+        headings, rule, *rows = lines
+        assert headings[:2] == ["tracker", "density"]
+        assert headings[-1] == "seeds"
+        assert rule == ["---"] * len(headings)
+        assert [row[:2] for row in rows] == [["mmpf", "20"], ["mmpf", "45"], ["jpda", "20"], ["jpda", "45"]]
+        for row in rows:
+            assert row[-1] == "3"
+            for heading, cell in zip(headings[2:-1], row[2:-1], strict=True):
+                quantity = told[heading]
+                point = next(p for p in made if (p.label, f"{p.value:g}", p.metric) == (row[0], row[1], quantity.key))
+                digits = quantity.decimals
+                low_high = "" if row[1] == "20" else f" [{point.mean - 0.5:.{digits}f}, {point.mean + 0.5:.{digits}f}]"
+                assert cell == f"{point.mean:.{digits}f}{low_high}"
+                seen += 1
+    assert seen == len(made)
+
+
+def test_the_themes_of_quantities_stand_under_their_own_words_hidden_ones_first():
+    found = sections(as_markdown("T", points(), [], []))
+    headings = {note: lines[0][2:-1] for note, lines in found.items()}
+    assert list(headings) == [tables.HIDDEN_NOTE, tables.FOLLOWED_NOTE, tables.REST_NOTE, tables.MANOEUVRE_NOTE]
+    for quantity in told_quantities():
+        first = quantity.key.split(".")[0]
+        note = {
+            "hidden": tables.HIDDEN_NOTE, "gospa_remembered": tables.HIDDEN_NOTE, "mae": tables.FOLLOWED_NOTE,
+            "against_coasting": tables.FOLLOWED_NOTE, "manoeuvre": tables.MANOEUVRE_NOTE,
+        }.get(first, tables.REST_NOTE)  # fmt: skip
+        assert quantity.label in headings[note], quantity.key
+
+
+def test_optional_quantities_that_nobody_measured_have_no_column():
+    optional = {quantity.key for quantity in told_quantities() if quantity.optional}
+    assert optional
+    text = as_markdown("T", [point for point in points() if point.metric not in optional], [], [])
+    assert tables.MANOEUVRE_NOTE not in text
+    assert len(sections(text)) == 3
+
+
+def test_the_page_has_its_title_axes_breaks_and_failures_in_this_order():
+    breaks = [Break("mmpf", 33.3, (30.4, None), 45.0, False), HELD]
+    made = [*points(), *points(axis="demand", places=("calm", "dense"))]
+    lines = as_markdown("Title", made, breaks, ["seed 3: it broke", "seed 4: it too"]).splitlines()
+    assert lines[:5] == [
+        "# Title",
+        "",
+        "Means over seeds with Student's 95 % intervals over seeds.",
+        "",
+        "## Over density",
+    ]
+    assert [line for line in lines if line.startswith("#")] == [
+        "# Title", "## Over density", "## Over demand", "## Where each tracker breaks", "## Runs that failed",
+    ]  # fmt: skip
+    begin = lines.index("## Where each tracker breaks")
+    assert lines[begin : begin + 6] == [
+        "## Where each tracker breaks", "", *(f"- {break_sentence(entry)}" for entry in breaks), "", DEFINITION,
+    ]  # fmt: skip
+    begin = lines.index("## Runs that failed")
+    assert lines[begin:] == ["## Runs that failed", "", "- seed 3: it broke", "- seed 4: it too"]
+    assert any(cells(line)[:2] == ["jpda", "dense"] for line in lines)
+
+
+def test_without_breaks_and_failures_there_are_no_headings_for_them():
+    headings = [line for line in as_markdown("T", points(), [], []).splitlines() if line.startswith("#")]
+    assert headings == ["# T", "## Over density"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "sentence"),
+    [
+        (Break("a", None, None, None, False), "a: too few occlusions to tell"),
+        (HELD, "mmpf: holds up to 40 veh/km/lane, the highest tested with enough occlusions"),
+        (Break("a", 33.6, None, 45.0, False), "a: breaks at 34 veh/km/lane"),
+        (Break("a", 20.0, None, 45.0, True), "a: breaks at or below 20 veh/km/lane"),
+        (
+            Break("a", 33.6, (30.4, 40.6), 45.0, False),
+            "a: breaks at 34 veh/km/lane (95 % interval 30 to 41)",
+        ),
+        (
+            Break("a", 33.6, (None, None), 45.0, False),
+            "a: breaks at 34 veh/km/lane (95 % interval beyond the grid to beyond the grid)",
+        ),
+    ],
+)
+def test_where_a_tracker_breaks_is_one_sentence(entry, sentence):
+    assert break_sentence(entry) == sentence
+
+
+@pytest.mark.parametrize(
+    ("mean", "ci95", "with_interval", "cell"),
+    [
+        (1.234, (1.0, 2.0), True, "1.23 [1.00, 2.00]"),
+        (1.234, (1.0, 2.0), False, "1.23"),
+        (1.234, None, True, "1.23"),
+        (None, None, True, "-"),
+    ],
+)
+def test_a_cell_holds_a_mean_and_its_interval_as_far_as_there_are_any(mean, ci95, with_interval, cell):
+    assert value_cell(Point("a", "density", 20.0, "k", mean, ci95, 1, 1), 2, with_interval) == cell
+
+
+def test_the_screen_shows_means_breaks_the_first_ten_failures_and_where_the_rest_lies(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "400")
+    made = points(axis="sensor.range_m")
+    print_result("Title", made, [HELD], [f"seed {k}" for k in range(12)], "results/x")
+    out, err = capsys.readouterr()
+    assert out == ""
+    lines = [line.rstrip() for line in err.splitlines()]
+    assert lines[0] == ""
+    assert lines[1:3] == ["Title", "Means over seeds, by sensor.range_m"]
+    assert lines[3].split()[:2] == ["tracker", "range_m"]
+    for quantity in curve_quantities():
+        assert (quantity.heading or quantity.label) in lines[3]
+    for line, label, value in zip(lines[4:8], ("mmpf", "mmpf", "jpda", "jpda"), (20.0, 45.0) * 2, strict=True):
+        of = {point.metric: point.mean for point in made if (point.label, point.value) == (label, value)}
+        means = [f"{of[each.key]:.{each.decimals}f}" for each in curve_quantities()]
+        assert line.split() == [label, f"{value:g}", *means]
+    assert lines[8] == break_sentence(HELD)
+    assert lines[9:19] == [f"failed: seed {k}" for k in range(10)]
+    assert lines[19:] == ["Results: results/x"]
+
+
+def test_each_quantity_has_a_panel_with_every_trackers_means_and_intervals():
+    made = points()
+    figure = curves_figure(made, "density", "Title")
+    shown = curve_quantities()
+    panels = figure.axes
+    assert figure.get_suptitle() == "Title: means and 95 % intervals over seeds"
+    assert [axes.get_title(loc="left") for axes in panels[: len(shown)]] == [each.label for each in shown]
+    assert not any(axes.axison for axes in panels[len(shown) :])
+    assert len(panels) % tables.COLUMNS == 0
+    assert len(panels) - len(shown) < tables.COLUMNS
+    for axes, quantity in zip(panels, shown, strict=False):
+        curves = [line for line in axes.lines if not line.get_label().startswith("_")]
+        assert [line.get_label() for line in curves] == ["mmpf", "jpda"]
+        assert [line.get_color() for line in curves] == list(tables.COLOURS[:2])
+        assert [line.get_marker() for line in curves] == list(tables.MARKERS[:2])
+        for line in curves:
+            np.testing.assert_array_equal(line.get_xdata(), [20.0, 45.0])
+            means = [p.mean for p in made if (p.label, p.metric) == (line.get_label(), quantity.key)]
+            np.testing.assert_array_equal(line.get_ydata(), means)
+        assert axes.get_ylim()[0] == 0.0
+        assert (axes.get_ylim()[1] == 102.0) == quantity.label.endswith("%")
+        levels = [line.get_ydata()[0] for line in axes.lines if line.get_label().startswith("_")]
+        assert levels == ([BREAK_PERCENT] if quantity.key == BREAK_METRIC else [])
+    below = panels[len(shown) - tables.COLUMNS : len(shown)]
+    assert {axes.get_xlabel() for axes in below} == {"density, vehicles per km and lane"}
+    assert list(below[0].get_xticks()) == [20.0, 45.0]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["mmpf", "jpda"]
+
+
+def test_a_quantity_without_a_sample_says_none_and_names_on_an_axis_get_bars():
+    gone = curve_quantities()[0].key
+    figure = curves_figure(points(axis="demand", places=("calm", "dense"), without={gone}), "demand", "T")
+    first, second = figure.axes[:2]
+    assert [text.get_text() for text in first.texts] == ["none"]
+    assert "none" not in [text.get_text() for text in second.texts]
+    bars = [each.get_segments() for each in second.collections]
+    assert len(bars) == 2
+    heights = [line.get_ydata()[1] for line in second.lines if not line.get_label().startswith("_")]
+    for segments, mean in zip(bars, heights, strict=True):
+        assert segments[-1][:, 1].tolist() == [mean - 0.5, mean + 0.5]
+    assert figure.axes[len(curve_quantities()) - 1].get_xlabel() == "demand"
+
+
+def test_many_trackers_take_other_dashes_once_the_colours_are_used_up():
+    names = tuple(f"tracker {k}" for k in range(9))
+    axes = curves_figure(points(labels=names), "density", "T").axes[0]
+    curves = [line for line in axes.lines if not line.get_label().startswith("_")]
+    assert [line.get_linestyle() for line in curves] == ["-"] * 7 + ["--"] * 2
+    assert curves[7].get_color() == curves[0].get_color()
