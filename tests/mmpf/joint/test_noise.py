@@ -47,6 +47,28 @@ def test_innovations_so_many_times_too_large_drive_the_factor_there(times: float
     assert components.noise_lat_m == pytest.approx([times * STD_LAT_M], rel=0.05)
 
 
+def test_one_detection_moves_the_noise_as_covariance_matching_with_a_memory_says() -> None:
+    mixture = one_vehicle()
+    components, moments, first = mixture.components, component_moments(mixture), np.array([0])
+    share = 1.0 - np.exp(-situation_off_by(0, 0).dt_s / OPTIONS.memory_s)
+    lon, lat, factor = 0.0, 0.0, 1.0
+    for off_lon, off_lat in [(1.0, 2.0), (0.5, -1.5), (9.0, 0.0)]:
+        std_lon, std_lat = factor * STD_LON_M, factor * STD_LAT_M
+        terms = [
+            (30.0 + off_lon * STD_LON_M - moments.mean[0, 0]) ** 2 / (moments.variance[0, 0] + std_lon**2),
+            (5.0 + off_lat * STD_LAT_M - moments.mean[1, 0]) ** 2 / (moments.variance[1, 0] + std_lat**2),
+        ]
+        surprise = (min(terms[0], 9.0) + min(terms[1], 9.0)) / 2.0
+        # The first detection is taken as it is, those after it are smoothed in.
+        lon = std_lon if lon == 0.0 else (1.0 - share) * lon + share * std_lon
+        lat = std_lat if lat == 0.0 else (1.0 - share) * lat + share * std_lat
+        factor *= 1.0 + share * (surprise - 1.0) / 2.0
+        situation = situation_off_by(off_lon, off_lat)
+        components = with_innovations(components, moments, first, first, situation, OPTIONS)
+        found = (components.noise_factor[0], components.noise_lon_m[0], components.noise_lat_m[0])
+        assert found == pytest.approx((factor, lon, lat))
+
+
 @pytest.mark.parametrize(("times", "bound"), [(0.0, 0), (50.0, 1)])
 def test_the_factor_stays_within_its_bounds(times: float, bound: int) -> None:
     assert learned([(times, times)] * 300).noise_factor == pytest.approx([FACTOR_BOUNDS[bound]])
