@@ -15,7 +15,7 @@ from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 
 TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
-LATER = ", decisions."
+LATER = (", decisions.", ", conflicts.")
 """Columns of metrics that came after most references were made."""
 TABLE, NUMBERS = "runs.parquet", ("results.json", "fidelity.json")
 MOST_TOLD = 5
@@ -138,7 +138,7 @@ def _leaves(value: object, place: str) -> Iterator[tuple[str, object]]:
 
 def _differing(first: dict[str, Any], second: dict[str, Any]) -> Iterator[tuple[str, tuple[object, object]]]:
     for place in dict.fromkeys((*first, *second)):
-        if place not in first and LATER in place:
+        if place not in first and any(word in place for word in LATER):
             continue
         pair = first.get(place), second.get(place)
         if not any(word in place for word in TIMES) and not _same(*pair):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from harness.decisions.bodies import Bodies
+from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import Decision, decide
 from harness.decisions.drivers.protocol import Driver
 from harness.scoring.believed import egos_of, tracked_bodies, true_bodies
@@ -37,6 +37,9 @@ class Asked:
 
     Attributes:
         driver: The driver.
+        egos: The ego at each step.
+        there: Steps at which there is one, shape (steps,).
+        bodies: The true vehicles, in the order of ``TruthRows``.
         truth: Its decision by the truth; bodies are rows of ``TruthRows``.
         tracks: Its decision by the tracks; bodies are places in ``track_row``.
         track_row: Row of ``TrackRows`` of each body that the tracks amount to.
@@ -46,6 +49,9 @@ class Asked:
     """
 
     driver: Driver
+    egos: Egos
+    there: BoolArray
+    bodies: Bodies
     truth: Decision
     tracks: Decision
     track_row: IntArray
@@ -81,10 +87,13 @@ def ask(
     kept = np.flatnonzero(existence[rows.tracks.table_row] >= settings.driver_existence)
     step_s, since_s = _times(rows)
     judged = there & (since_s >= settings.driver_settled_s - TIME_TOLERANCE_S)
-    believed: Bodies = taken(bodies, kept)
+    real, believed = true_bodies(truth, rows), taken(bodies, kept)
     return Asked(
         driver=driven.driver,
-        truth=decide(driven.driver, true_bodies(truth, rows), egos, driven.road),
+        egos=egos,
+        there=there,
+        bodies=real,
+        truth=decide(driven.driver, real, egos, driven.road),
         tracks=decide(driven.driver, believed, egos, driven.road),
         track_row=kept,
         judged=judged,

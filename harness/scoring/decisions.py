@@ -23,6 +23,7 @@ from harness.scoring.brakings import (
     find_brakings,
     stretches,
 )
+from harness.scoring.conflicts import time_to_collision
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
@@ -148,19 +149,15 @@ def lateness(asked: Asked, episode: IntArray, settings: ScoringSettings) -> Floa
 def collision_time_errors(asked: Asked, settings: ScoringSettings) -> FloatArray:
     """Return absolute errors of the time to collision with whoever is right ahead, where it is short, shape (k,)."""
     true_s, believed_s = (
-        np.minimum(time_to_collision(decision), settings.longest_collision_time_s)
+        np.minimum(_to_collision(decision), settings.longest_collision_time_s)
         for decision in (asked.truth, asked.tracks)
     )
     return np.asarray(np.abs(believed_s - true_s)[asked.judged & (true_s < settings.collision_time_s)])
 
 
-def time_to_collision(decision: Decision) -> FloatArray:
-    """Return the gap to whoever is right ahead over the speed of closing in; infinite where there is none, (n,)."""
+def _to_collision(decision: Decision) -> FloatArray:
     leader = decision.belief.leader
-    closing = decision.belief.speed_mps - leader.speed_mps
-    nears = leader.exists & (closing > 0.0)
-    gap = np.maximum(leader.gap_m, 0.0)
-    return np.asarray(np.divide(gap, closing, out=np.full(len(gap), np.inf), where=nears))
+    return time_to_collision(leader.gap_m, decision.belief.speed_mps, leader.speed_mps)
 
 
 def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, object]:  # noqa: ARG001

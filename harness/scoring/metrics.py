@@ -10,6 +10,7 @@ import pandas as pd
 
 from harness.scoring import (
     calibration,
+    conflicts,
     coverage,
     decisions,
     gospa,
@@ -83,6 +84,7 @@ register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
 )
 register(manoeuvre.NAME, *manoeuvre.QUANTITIES)(InParts(manoeuvre.measure_manoeuvres, manoeuvre.scores_by_manoeuvre))
 register("decisions", *decisions.QUANTITIES)(InParts(decisions.measure_decisions, decisions.decisions))
+register("conflicts")(InParts(conflicts.measure_conflicts, conflicts.conflicts))
 register(hidden_by.NAME, *hidden_by.QUANTITIES)(InParts(hidden_by.measure_causes, hidden_by.scores_by_cause))
 register(unseen_turns.NAME, *unseen_turns.QUANTITIES)(InParts(unseen_turns.measure_turns, unseen_turns.scores_of_turns))
 register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))

@@ -116,13 +116,17 @@ def test_on_another_kind_of_processor_only_traffic_and_detections_have_to_be_the
 
 
 def test_what_a_driver_would_do_is_held_together_only_where_the_committed_making_asked_one(tmp_path: Path) -> None:
-    rows = {"a": {}, "b": {"decisions.missed": [1.0]}, "c": {"decisions.missed": [2.0]}}
+    rows = {
+        "a": {},
+        "b": {"decisions.missed": [1.0], "conflicts.n": [9.0]},
+        "c": {"decisions.missed": [2.0], "conflicts.n": [9.0]},
+    }
     for name, row in rows.items():
         (tmp_path / name).mkdir()
         pd.DataFrame({"mot.hota": [90.0], **row}).to_parquet(tmp_path / name / "runs.parquet")
     assert not differences(tmp_path / "a", tmp_path / "b")
     assert len(differences(tmp_path / "b", tmp_path / "c")) == 1
-    assert len(differences(tmp_path / "b", tmp_path / "a")) == 1
+    assert len(differences(tmp_path / "b", tmp_path / "a")) == 2
 
 
 def test_a_table_that_was_not_made_differs_whole(tmp_path: Path) -> None:

@@ -183,3 +183,15 @@ def test_a_run_of_no_rows_has_no_decisions_to_tell_of():
     scored = Drive().scored()
     assert len(scored.brakings) == 0
     assert scored.metrics["decisions"]["lateness_s"] is None
+
+
+def test_the_egos_own_conflicts_are_told_beside_its_decisions():
+    scene, speed = slow_car()
+    found = scene.track(1, 24.0, speed).scored().metrics["conflicts"]
+    # 20 m of room at 12 m/s for a second of eight.
+    assert found["ttc_min_s"] == pytest.approx(20.0 / 12.0)
+    assert found["drac_max_mps2"] == pytest.approx(0.5 * 12.0**2 / 20.0)
+    assert (found["n"], found["closing_n"], found["pet_n"]) == (STEPS, 10, 0)
+    assert found["ttc_below_3_percent"] == pytest.approx(12.5)
+    assert found["drac_above_3_4_percent"] == pytest.approx(12.5)
+    assert found["ttc_below_1_5_percent"] == 0.0
