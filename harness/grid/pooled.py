@@ -121,7 +121,8 @@ def pool_files(table: pd.DataFrame) -> Pooled:
     groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
-    means = [_mean(label, quantity, runs) for label, runs in groups for quantity in pooled_quantities()]
+    told = [quantity for quantity in pooled_quantities() if not quantity.optional or quantity.key in done]
+    means = [_mean(label, quantity, runs) for label, runs in groups for quantity in told]
     return Pooled(_files(done), switches, means, hidden)
 
 

@@ -49,7 +49,7 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
 
 def _score_table(pooled: Pooled) -> list[str]:
     found = {(mean.tracker, mean.quantity): mean for mean in pooled.means}
-    columns = pooled_quantities()
+    columns = [column for column in pooled_quantities() if any(key == column.pooled for _, key in found)]
     rows = [
         [label, str(switches), *(value_cell(found[label, column.pooled], column.decimals) for column in columns)]
         for label, switches in pooled.id_switches.items()

@@ -13,6 +13,7 @@ from harness.scoring import (
     conflicts,
     coverage,
     decisions,
+    gaps,
     gospa,
     hidden_by,
     hidden_cost,
@@ -87,6 +88,7 @@ register("decisions", *decisions.QUANTITIES)(InParts(decisions.measure_decisions
 register("conflicts")(InParts(conflicts.measure_conflicts, conflicts.conflicts))
 register(hidden_by.NAME, *hidden_by.QUANTITIES)(InParts(hidden_by.measure_causes, hidden_by.scores_by_cause))
 register(unseen_turns.NAME, *unseen_turns.QUANTITIES)(InParts(unseen_turns.measure_turns, unseen_turns.scores_of_turns))
+register(gaps.NAME, *gaps.QUANTITIES)(InParts(gaps.measure_gaps, gaps.scores_after_gaps))
 register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
 register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
 

@@ -11,7 +11,7 @@ import pandas as pd
 from harness.scoring.directions import nearest_row, read_directions
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
-from harness.truth.frame import ROUNDABOUT_COLUMN, WALL_COLUMN, WINDOW_COLUMNS
+from harness.truth.frame import PARKED_COLUMN, ROUNDABOUT_COLUMN, WALL_COLUMN, WINDOW_COLUMNS
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -33,6 +33,8 @@ class TruthRows:
         detected: At least one detection came from the vehicle at this step.
         direction_rad: Direction against the longitudinal axis that its gates and errors are taken along; 0 on a road
             that has a frame of its own.
+        parked: Whether the vehicle stands in one place for as long as it is on record; None where the source does not
+            tell.
     """
 
     step: IntArray
@@ -47,6 +49,7 @@ class TruthRows:
     state: IntArray
     detected: BoolArray
     direction_rad: FloatArray
+    parked: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.step)
@@ -146,7 +149,8 @@ def read_run(
         truth: One row per vehicle and step; a missing column ``episode`` means a single episode. Columns
             ``window_start_m`` and ``window_end_m`` bound what the source knows of the road. A column ``direction_rad``
             means that positions are in the plane, and says along which direction each vehicle is scored. Columns
-            ``wall_fraction`` and ``on_roundabout`` tell what walls hide and who is on a roundabout.
+            ``wall_fraction``, ``on_roundabout`` and ``parked`` tell what walls hide, who is on a roundabout and who is
+            parked.
         detections: One row per detection; ``truth_id`` empty or null for clutter.
         tracks: One row per track and step.
         edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
@@ -199,6 +203,7 @@ def read_run(
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
             direction_rad=np.zeros(len(rows)) if direction is None else direction[rows],
+            parked=truth[PARKED_COLUMN].to_numpy(dtype=bool)[rows] if PARKED_COLUMN in truth else None,
         ),
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
