@@ -111,7 +111,8 @@ def read_net(path: Path, with_internal: bool = False) -> SumoNet:
         net = sumolib.net.readNet(str(path), withInternal=with_internal)
         edges = net.getEdges(withInternal=False)
     except (SAXException, ValueError, KeyError, AttributeError, TypeError, IndexError, OSError, EOFError) as error:
-        raise InputError(f"{path}: not a SUMO network file: {error}") from error
+        told = f"{error} is named in it and is not there" if isinstance(error, KeyError) else str(error)
+        raise InputError(f"{path}: not a SUMO network file: {told}") from error
     if not edges:
         raise InputError(f"{path}: not a SUMO network file: it has no edges")
     return net

@@ -78,11 +78,18 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
     except (ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: its lanes make no sense: {error}") from None
+        raise InputError(f"{path}: its lanes make no sense: {_in_words(error)}") from None
     problem = graph_problem(graph)
     if problem:
         raise InputError(f"{path}: {problem}; cut out the part that is driven on")
     return PlaneNetwork(graph, origin, in_roundabout)
+
+
+def _in_words(error: Exception) -> str:
+    """Return what a fault in a network comes from."""
+    if isinstance(error, KeyError):
+        return f"{error} is named and is not there"
+    return str(error) if isinstance(error, ValueError) else "a lane has no points, or leads nowhere"
 
 
 def _in_roundabouts(net: SumoNet, lanes: Sequence[SumoLane]) -> BoolArray | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, ParseError, iterparse
 
@@ -71,6 +71,7 @@ def check_xml(path: Path, parameter: str = "net") -> Findings:
     """
     check_file(path, MOST_BYTES, parameter)
     outputs: set[str] = set()
+    paths = _Paths()
     lanes = 0
     root: Element | None = None
     try:
@@ -80,6 +81,7 @@ def check_xml(path: Path, parameter: str = "net") -> Findings:
                 if event == "start":
                     continue
                 _check_element(element, path)
+                paths.note(element)
                 if element.tag in OUTPUT_ELEMENTS:
                     outputs.add(element.tag)
                 lanes += element.tag == "lane"
@@ -90,7 +92,34 @@ def check_xml(path: Path, parameter: str = "net") -> Findings:
                     root.clear()
     except (ParseError, UnicodeDecodeError, OSError, EOFError, ValueError) as error:
         raise InputError(f"{path}: not well-formed XML: {error}") from None
+    paths.check(path)
     return Findings(tuple(sorted(outputs)))
+
+
+@dataclass
+class _Paths:
+    """The paths across junctions, which SUMO follows without looking whether any connection leads to them."""
+
+    listed: dict[str, str] = field(default_factory=dict)
+    connected: set[str] = field(default_factory=set)
+
+    def note(self, element: Element) -> None:
+        """Take in what a junction lists or a connection names."""
+        if element.tag == "junction" and element.get("type") != "internal":
+            self.listed |= dict.fromkeys(element.get("intLanes", "").split(), element.get("id", "?")[:60])
+        elif element.tag == "connection":
+            ends = ((element.get(end), element.get(f"{end}Lane")) for end in ("from", "to"))
+            self.connected |= {f"{edge}_{lane}" for edge, lane in ends if edge and edge.startswith(":")}
+            self.connected.add(element.get("via", ""))
+
+    def check(self, path: Path) -> None:
+        """Refuse a path that no connection names."""
+        for lane, junction in self.listed.items():
+            if lane not in self.connected:
+                raise InputError(
+                    f"{path}: junction {junction} lists the path {lane[:60]}, to which no connection leads; make the "
+                    "network again with netconvert"
+                )
 
 
 def write_without_outputs(path: Path, copy: Path) -> None:

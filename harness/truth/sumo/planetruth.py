@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.errors import RunError
+from harness.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import Network
@@ -98,8 +98,8 @@ class PlaneTruth:
             waited_s += LOOK_EVERY_S
             possible_s += LOOK_EVERY_S if most >= 0 else 0.0
         if not possible_s:
-            raise RunError(
-                f"no car drove on {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s; "
+            raise InputError(
+                f"`net`: no car drove on {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s; "
                 "give routes for passenger vehicles, or a later begin"
             )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import RunError
+from harness.errors import InputError
 from harness.truth.network.network import load_network
 from harness.truth.sumo.planereading import pulled
 from harness.truth.sumo.simulation import open_traffic
@@ -185,7 +185,7 @@ def test_a_network_without_cars_fails_in_words(tmp_path, monkeypatch):
     monkeypatch.setattr("harness.truth.sumo.planetruth.FIRST_VEHICLE_WITHIN_S", 5.0)
     bicycle = '<vType id="bike" vClass="bicycle"/><flow id="b" type="bike" from="path" to="path"'
     bicycles = f'{bicycle} begin="0" end="9" number="9"/>'
-    with pytest.raises(RunError, match="no car drove on"):
+    with pytest.raises(InputError, match="no car drove on"):
         drive(configured(tmp_path, bicycles))
 
 
