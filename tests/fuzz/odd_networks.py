@@ -221,10 +221,10 @@ ODD: dict[str, Callable[[], Odd]] = {
         net=CROSSING.replace('<lane id="wc_1" index="1"', '<lane id="wc_1" index="5"')
     ),
     "names of other alphabets": lambda: Odd(
-        net=CROSSING.replace('"wc', '"дорога 道'), routes=ACROSS.replace('"wc"', '"дорога 道"')
+        net=CROSSING.replace("wc", "дорога道"), routes=ACROSS.replace("wc", "дорога道")
     ),
     "names with markup in them": lambda: Odd(
-        net=CROSSING.replace('"wc', '"&lt;b&gt;../wc'), routes=ACROSS.replace('"wc"', '"&lt;b&gt;../wc"')
+        net=CROSSING.replace("wc", "&lt;b&gt;wc"), routes=ACROSS.replace("wc", "&lt;b&gt;wc")
     ),
     "places of UTM": lambda: Odd(net=moved(691_000.0, 5_335_000.0)),
     "places on the other side of zero": lambda: Odd(net=moved(-691_000.0, -5_335_000.0)),

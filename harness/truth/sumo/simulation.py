@@ -64,6 +64,8 @@ def open_traffic(
     """
     rng = np.random.default_rng(seed)
     held = _held_demand(network, demand)
+    # Now, since a broken file of buildings would leave a simulation open.
+    _ = network.road
     scratch = TemporaryDirectory(prefix="harness-net-")
     try:
         sumo = start_sumo(_arguments(network, Path(scratch.name)), STEP_S, int(rng.integers(2**31)), gui)
