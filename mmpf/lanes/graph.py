@@ -206,6 +206,11 @@ class LaneGraph:
         total = np.bincount(self.link_from, weight, minlength=len(self))
         return np.asarray(weight / total[self.link_from])
 
+    @cached_property
+    def even_share(self) -> FloatArray:
+        """One over the number of links of its lane for each link, shape (k,)."""
+        return np.asarray(1.0 / np.diff(self.first_successor)[self.link_from])
+
     def _turn_rad(self, lane: int, following: int) -> float:
         """Return by how much vehicles turn to the left that take a link and leave the junction behind it."""
         pieces, to = self.segments, following

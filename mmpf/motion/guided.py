@@ -127,7 +127,10 @@ class LaneGuided:
             graph.in_junction,
             graph.successor,
             graph.first_successor,
+            # In sight measurements weed out who is wrong, and some must be there when a turn begins.
+            graph.even_share,
             graph.way_share,
+            surroundings.is_hidden,
         )
         x, y, direction = graph.place(lane, along, left)
         cosine, sine = np.cos(latents[HEADING]), np.sin(latents[HEADING])
@@ -169,7 +172,7 @@ class LaneGuided:
     def _pick_successors(self, lane: IntArray, rng: np.random.Generator) -> IntArray:
         graph = self.graph
         choice = rng.uniform(size=len(lane))
-        return _pick_successors(lane, choice, graph.successor, graph.first_successor, graph.way_share)
+        return _pick_successors(lane, choice, graph.successor, graph.first_successor, graph.even_share)
 
     def _draw_lanes(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, rng: np.random.Generator
@@ -224,13 +227,16 @@ def _go_along(
     in_junction: BoolArray,
     successor: IntArray,
     first_successor: IntArray,
-    share: FloatArray,
+    seen_share: FloatArray,
+    hidden_share: FloatArray,
+    is_hidden: BoolArray,
 ) -> None:
     """Take particles over their lanes' edges and ends, in place; who changes its mind chooses its next lane anew."""
     for n in range(len(lane)):
         if lane[n] < 0:
             continue
         own, u = lane[n], choice[n]
+        share = hidden_share if is_hidden[n] else seen_share
         beside = left_of[own] if left[n] > 0.5 * width[own] else (right_of[own] if left[n] < -0.5 * width[own] else -1)
         if beside >= 0:
             apart = 0.5 * (width[own] + width[beside])

@@ -40,7 +40,8 @@ class Drive:
     def go(self, steps: int, dt_s: float = 0.1) -> None:
         nobody = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
         nothing = np.zeros(0)
-        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, nothing, nothing)  # type: ignore[arg-type]
+        hidden = np.zeros(self.state.shape[1], dtype=np.bool_)
+        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, nothing, hidden)  # type: ignore[arg-type]
         for _ in range(steps):
             self.state, self.latents = self.motion.propagate(self.state, self.latents, around, dt_s, self.rng)
 
