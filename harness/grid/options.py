@@ -169,11 +169,15 @@ def _tracker_path(tracker: object) -> str:
 
 def _files_of(replay: Sequence[Path | str] | Path | str | None) -> list[Path]:
     """Return the files of recorded traffic; of a folder that is no recording itself, all that it holds."""
+    from harness.truth.recorded.detected.av2 import argoverse_logs  # noqa: PLC0415
     from harness.truth.recorded.fcd import declares_types  # noqa: PLC0415
 
     files: list[Path] = []
     for path in map(Path, [replay] if isinstance(replay, (str, Path)) else replay or ()):
-        if path.is_dir() and not any(path.glob("*_tracks.csv")) and not (path / "manifest.json").is_file():
+        logs = argoverse_logs(path)
+        if logs:
+            files += logs
+        elif path.is_dir() and not any(path.glob("*_tracks.csv")) and not (path / "manifest.json").is_file():
             inside = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))
             inside = [file for file in inside if not declares_types(file)]
             if not inside:

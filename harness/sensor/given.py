@@ -7,7 +7,7 @@ sensor saw; its visible fraction is that of its label among the other labels, fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,8 +51,8 @@ class GivenDetections:
         """Return the data sheet; see ``data_sheet``."""
         return data_sheet(self.settings, road)
 
-    def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:  # noqa: ARG002
-        """Hand out the detections of a frame of the drives; nothing is drawn.
+    def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:
+        """Hand out the detections of a frame of the drives; nothing is drawn of those that a detector found.
 
         Vehicles out of range and labelled things that are no vehicles are out: nobody is judged on them.
         """
@@ -64,6 +64,8 @@ class GivenDetections:
         reached = in_reach(self.settings, sight.distance, np.zeros(len(sight.distance)))
         given, origin = moment.given.take(reached), moment.origin[reached]
         detections = self._detections(given, road, ego, moment.goes_ahead)
+        if moment.drawn:
+            detections = _with_errors(detections, rng)
         view_rad = float(np.deg2rad(self.settings.field_of_view_deg))
         known = origin != NOTHING
         return Observation(
@@ -100,6 +102,21 @@ class GivenDetections:
             deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
             headings = BodyHeadings(_rounded(given.heading_rad), deviation, flipped)
         return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings)
+
+
+def _with_errors(exact: Detections, rng: np.random.Generator) -> Detections:
+    """Return detections that are off by as much as they say."""
+    count, sizes, headings = len(exact), exact.sizes, exact.headings
+    normals = rng.standard_normal((5, count))
+    lon_m = _rounded(exact.lon_m + normals[0] * exact.std_lon_m)
+    lat_m = _rounded(exact.lat_m + normals[1] * exact.std_lat_m)
+    if sizes is not None:
+        length_m = np.maximum(_rounded(sizes.length_m + normals[2] * sizes.std_length_m), SMALLEST_BOX_M)
+        width_m = np.maximum(_rounded(sizes.width_m + normals[3] * sizes.std_width_m), SMALLEST_BOX_M)
+        sizes = replace(sizes, length_m=length_m, width_m=width_m)
+    if headings is not None:
+        headings = replace(headings, heading_rad=_rounded(headings.heading_rad + normals[4] * headings.std_rad))
+    return replace(exact, lon_m=lon_m, lat_m=lat_m, sizes=sizes, headings=headings)
 
 
 def _rounded(values: FloatArray) -> FloatArray:

@@ -260,6 +260,7 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat(
             "kitti-tracking", True, _is_never_recognised, f"{_ROOM}.detected.kitti:read_kitti", "kitti-pointrcnn", 2.0
         ),
+        RecordingFormat("av2", True, _is_never_recognised, f"{_ROOM}.detected.av2:read_av2", "av2-points"),
         RecordingFormat(
             "v2v4real",
             True,

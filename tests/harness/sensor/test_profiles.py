@@ -12,7 +12,16 @@ PAGE = Path(__file__).parents[3] / "docs" / "sensor.md"
 
 def test_the_profiles_exist_and_explain_their_figures():
     assert list(sensor_profiles) == [
-        *("camera", "ideal", "kitti-pointrcnn", "lidar", "lidar-independent", "radar", "v2v4real-pointpillars")
+        *(
+            "av2-points",
+            "camera",
+            "ideal",
+            "kitti-pointrcnn",
+            "lidar",
+            "lidar-independent",
+            "radar",
+            "v2v4real-pointpillars",
+        )
     ]
     assert all(len(sensor_profiles[name].__doc__ or "") > 200 for name in sensor_profiles)
 
@@ -34,7 +43,11 @@ def test_a_number_given_as_text_counts_as_a_number():
 @pytest.mark.parametrize(
     ("profile", "overrides", "named"),
     [
-        ("sonar", {}, "camera, ideal, kitti-pointrcnn, lidar, lidar-independent, radar, v2v4real-pointpillars"),
+        (
+            "sonar",
+            {},
+            "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, radar, v2v4real-pointpillars",
+        ),
         ("lidar", {"reach": 3}, "sensor.reach"),
         ("lidar", {"range_m": -1}, "sensor.range_m"),
         ("lidar", {"range_m": np.nan}, "sensor.range_m"),

@@ -106,6 +106,7 @@ class Drive:
         left_out: How many labelled things and detections were left out, by reason.
         moves_with_ego: Whether the plane moves and turns with the recording car, of which there are no poses. Boxes
             then point another way than they move, and nobody can be told to be parked.
+        drawn: Whether the detections are labels of what was seen, whose errors are to be drawn.
     """
 
     name: str
@@ -115,6 +116,7 @@ class Drive:
     given: GivenBoxes
     left_out: Mapping[str, int] = field(default_factory=dict)
     moves_with_ego: bool = False
+    drawn: bool = False
 
     def cut(self, first: int, steps: int) -> Drive:
         """Return the drive from a step on, at most so many of them, counted from 0 again."""

@@ -46,6 +46,7 @@ class Moment:
         given: The detections, shape (d,).
         origin: Index in the frame of the thing that each is of, ``NOTHING`` of a false one, shape (d,).
         goes_ahead: Whether vehicles move in the plane as they point; not if the plane itself moves.
+        drawn: Whether errors of the detections are to be drawn.
     """
 
     counts: BoolArray
@@ -54,6 +55,7 @@ class Moment:
     given: GivenBoxes
     origin: IntArray
     goes_ahead: bool
+    drawn: bool
 
 
 class DriveOnClock:
@@ -113,6 +115,7 @@ class DriveOnClock:
             given=self.drive.given.take(np.arange(given.start, given.stop)),
             origin=np.where(origin == NOTHING, NOTHING, origin - rows.start + 1),
             goes_ahead=not self.drive.moves_with_ego,
+            drawn=self.drive.drawn,
         )
 
     def _rows(self, own_step: int) -> slice:

@@ -1,0 +1,146 @@
+"""Argoverse 2 sensor logs: cuboids that go on where no laser point fell on them, and poses; no detector.
+
+A folder holds folders of logs, each with ``annotations.feather`` and ``city_SE3_egovehicle.feather``. Detections are
+drawn: a vehicle is seen where at least three points of the real lidar fell into its cuboid, and the profile says how
+far a box is off. The plane is that of the city, from the car's first place on.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.feather
+
+from harness.errors import InputError
+from harness.inputs import check_file
+from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
+from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes
+from mmpf.compute.arrays import FloatArray
+
+ANNOTATIONS, POSES = "annotations.feather", "city_SE3_egovehicle.feather"
+FEWEST_POINTS = 3
+VEHICLES = (
+    *("REGULAR_VEHICLE", "LARGE_VEHICLE", "BOX_TRUCK", "TRUCK", "TRUCK_CAB", "BUS", "SCHOOL_BUS", "ARTICULATED_BUS"),
+    *("MOTORCYCLE", "VEHICULAR_TRAILER"),
+)
+RECORDING_CAR = "EGO_VEHICLE"
+TURN, PLACE = ["qw", "qx", "qy", "qz"], ["tx_m", "ty_m", "tz_m"]
+WHEN, SIZE = "timestamp_ns", ["length_m", "width_m"]
+OF_BOX = ["track_uuid", "category", *SIZE, *TURN, *PLACE, "num_interior_pts"]
+MOST_OFF_UNIT, STEP_NS, LONGEST_STEP_NS = 0.01, 100_000_000, 200_000_000
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return the files of all logs of a folder, or of the log that it is."""
+    return tuple(log / name for log in _logs(path) for name in (ANNOTATIONS, POSES))
+
+
+def read_av2(path: Path) -> tuple[Drive, ...]:
+    """Read a folder of logs, or one log's folder or annotations.
+
+    Raises:
+        InputError: A file is missing or broken, or they contradict each other; the message names it.
+    """
+    return tuple(_read(log) for log in _logs(path))
+
+
+def argoverse_logs(path: Path) -> list[Path]:
+    """Return the folders of the logs that a folder is or holds; none of anything else."""
+    if not path.is_dir():
+        return []
+    return [path] if (path / ANNOTATIONS).exists() else sorted(file.parent for file in path.glob(f"*/{ANNOTATIONS}"))
+
+
+def _logs(path: Path) -> list[Path]:
+    logs = argoverse_logs(path) if path.is_dir() else [path.parent]
+    if not logs:
+        raise InputError(f"`replay`: {path} has no LOG/{ANNOTATIONS}; docs/evidence.md shows the folder")
+    return logs
+
+
+def _read(log: Path) -> Drive:
+    boxes = _table(log / ANNOTATIONS, [WHEN, *OF_BOX])
+    boxes = boxes[boxes["category"] != RECORDING_CAR]
+    poses = _table(log / POSES, [WHEN, *TURN, *PLACE]).drop_duplicates(WHEN).set_index(WHEN)
+    clock = np.unique(boxes[WHEN].to_numpy(dtype=np.int64))
+    if not 1 <= len(clock) <= MOST_STEPS:
+        raise InputError(f"{log / ANNOTATIONS} has {len(clock)} moments; 1 to {MOST_STEPS} can be played")
+    steps = np.diff(clock)
+    if len(steps) and (np.median(steps) > 1.5 * STEP_NS or steps.max() > LONGEST_STEP_NS):
+        raise InputError(f"{log / ANNOTATIONS}: its moments are not a tenth of a second apart")
+    if not np.isin(clock, poses.index.to_numpy()).all():
+        raise InputError(f"{log / POSES} lacks the pose of a moment that {ANNOTATIONS} has")
+    if boxes.duplicated([WHEN, "track_uuid"]).any():
+        raise InputError(f"{log / ANNOTATIONS}: a thing is twice at one moment")
+    then = poses.loc[clock]
+    rotation, shift = _rotations(log / POSES, then), then[PLACE].to_numpy(dtype=np.float64)
+    shift = shift - shift[0]
+    step = np.searchsorted(clock, boxes[WHEN].to_numpy(dtype=np.int64)).astype(np.int64)
+    place, size = boxes[PLACE].to_numpy(dtype=np.float64), boxes[SIZE].to_numpy(dtype=np.float64)
+    check_boxes(log / ANNOTATIONS, step.astype(np.float64), size, place)
+    front = (rotation[step] @ _rotations(log / ANNOTATIONS, boxes)[:, :, :1])[:, :, 0]
+    where = (rotation[step] @ place[:, :, None])[:, :, 0] + shift[step]
+    names, thing = np.unique(boxes["track_uuid"].to_numpy(dtype=np.str_), return_inverse=True)
+    counts = boxes["category"].isin(VEHICLES).to_numpy()
+    points = boxes["num_interior_pts"].to_numpy(dtype=np.float64)
+    labels = Labels(
+        step=step,
+        x_m=where[:, 0],
+        y_m=where[:, 1],
+        heading_rad=np.arctan2(front[:, 1], front[:, 0]),
+        length_m=size[:, 0],
+        width_m=size[:, 1],
+        thing=thing.astype(np.int64),
+        counts=counts,
+        covered=points < FEWEST_POINTS,
+    )
+    of_seen = labels.take(counts & (points >= FEWEST_POINTS))
+    columns = {name: of_seen.columns[name] for name in ("step", "x_m", "y_m", "heading_rad", "length_m", "width_m")}
+    seen_points = points[counts & (points >= FEWEST_POINTS)]
+    others = len(names) - len(np.unique(labels.thing[counts]))
+    return Drive(
+        name=log.name,
+        ego=EgoPath(shift[:, 0], shift[:, 1], np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])),
+        names=names,
+        labels=sorted_by_step(labels),
+        given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),
+        left_out={"labelled things that are no vehicles": others},
+        drawn=True,
+    )
+
+
+def _table(path: Path, columns: list[str]) -> pd.DataFrame:
+    check_file(path, MOST_BYTES)
+    try:
+        table: pd.DataFrame = pa.feather.read_table(path, memory_map=False).to_pandas()
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing") from None
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{path}: can't be read as feather: {error}") from None
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise InputError(f"{path} lacks the columns {', '.join(missing)}")
+    numbers = [column for column in columns if column not in ("track_uuid", "category")]
+    try:
+        finite = np.isfinite(table[numbers].to_numpy(dtype=np.float64)).all()
+    except (TypeError, ValueError):
+        raise InputError(f"{path}: a column of numbers holds something else") from None
+    if not len(table) or not finite:
+        raise InputError(f"{path} has no rows, or a value that is not finite")
+    return table[columns]
+
+
+def _rotations(path: Path, table: pd.DataFrame) -> FloatArray:
+    """Return rotations of unit quaternions, shape (n, 3, 3)."""
+    w, x, y, z = table[TURN].to_numpy(dtype=np.float64).T
+    if (np.abs(w * w + x * x + y * y + z * z - 1.0) > MOST_OFF_UNIT).any():
+        raise InputError(f"{path}: a turn is no unit quaternion")
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.asarray(np.array(rows).transpose(2, 0, 1))
