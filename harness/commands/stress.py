@@ -45,6 +45,7 @@ def command(options: Options) -> None:
       python -m harness stress --nets curve,junction --demands light,heavy
       python -m harness stress --densities 20,45 --mismatch --trackers mmpf,stonesoup-jpda
       python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
+      python -m harness stress --replay kitti/label_02 --format kitti-tracking
       python -m harness stress --scheduler tcp://host:8786
     """
     from harness.api import make_grid  # noqa: PLC0415
