@@ -25,10 +25,6 @@ CELL_M = 10.0
 MOST_CELLS = 4_000_000
 # A place farther than this beyond a lane's edge is not beside that lane.
 BESIDE_M = 3.0
-# Of two ways the one that turns by this much more is taken by e times fewer.
-TURN_SCALE_RAD = 1.2
-# Paths across a junction that follow one another.
-LONGEST_CHAIN = 3
 
 
 @dataclass(frozen=True)
@@ -193,34 +189,6 @@ class LaneGraph:
     def link_from(self) -> IntArray:
         """The lane that each link leads from, shape (k,); ``successor`` says where to."""
         return np.repeat(np.arange(len(self)), np.diff(self.first_successor))
-
-    @cached_property
-    def way_share(self) -> FloatArray:
-        """How likely a vehicle is to take each link of its lane, as one guesses who has not seen the traffic, (k,).
-
-        Most go straight on.
-        """
-        links = zip(self.link_from.tolist(), self.successor.tolist(), strict=True)
-        turn = np.array([self._turn_rad(lane, to) for lane, to in links])
-        weight = np.exp(-np.abs(turn) / TURN_SCALE_RAD)
-        total = np.bincount(self.link_from, weight, minlength=len(self))
-        return np.asarray(weight / total[self.link_from])
-
-    @cached_property
-    def even_share(self) -> FloatArray:
-        """One over the number of links of its lane for each link, shape (k,)."""
-        return np.asarray(1.0 / np.diff(self.first_successor)[self.link_from])
-
-    def _turn_rad(self, lane: int, following: int) -> float:
-        """Return by how much vehicles turn to the left that take a link and leave the junction behind it."""
-        pieces, to = self.segments, following
-        for _ in range(LONGEST_CHAIN):
-            if not self.in_junction[to] or self.first_successor[to] == self.first_successor[to + 1]:
-                break
-            to = int(self.successor[self.first_successor[to]])
-        last, first = pieces.first[lane + 1] - 1, pieces.first[to]
-        heading = np.arctan2(pieces.sine[[last, first]], pieces.cosine[[last, first]])
-        return float(wrapped(heading[1] - heading[0]))
 
     @cached_property
     def cells(self) -> Cells:

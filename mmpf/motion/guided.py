@@ -127,10 +127,6 @@ class LaneGuided:
             graph.in_junction,
             graph.successor,
             graph.first_successor,
-            # In sight measurements weed out who is wrong, and some must be there when a turn begins.
-            graph.even_share,
-            graph.way_share,
-            surroundings.is_hidden,
         )
         x, y, direction = graph.place(lane, along, left)
         cosine, sine = np.cos(latents[HEADING]), np.sin(latents[HEADING])
@@ -172,7 +168,7 @@ class LaneGuided:
     def _pick_successors(self, lane: IntArray, rng: np.random.Generator) -> IntArray:
         graph = self.graph
         choice = rng.uniform(size=len(lane))
-        return _pick_successors(lane, choice, graph.successor, graph.first_successor, graph.even_share)
+        return _pick_successors(lane, choice, graph.successor, graph.first_successor)
 
     def _draw_lanes(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, rng: np.random.Generator
@@ -192,23 +188,17 @@ class LaneGuided:
 
 
 @numba.njit(cache=True)
-def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray, share: FloatArray) -> int:
-    last = first_successor[lane + 1] - 1
-    for k in range(first_successor[lane], last):
-        choice -= share[k]
-        if choice < 0.0:
-            return int(successor[k])
-    return int(successor[last]) if last >= first_successor[lane] else NOWHERE
+def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray) -> int:
+    count = first_successor[lane + 1] - first_successor[lane]
+    return successor[first_successor[lane] + min(int(choice * count), count - 1)] if count > 0 else NOWHERE
 
 
 @numba.njit(cache=True)
-def _pick_successors(
-    lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray, share: FloatArray
-) -> IntArray:
+def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray) -> IntArray:
     picked = np.full(len(lane), NOWHERE)
     for n in range(len(lane)):
         if lane[n] >= 0:
-            picked[n] = _pick(lane[n], choice[n], successor, first_successor, share)
+            picked[n] = _pick(lane[n], choice[n], successor, first_successor)
     return picked
 
 
@@ -227,28 +217,24 @@ def _go_along(
     in_junction: BoolArray,
     successor: IntArray,
     first_successor: IntArray,
-    seen_share: FloatArray,
-    hidden_share: FloatArray,
-    is_hidden: BoolArray,
 ) -> None:
     """Take particles over their lanes' edges and ends, in place; who changes its mind chooses its next lane anew."""
     for n in range(len(lane)):
         if lane[n] < 0:
             continue
         own, u = lane[n], choice[n]
-        share = hidden_share if is_hidden[n] else seen_share
         beside = left_of[own] if left[n] > 0.5 * width[own] else (right_of[own] if left[n] < -0.5 * width[own] else -1)
         if beside >= 0:
             apart = 0.5 * (width[own] + width[beside])
             left[n] += -apart if left[n] > 0.0 else apart
             along[n] *= length[beside] / length[own]
             own = beside
-            following[n] = _pick(own, u, successor, first_successor, share)
+            following[n] = _pick(own, u, successor, first_successor)
         elif changes_mind[n] and not in_junction[own]:
-            following[n] = _pick(own, u, successor, first_successor, share)
+            following[n] = _pick(own, u, successor, first_successor)
         while along[n] >= length[own] and following[n] >= 0:
             along[n] -= length[own]
             own = following[n]
             u = (u * 7919.0) % 1.0
-            following[n] = _pick(own, u, successor, first_successor, share)
+            following[n] = _pick(own, u, successor, first_successor)
         lane[n] = own

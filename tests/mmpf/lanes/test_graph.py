@@ -97,27 +97,3 @@ def test_a_graph_that_nobody_can_drive_on_is_refused(broken: dict[str, object]) 
     graph = graph_of({"a": [(0, 0), (9, 0)], "b": [(0, 4), (9, 4)]})
     with pytest.raises(ValueError, match="lane"):
         replace(graph, **broken)  # type: ignore[arg-type]
-
-
-def test_most_are_guessed_to_go_straight_on_and_as_many_to_turn_left_as_right() -> None:
-    ways = {"in": [(-50, 0), (0, 0)], "on": [(0, 0), (50, 0)], "left": [(0, 0), (0, 50)], "right": [(0, 0), (0, -50)]}
-    graph = graph_of(ways, [("in", "left"), ("in", "on"), ("in", "right")])  # type: ignore[arg-type]
-    left, on, right = graph.way_share
-    assert left == pytest.approx(right)
-    assert 0.5 < on < 0.8
-    assert left + on + right == pytest.approx(1.0)
-
-
-def test_a_path_across_a_junction_turns_as_far_as_the_lane_behind_it_does() -> None:
-    turn, bend = arc(10.0, np.pi / 2), [(0, 0), (10, 0)]
-    ways = {
-        "in": [(-50, 0), (0, 0)],
-        "path": turn,
-        "half": bend,
-        "north": [(10, 10), (10, 60)],
-        "on": [(10, 0), (60, 0)],
-    }
-    links = [("in", "path"), ("in", "half"), ("path", "north"), ("half", "on")]
-    graph = graph_of(ways, links, in_junction=("path", "half"))  # type: ignore[arg-type]
-    assert graph.way_share[1] / graph.way_share[0] == pytest.approx(np.exp(0.5 * np.pi / 1.2))
-    assert graph.way_share[2:].tolist() == [1.0, 1.0]
