@@ -73,16 +73,15 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         raise InputError(f"`to` kitti: {run.folder} is no run over a {NAME} recording")
     least_score = FORMATS[NAME].least_score if recording.least_score is None else recording.least_score
     first = round(recording.start_s / STEP_S)
-    names = run.metrics["recording"]["drives"]
-    files = {each.labels.stem: each for each in sequences(Path(run.config.replay))}
+    read = [(files, _read(files, least_score)) for files in sequences(Path(run.config.replay))]
+    played = [(files.labels.name, sequence) for files, sequence in read if len(sequence.way.shift) > first]
+    if len(played) != run.truth["episode"].nunique():
+        raise InputError(f"`to` kitti: {run.config.replay} has other sequences than when {run.folder} was made")
     (folder / "data_0").mkdir()
     written = []
-    for episode, name in enumerate(names):
-        if name not in files:
-            raise InputError(f"`to` kitti: sequence {name} is no longer in {run.config.replay}")
-        sequence = _read(files[name], least_score)
+    for episode, (name, sequence) in enumerate(played):
         lines = _lines(_of_episode(run.tracks, run.truth, episode, first), sequence)
-        path = folder / "data_0" / f"{name}.txt"
+        path = folder / "data_0" / name
         path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
         written.append(path)
     return written

@@ -21,6 +21,7 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 # Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
 SLOWEST_TURN_MPS = 1.0
 TIGHTEST_CURVATURE_PER_M = 0.2
+MOST_TURN_RAD = 1.0
 WRONG_SHARE = 0.05
 """Share of measured directions that have nothing to do with the vehicle's."""
 
@@ -80,22 +81,31 @@ class Unguided:
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
-        """Let the inner model move the particles from where they are, and turn them to where they then go."""
+        """Let the inner model move the particles from where they are, and turn them to where they then go.
+
+        Noise that the filter added to the lateral speed turns them too, and adds nothing to their speed: whoever stands
+        goes on standing.
+        """
         local = state.copy()
-        local[LON] = local[LAT] = 0.0
+        local[LON] = local[LAT] = local[LAT_SPEED] = 0.0
         moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
-        heading = latents[HEADING]
+        heading = latents[HEADING] + _turn(state[SPEED], state[LAT_SPEED], dt_s)
         x, y = turned(moved[LON], moved[LAT], -heading)
-        turn = np.arctan2(moved[LAT_SPEED], np.maximum(moved[SPEED], SLOWEST_TURN_MPS))
-        most = TIGHTEST_CURVATURE_PER_M * moved[SPEED] * dt_s
-        turn = np.clip(turn, -most, most)
+        turn = _turn(moved[SPEED], moved[LAT_SPEED], dt_s)
         moved[LON], moved[LAT] = state[LON] + x, state[LAT] + y
-        moved[SPEED] = np.where(turn == 0.0, moved[SPEED], np.hypot(moved[SPEED], moved[LAT_SPEED]))
+        # What a model steers is a part of the path's speed.
+        moved[SPEED] = moved[SPEED] / np.cos(turn)
         moved[LAT_SPEED] = 0.0
         after = latents.copy()
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(heading + turn)
         return moved, after
+
+
+def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> FloatArray:
+    """Return by how much vehicles turn that drift, no more than their tightest bend lets them in a step, shape (n,)."""
+    most = np.minimum(TIGHTEST_CURVATURE_PER_M * speed_mps * dt_s, MOST_TURN_RAD)
+    return np.asarray(np.clip(np.arctan2(lat_speed_mps, np.maximum(speed_mps, SLOWEST_TURN_MPS)), -most, most))
 
 
 def heading_ratio(direction_rad: FloatArray, headings: BodyHeadings) -> FloatArray:

@@ -75,3 +75,17 @@ def test_trackers_run_over_a_recording_and_a_run_of_it_again(tmp_path: Path, tra
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
     scores = [finished.metrics.loc["mot.hota":"occlusion.events", "value"] for finished in (first, again)]  # type: ignore[misc]
     pd.testing.assert_series_equal(*scores)
+
+
+def test_a_grid_over_sequences_tells_gaps_of_moving_and_parked_vehicles(tmp_path: Path) -> None:
+    from harness.api import stress  # noqa: PLC0415
+
+    write_kitti(tmp_path / "data", "0001")
+    folder = write_kitti(tmp_path / "data", "0002") / "label_02"
+    made = stress(
+        replay=folder, format="kitti-tracking", trackers="oracle-kalman", out=tmp_path / "grid", workers=1, quiet=True
+    )
+    assert made.failures == []
+    table = (tmp_path / "grid" / "table.md").read_text()
+    assert "same identity after gaps of 1 s and more, moving, %" in table
+    assert "| 0001.txt |" in table

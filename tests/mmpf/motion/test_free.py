@@ -9,6 +9,7 @@ from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import NOWHERE, without_map
 from mmpf.motion.free import Unguided, heading_ratio, in_plane
 from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
+from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
@@ -62,6 +63,20 @@ def test_a_steady_sideways_acceleration_drives_a_circle() -> None:
 def test_who_stands_does_not_turn() -> None:
     _, latents = driven(drifting(1.0), [0.3], 0.0, 20)
     assert latents[HEADING] == pytest.approx([0.3])
+
+
+def test_sideways_noise_turns_vehicles_and_adds_nothing_to_their_speed() -> None:
+    motion = in_plane(kinematic("csaa", ProcessNoise(0.0, 0.0)), without_map())
+    state, rng = np.zeros((6, 500)), np.random.default_rng(4)
+    state[SPEED, 250:] = 10.0
+    latents = motion.draw_latents(state, rng)
+    latents[HEADING] = 0.0
+    for _ in range(30):
+        state[LAT_SPEED] += 0.3 * rng.standard_normal(500)
+        state, latents = motion.propagate(state, latents, AROUND, 0.1, rng)
+    assert np.abs(state[[LON, LAT, SPEED], :250]).max() == pytest.approx(0.0, abs=1e-9)
+    assert state[SPEED, 250:] == pytest.approx(np.full(250, 10.0), rel=1e-6)
+    assert latents[HEADING, 250:].std() == pytest.approx(0.03 * np.sqrt(30), rel=0.15)
 
 
 def test_newborn_particles_are_on_no_lane_and_point_anywhere() -> None:

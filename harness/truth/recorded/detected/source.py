@@ -234,7 +234,6 @@ class DriveTruth:
             "format": self._format,
             "ego": EGO,
             "egos": len(self.drives),
-            "drives": [drive.drive.name for drive in self.drives],
             "seconds": self.expected_steps * STEP_S,
             "vehicles_read": sum(len(drive.drive.names) for drive in self.drives),
             "vehicles_kept": vehicles,
