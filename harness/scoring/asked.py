@@ -82,7 +82,7 @@ def ask(
         settings: The numbers of the rules.
     """
     egos, there = egos_of(truth, rows)
-    bodies = tracked_bodies(detections, rows, settings)
+    bodies = tracked_bodies(detections, rows, egos, settings)
     existence = tracks["existence"].to_numpy(dtype=np.float64) if "existence" in tracks else np.ones(len(tracks))
     kept = np.flatnonzero(existence[rows.tracks.table_row] >= settings.driver_existence)
     step_s, since_s = _times(rows)

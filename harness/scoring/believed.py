@@ -56,13 +56,14 @@ def true_bodies(truth: pd.DataFrame, rows: RunRows) -> Bodies:
     )
 
 
-def tracked_bodies(detections: pd.DataFrame, rows: RunRows, settings: ScoringSettings) -> Bodies:
-    """Return the reported tracks, in the order of ``TrackRows``."""
+def tracked_bodies(detections: pd.DataFrame, rows: RunRows, egos: Egos, settings: ScoringSettings) -> Bodies:
+    """Return the reported tracks, in the order of ``TrackRows``; one that tells no speed is as fast as the ego."""
     tracks = rows.tracks
     order = np.lexsort((tracks.step, tracks.track))
     length, width = _measured_so_far(detections, rows, order, settings)
     direction = np.zeros(len(tracks)) if rows.ego_direction_rad is None else _headings(rows, order)
-    return Bodies(tracks.step, tracks.lon_m, tracks.lat_m, tracks.speed_mps, direction, length, width)
+    speed = np.where(np.isfinite(tracks.speed_mps), tracks.speed_mps, egos.speed_mps[tracks.step])
+    return Bodies(tracks.step, tracks.lon_m, tracks.lat_m, speed, direction, length, width)
 
 
 def _measured_so_far(

@@ -171,6 +171,11 @@ def test_a_track_is_as_long_as_its_detections_were_measured():
     assert commands["tracks_gap_m"].to_numpy() == pytest.approx(20.0)
 
 
+def test_a_track_that_tells_no_speed_is_believed_to_keep_pace_with_the_ego():
+    untold, told = (slow_car()[0].track(1, 24.0, speed) for speed in (np.nan, SPEED))
+    assert untold.scored().metrics["decisions"] == told.scored().metrics["decisions"]
+
+
 def test_without_a_road_nobody_is_asked():
     scene, _ = slow_car()
     tables = [pd.concat(rows, ignore_index=True) for rows in (scene.truth, scene.detections)]
