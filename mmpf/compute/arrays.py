@@ -23,7 +23,7 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def taken(rows: Rows, index: IntArray | BoolArray) -> Rows:
-    """Return some rows of a struct of arrays, a frozen dataclass of arrays of shape (n, ...) and of such structs.
+    """Return some rows of a struct of arrays: a frozen dataclass of arrays of shape (n, ...), such structs and None.
 
     Args:
         rows: The struct.
@@ -50,10 +50,11 @@ def joined(first: Rows, second: Rows) -> Rows:
 
 def _by_column(change: Callable[..., Any], first: Rows, *others: Rows) -> Rows:
     columns = {field.name: [getattr(rows, field.name) for rows in (first, *others)] for field in fields(first)}
+    there = {name: column for name, column in columns.items() if column[0] is not None}
     return replace(
         first,
         **{
             name: change(*column) if isinstance(column[0], np.ndarray) else _by_column(change, *column)
-            for name, column in columns.items()
+            for name, column in there.items()
         },
     )

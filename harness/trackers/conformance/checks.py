@@ -49,7 +49,7 @@ from harness.trackers.conformance.scripted_scenes import (
 )
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
 from mmpf.road import Road
-from mmpf.scan import BodySizes, Detections
+from mmpf.scan import Detections
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 
 _LANE_CENTRES_M = tuple(lane.centre_m for lane in ROAD.lanes)
@@ -308,8 +308,12 @@ def _check_identities_stay_at_a_crossing(build: Build) -> None:
 
 
 def _content(detections: Detections) -> dict[str, bytes]:
-    """Return the bytes of each column, those of the sizes included where they are measured."""
-    columns = {f.name: getattr(detections, f.name) for f in fields(Detections) if f.name != "sizes"}
-    if detections.sizes is not None:
-        columns |= {f"sizes.{f.name}": getattr(detections.sizes, f.name) for f in fields(BodySizes)}
-    return {name: values.tobytes() for name, values in columns.items()}
+    """Return the bytes of each column, those of sizes and headings included where they are measured."""
+    parts = {"": detections, "sizes.": detections.sizes, "headings.": detections.headings}
+    columns = {
+        name + column.name: getattr(part, column.name)
+        for name, part in parts.items()
+        if part is not None
+        for column in fields(part)
+    }
+    return {name: values.tobytes() for name, values in columns.items() if isinstance(values, np.ndarray)}

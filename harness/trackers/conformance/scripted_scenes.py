@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from harness.trackers.protocol import TrackerSetting
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, taken
 from mmpf.road import highway
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
@@ -139,9 +139,7 @@ def times_every_step(until_s: float) -> list[float]:
 def shuffled(scan: LabelledScan, order: IntArray) -> LabelledScan:
     """Return the scan with its detections in another order."""
     old = scan.scan.detections
-    columns = {column.name: getattr(old, column.name)[order] for column in fields(old) if column.name != "sizes"}
-    detections = Detections(**columns, sizes=None if old.sizes is None else old.sizes.take(order))
-    return LabelledScan(Scan(scan.scan.time_s, detections, scan.scan.ego), scan.truth_id[order])
+    return LabelledScan(Scan(scan.scan.time_s, taken(old, order), scan.scan.ego), scan.truth_id[order])
 
 
 def without_sizes(scan: LabelledScan) -> LabelledScan:

@@ -179,7 +179,9 @@ def assert_standard_normal(errors):
     assert (errors**2).mean(axis=-1) == pytest.approx(np.ones(len(errors)), abs=4 * np.sqrt(2 / errors.shape[1]))
 
 
-@pytest.mark.parametrize("profile", list(sensor_profiles))
+@pytest.mark.parametrize(
+    "profile", [name for name in sensor_profiles if sensor_settings(name, {}).field_of_view_deg == 360.0]
+)
 def test_told_to_report_exactly_a_sensor_reports_the_deviations_of_its_errors_in_plain_view(profile):
     vehicle, errors = errors_in_plain_view(profile)
     for some in (FAR[vehicle], ~FAR[vehicle]):
@@ -274,7 +276,7 @@ def test_the_same_stream_gives_the_same_observation_to_the_last_bit():
     one, two = look(frame, seed=7), look(frame, seed=7)
     for part in ("detections", "sizes"):
         first, second = (s.scan.detections if part == "detections" else s.scan.detections.sizes for s in (one, two))
-        for name in (column.name for column in fields(first) if column.name != "sizes"):
+        for name in (column.name for column in fields(first) if column.name not in {"sizes", "headings"}):
             assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), name
 
 

@@ -30,7 +30,12 @@ def published_rule_checks() -> list[object]:
 
 
 # A baseline without memory can keep no identity.
-BEYOND_MEMORYLESS = {"one_car_becomes_one_confirmed_track", "identities_stay_with_their_cars"}
+BEYOND_MEMORYLESS = {
+    "one_car_becomes_one_confirmed_track",
+    "identities_stay_with_their_cars",
+    "identities_stay_on_a_bend",
+    "identities_stay_at_a_crossing",
+}
 
 
 def slow_beside_gnn(name: str) -> tuple[pytest.MarkDecorator, ...]:
