@@ -51,7 +51,7 @@ pytest_add_cli_args =
 on_dependency_change = ignore
 """
 NO_MUTANT = "no mutant has this name"
-LONGEST_TEST_S = 6.0
+LONGEST_TEST_S = 1.0
 """Tests that take longer are left out."""
 SLOWER, LEAST_LIMIT_S = 5.0, 20.0
 """A mutant's tests may take this many times longer than without it, and never less than that."""

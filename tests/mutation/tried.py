@@ -1,7 +1,7 @@
 """The process in which mutants are tried, one fork each: ``python -m tests.mutation.tried PLAN TOLD`` in their tree.
 
 The plan is a JSON list of names and their tests, the shortest first. The tests are collected once, so that every module
-is imported before the first fork, and those of the first mutant must pass without it. What came of each mutant is told
+is imported before the first fork, and some must pass without a mutant. What came of each mutant is told
 in a line of JSON: the exit code of its tests, ``timeout``, or the signal that ended them.
 """
 
@@ -35,8 +35,7 @@ def main() -> int:
     if needed:
         pytest.main([*QUIET, "--collect-only", *needed])
         gc.freeze()
-        control = next(entry for entry in left if entry["tests"])
-        if outcome := tried("", control["tests"], control["limit_s"]):
+        if outcome := tried("", needed[:: len(needed) // 10 + 1], 300):
             sys.stderr.write(f"without any mutant the tests end with {outcome}\n")
             return 1
     with told.open("a", encoding="utf-8") as log:

@@ -6,8 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.comparison.single import _of_sides
 from harness.comparison.vehicles import (
     REACH_M,
+    ByVehicle,
     _hota_influence,
     closeness,
     hidden_cost_by_vehicle,
@@ -17,6 +19,7 @@ from harness.comparison.vehicles import (
 )
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.metrics import score_metrics
+from harness.scoring.quantity import Quantity
 from harness.scoring.settings import ScoringSettings
 
 CARS = 6
@@ -94,3 +97,19 @@ def test_closeness_falls_along_the_road_and_nobody_is_closer_than_to_oneself(evi
     assert near[0, 1] == pytest.approx(1.0)
     assert near[0, 2] == pytest.approx(1.0 - 40.0 / REACH_M)
     assert np.linalg.eigvalsh(near).min() > -1e-9
+
+
+def test_what_belongs_to_no_vehicle_widens_the_deviation_of_a_difference_and_who_counts_nowhere_is_left_out():
+    counts = np.append(np.ones(8), 0.0)
+    away = np.append(np.tile([0.5, -0.5], 4), 0.0)
+    first, second = (ByVehicle(value, part * away, counts, np.zeros(0)) for value, part in ((10.0, 1.0), (13.0, 0.5)))
+    strays = ByVehicle(13.0, second.influence, counts, np.array([3.0, -4.0]))
+    quantity, near = Quantity("mot.hota", "HOTA"), np.eye(9)
+    alone = _of_sides("a", quantity, [first, second], near)
+    beside = [_of_sides("a", quantity, sides, near) for sides in ([first, strays], [strays, first])]
+    assert (alone.a, alone.b, alone.pairs, alone.same) == (10.0, 13.0, 8, False)
+    assert [each.effect.difference for each in (alone, *beside)] == [3.0, 3.0, -3.0]
+    for each in beside:
+        assert each.effect.se**2 == pytest.approx(alone.effect.se**2 + 25.0)
+    assert _of_sides("a", quantity, [first, first], near).same
+    assert not _of_sides("a", quantity, [second, strays], near).same
