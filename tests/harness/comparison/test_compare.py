@@ -383,6 +383,8 @@ def test_two_single_runs_are_paired_by_vehicle_and_called_one_seed(echo_runs):
         table, name = key.split(".")
         for value, metrics in zip((found[key].a, found[key].b), both, strict=True):
             assert value == pytest.approx(np.nan if metrics[table][name] is None else metrics[table][name], nan_ok=True)
+    for verdict in comparison.verdicts:
+        assert verdict.difference == pytest.approx(verdict.b - verdict.a, nan_ok=True), verdict.metric
     assert any("One seed" in note for note in comparison.notes)
     assert "One seed" in as_markdown(comparison)
 
