@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 from tests.fuzz.child import captured
-from tests.fuzz.odd_networks import ODD
+from tests.fuzz.odd_networks import chosen
 
 
 def main() -> None:
@@ -20,7 +20,7 @@ def main() -> None:
     faulthandler.enable()
     errors, home = told.with_suffix(".stderr"), Path.cwd()
     with told.open("a", encoding="utf-8") as log:
-        for number, (name, make) in list(enumerate(ODD.items()))[first:]:
+        for number, (name, make) in list(enumerate(chosen().items()))[first:]:
             log.write(json.dumps({"begin": number, "kind": "network", "command": [name], "spoilt": [name]}) + "\n")
             log.flush()
             folder = Path(tempfile.mkdtemp(prefix=f"odd-{number}-"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -268,3 +269,18 @@ ODD: dict[str, Callable[[], Odd]] = {
     ),
 }
 """By what is odd about each."""
+
+
+EXPECTED = {
+    **dict.fromkeys(("as it is", "left-hand traffic", "a building", "places of UTM"), 0),
+    **dict.fromkeys(("no edges", "rails alone", "half a net", "a lane with places that are no numbers"), 2),
+}
+"""Exit codes that are known beforehand."""
+ALL = "HARNESS_ODD_NETWORKS"
+EACH = 3
+
+
+def chosen() -> dict[str, Callable[[], Odd]]:
+    """Return every third network and those whose exit code is known; all where the variable is ``all``."""
+    every = EACH if os.environ.get(ALL) != "all" else 1
+    return {name: make for k, (name, make) in enumerate(ODD.items()) if k % every == 0 or name in EXPECTED}

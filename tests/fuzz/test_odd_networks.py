@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from tests.fuzz.odd_networks import ODD
+from tests.fuzz.odd_networks import EXPECTED, ODD, chosen
 from tests.fuzz.test_fuzz import BUSY, LONGEST_S, ROOT, STARTING_S, Case, processor_s, rows_of
 
 FEWEST = 50
@@ -17,7 +17,7 @@ FEWEST = 50
 def drive_on_all(folder) -> list[Case]:
     """Drive on all of them in child processes: one that hangs or dies costs its network, and another goes on behind."""
     cases: list[Case] = []
-    while len(cases) < len(ODD):
+    while len(cases) < len(chosen()):
         told = folder / f"told-{len(cases)}.jsonl"
         command = [sys.executable, "-m", "tests.fuzz.odd_child", str(len(cases)), str(told)]
         with (folder / "child.stderr").open("wb") as complaints:
@@ -44,14 +44,13 @@ def drive_on_all(folder) -> list[Case]:
     return cases
 
 
+def test_there_are_at_least_fifty_odd_networks():
+    assert len(ODD) >= FEWEST
+
+
 @pytest.mark.slow
 def test_every_odd_network_gives_a_run_or_one_clear_line(tmp_path):
     cases = drive_on_all(tmp_path)
-    assert len(cases) >= FEWEST
     faults = [f"{case.spoilt[0]}: {case.fault()}: {case.stderr[-500:]}" for case in cases if case.fault()]
     assert not faults, "\n".join(faults)
-    codes = {case.spoilt[0]: case.code for case in cases}
-    assert {codes[name] for name in ("as it is", "left-hand traffic", "a building", "places of UTM")} == {0}
-    assert {
-        codes[name] for name in ("no edges", "rails alone", "half a net", "a lane with places that are no numbers")
-    } == {2}
+    assert {case.spoilt[0]: case.code for case in cases if case.spoilt[0] in EXPECTED} == EXPECTED
