@@ -255,16 +255,17 @@ class SensorModel:
         return max(self.clutter_per_scan, 1e-3) / self.clutter_area_m2
 
 
-def check_scan(scan: Scan, previous_time_s: float | None) -> None:
+def check_scan(scan: Scan, previous_time_s: float | None, signals: int | None = None) -> None:
     """Refuse a scan that no sensor can have made, or that does not follow the previous one.
 
     Args:
         scan: The scan.
         previous_time_s: Time of the scan before it; None at the first.
+        signals: How many signals the map has; None if that is not known.
 
     Raises:
         InvalidScanError: The time is not finite or not later than the previous one, the ego's pose is not finite,
-            or the detections are impossible (``Detections.validate``).
+            the detections are impossible (``Detections.validate``), or states of other signals are told than there are.
     """
     if not np.isfinite(scan.time_s):
         raise InvalidScanError(f"scan.time_s is {scan.time_s}, not a finite time")
@@ -274,3 +275,6 @@ def check_scan(scan: Scan, previous_time_s: float | None) -> None:
         if not np.isfinite(getattr(scan.ego, column.name)):
             raise InvalidScanError(f"scan.ego.{column.name} is not finite")
     scan.detections.validate()
+    told = scan.open_signals
+    if signals is not None and told is not None and told.shape != (signals,):
+        raise InvalidScanError(f"scan.open_signals has shape {told.shape}, but the map has {signals} signals")

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from mmpf.around.on_graph import surroundings_on_graph
-from mmpf.around.openness import OnLanes, open_probability, unknown_signals, watched_signals
+from mmpf.around.openness import LinkWatch
 from mmpf.around.surroundings import surroundings_of
 from mmpf.around.ways import on_heaviest_way
 from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.compute.arrays import BoolArray
 from mmpf.compute.threads import one_blas_thread
 from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.noise import no_more_exact
@@ -26,7 +27,7 @@ from mmpf.plane import SensorPlane
 from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
 from mmpf.report import StepReport, Stopwatch, reported_tracks
 from mmpf.road import Road
-from mmpf.scan import InvalidScanError, Scan, SensorModel, check_scan
+from mmpf.scan import Scan, SensorModel, check_scan
 from mmpf.state import LAT, LON, SPEED
 from mmpf.tracks import Tracks
 from mmpf.update import Situation, Updated, UpdateRule
@@ -69,14 +70,8 @@ class MixtureTracker:
         self._mixture = self._nobody
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
-        self._signal_log_odds = np.zeros(0) if road.graph is None else unknown_signals(road.graph)
+        self._links = None if road.graph is None else LinkWatch(road.graph)
         self.last_report = StepReport()
-
-    @property
-    def _signals(self) -> int:
-        """How many signals the map has."""
-        graph = self._road.graph
-        return 0 if graph is None or graph.control is None else len(graph.control.signal_name)
 
     @property
     def mixture(self) -> Mixture:
@@ -94,11 +89,8 @@ class MixtureTracker:
             InvalidScanError: The scan holds impossible values or is not later than the one before; the filter is
                 as it was.
         """
-        check_scan(scan, None if self._previous is None else self._previous.time_s)
-        if scan.open_signals is not None and scan.open_signals.shape != (self._signals,):
-            raise InvalidScanError(
-                f"scan.open_signals has shape {scan.open_signals.shape}, but the map has {self._signals} signals"
-            )
+        signals = 0 if self._road.graph is None else self._road.graph.signals
+        check_scan(scan, None if self._previous is None else self._previous.time_s, signals)
         if self._options.update == "joint":
             scan = no_more_exact(scan, self._options.joint.noise.smallest_std_m)
         clock = Stopwatch()
@@ -185,14 +177,10 @@ class MixtureTracker:
         ego_accel_mps2 = (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s
         around = self._mixture, self._moments, self._is_seen, previous.ego, ego_accel_mps2
         graph, flow = self._road.graph, self._options.flow
-        if graph is None:
+        if graph is None or self._links is None:
             surroundings = surroundings_of(*around, self._road, flow)
         else:
-
-            def open_links(vehicles: OnLanes) -> FloatArray | None:
-                self._signal_log_odds = watched_signals(self._signal_log_odds, vehicles, graph, situation.dt_s)
-                return open_probability(self._signal_log_odds, previous.open_signals, vehicles, graph)
-
+            open_links = partial(self._links.look, open_signals=previous.open_signals, dt_s=situation.dt_s)
             surroundings = surroundings_on_graph(*around, graph, flow, open_links)
         return prior_update(self._mixture, surroundings, situation, self._proposal, self._options, self._rng)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mmpf.around.neighbours import IN_THE_WAY
 from mmpf.around.openness import OnLanes
+from mmpf.around.stop_lines import stop_at_lines
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
@@ -24,8 +25,6 @@ HORIZON_M = 120.0
 NOBODY = -1
 # Vehicles whose directions differ by more are no part of the flow.
 SAME_WAY = np.cos(np.deg2rad(60.0))
-# Who would have to brake harder than this before a stop line goes on; the others stand so far before it.
-STOPS_WITH_MPS2, BEFORE_LINE_M = 3.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def surroundings_on_graph(
     chance = None if open_links is None else open_links(placed.on_lanes(np.append(is_seen, True)))
     if chance is not None:
         own_length = vehicles.length_m[cloud.component]
-        _stop_at_lines(
+        stop_at_lines(
             chance,
             cloud.latents[GATE],
             lane,
@@ -297,39 +296,3 @@ def _flow_speeds(moments: Moments, counts: BoolArray, options: FlowOptions) -> F
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)
-
-
-@numba.njit(cache=True, nogil=True)
-def _stop_at_lines(
-    chance: FloatArray,
-    gate: FloatArray,
-    lane: IntArray,
-    following: IntArray,
-    along: FloatArray,
-    own_speed: FloatArray,
-    own_length: FloatArray,
-    lane_length: FloatArray,
-    successor: IntArray,
-    first_successor: IntArray,
-    exists: BoolArray,
-    gap: FloatArray,
-    neighbour_speed: FloatArray,
-    neighbour_accel: FloatArray,
-    neighbour_length: FloatArray,
-) -> None:
-    """Put a standing leader at the end of lanes whose next link a particle takes for closed, in place."""
-    for n in range(len(lane)):
-        if lane[n] < 0 or following[n] < 0:
-            continue
-        for k in range(first_successor[lane[n]], first_successor[lane[n] + 1]):
-            if successor[k] != following[n]:
-                continue
-            to_line = lane_length[lane[n]] - along[n] - 0.5 * own_length[n]
-            if gate[n] < chance[k] or to_line < 0.0 or own_speed[n] ** 2 > 2.0 * STOPS_WITH_MPS2 * to_line:
-                break
-            # A gap of 2 m is left to a leader that stands.
-            away = to_line + 2.0 - BEFORE_LINE_M
-            if not exists[n] or away < gap[n]:
-                exists[n], gap[n], neighbour_speed[n], neighbour_accel[n] = True, away, 0.0, 0.0
-                neighbour_length[n] = own_length[n]
-            break

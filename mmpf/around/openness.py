@@ -30,6 +30,8 @@ DRIVES_MPS, WAITS_MPS, NEAR_M = 3.0, 1.0, 12.0
 GAP_S = 3.0
 HELD, CLEAR = 0.3, 0.95
 SLOWEST_MPS = 0.5
+# Who is farther along the path across than this share of it holds nobody any more.
+CROSSED_SHARE = 0.7
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,25 @@ def open_probability(
     return chance
 
 
+class LinkWatch:
+    """Which links of a graph can be taken, as watched from scan to scan."""
+
+    def __init__(self, graph: LaneGraph) -> None:
+        """Begin to watch; nothing has been seen."""
+        self._graph, self._log_odds = graph, unknown_signals(graph)
+
+    def look(self, vehicles: OnLanes, open_signals: BoolArray | None, dt_s: float) -> FloatArray | None:
+        """Return how probably each link can be taken now, shape (k,); see ``open_probability``.
+
+        Args:
+            vehicles: Where vehicles are.
+            open_signals: State of each signal, where it is known, shape (signals,).
+            dt_s: Time since the look before.
+        """
+        self._log_odds = watched_signals(self._log_odds, vehicles, self._graph, dt_s)
+        return open_probability(self._log_odds, open_signals, vehicles, self._graph)
+
+
 @numba.njit(cache=True)
 def _watch_drivers(
     log_odds: FloatArray,
@@ -171,6 +192,7 @@ def _give_way(
     successor: IntArray,
     in_junction: BoolArray,
 ) -> None:
+    """Lower the chance of links whose vehicles must wait for who comes or crosses, raise it where nobody does."""
     for k in range(len(kind)):
         if kind[k] != YIELD:
             continue
@@ -185,5 +207,5 @@ def _give_way(
                 if lane[v] == way:
                     held |= lane_length[way] - along[v] < GAP_S * max(speed[v], SLOWEST_MPS)
                 elif lane[v] == path and in_junction[path]:
-                    held |= along[v] < 0.7 * lane_length[path]
+                    held |= along[v] < CROSSED_SHARE * lane_length[path]
         chance[k] = HELD if held else CLEAR

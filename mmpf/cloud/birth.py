@@ -9,8 +9,7 @@ import numpy as np
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, turned
-from mmpf.motion.free import Unguided
-from mmpf.motion.protocol import MotionModel
+from mmpf.motion.protocol import MotionModel, TakesHeadings
 from mmpf.options import BirthOptions, FilterOptions
 from mmpf.plane import SensorPlane
 from mmpf.scan import Detections
@@ -86,7 +85,7 @@ def give_birth(
         return mixture.keep(keep)
     state = _draw_states(births, particles, options.birth, rng)
     latents = motion.draw_latents(state, rng)
-    if isinstance(motion, Unguided) and detections.headings is not None:
+    if isinstance(motion, TakesHeadings) and detections.headings is not None:
         latents = motion.towards(latents, detections.headings.take(chosen), rng)
     track_id = mixture.next_track_id + np.arange(len(chosen))
     even = np.full(state.shape[1], -np.log(particles))

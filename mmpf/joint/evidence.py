@@ -207,11 +207,10 @@ def _weigh_headings(
     mixture: Mixture, component: IntArray, headings: BodyHeadings, starts: IntArray, values: FloatArray
 ) -> None:
     """Multiply likelihoods by those of measured directions, in place; arguments are as in ``gated_likelihoods``."""
-    direction = mixture.cloud.latents[HEADING]
-    for pair, own in enumerate(component):
-        particles = direction[None, mixture.starts[own] : mixture.starts[own + 1]]
-        ratio = heading_ratio(particles, headings.take(np.array([pair])))
-        values[starts[pair] : starts[pair + 1]] *= ratio[0]
+    sizes = np.diff(starts)
+    particle = np.arange(starts[-1]) + np.repeat(mixture.starts[component] - starts[:-1], sizes)
+    measured = headings.take(np.repeat(np.arange(len(component)), sizes))
+    values *= heading_ratio(mixture.cloud.latents[HEADING, particle], measured)
 
 
 def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> FloatArray:

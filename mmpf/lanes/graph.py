@@ -155,6 +155,11 @@ class LaneGraph:
         """Whether anything is known of lanes; see ``without_map``."""
         return self.name != (NO_MAP,)
 
+    @property
+    def signals(self) -> int:
+        """How many signals there are."""
+        return 0 if self.control is None else len(self.control.signal_name)
+
     def line(self, lane: int) -> FloatArray:
         """Return the points of a lane's middle line, metres, shape (p, 2)."""
         return self.xy[self.first_point[lane] : self.first_point[lane + 1]]

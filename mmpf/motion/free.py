@@ -61,13 +61,7 @@ class Unguided:
         return latents
 
     def towards(self, latents: FloatArray, headings: BodyHeadings, rng: np.random.Generator) -> FloatArray:
-        """Return latents of newborn particles whose directions are drawn around measured ones.
-
-        Args:
-            latents: Latents of equally many particles for each detection, one after the other, shape (latent_size, n).
-            headings: The measured directions, of shape (k,).
-            rng: Source of randomness.
-        """
+        """Draw directions around measured ones; see ``TakesHeadings.towards``."""
         each = latents.shape[1] // len(headings.heading_rad)
         measured, std, flipped = (
             np.repeat(column, each) for column in (headings.heading_rad, headings.std_rad, headings.flip_probability)
@@ -109,17 +103,17 @@ def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> Floa
 
 
 def heading_ratio(direction_rad: FloatArray, headings: BodyHeadings) -> FloatArray:
-    """Return by how much likelier a measured direction is of particles than of anything, whose direction is any.
+    """Return by how much likelier a measured direction is of a particle than of anything, whose direction is any.
 
     Args:
-        direction_rad: Directions of n particles for each of p measurements, shape (p, n).
-        headings: The measurements, of shape (p,).
+        direction_rad: Directions of particles, shape (n,).
+        headings: What was measured of each, of shape (n,).
     """
-    off = np.abs(wrapped(direction_rad - headings.heading_rad[:, None])) / headings.std_rad[:, None]
-    back = np.pi / headings.std_rad[:, None] - off
-    flipped = headings.flip_probability[:, None]
+    off = np.abs(wrapped(direction_rad - headings.heading_rad)) / headings.std_rad
+    back = np.pi / headings.std_rad - off
+    flipped = headings.flip_probability
     peak = (1.0 - flipped) * np.exp(-0.5 * off**2) + flipped * np.exp(-0.5 * back**2)
-    return np.asarray(WRONG_SHARE + (1.0 - WRONG_SHARE) * peak * np.sqrt(2.0 * np.pi) / headings.std_rad[:, None])
+    return np.asarray(WRONG_SHARE + (1.0 - WRONG_SHARE) * peak * np.sqrt(2.0 * np.pi) / headings.std_rad)
 
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneGuided | Unguided:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.registry import Registry
+from mmpf.scan import BodyHeadings
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,21 @@ class MotionModel(Protocol):
         Returns:
             Next states, shape (6, n), and next latents, shape (latent_size, n). Finite, and never with a negative
             longitudinal speed, whatever the surroundings.
+        """
+        ...
+
+
+@runtime_checkable
+class TakesHeadings(Protocol):
+    """A motion model whose newborn particles point as their vehicles were measured to point."""
+
+    def towards(self, latents: FloatArray, headings: BodyHeadings, rng: np.random.Generator) -> FloatArray:
+        """Return latents of newborn particles whose directions are drawn around measured ones.
+
+        Args:
+            latents: Latents of equally many particles for each detection, one after the other, shape (latent_size, n).
+            headings: The measured directions, of shape (k,).
+            rng: Source of randomness.
         """
         ...
 

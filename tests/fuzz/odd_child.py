@@ -15,12 +15,12 @@ from tests.fuzz.odd_networks import chosen
 
 
 def main() -> None:
-    """Drive on the networks from a number on, and tell of them in a file; both are given."""
-    first, told = int(sys.argv[1]), Path(sys.argv[2])
+    """Drive on the networks from a number up to another, and tell of them in a file; all three are given."""
+    first, end, told = int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3])
     faulthandler.enable()
     errors, home = told.with_suffix(".stderr"), Path.cwd()
     with told.open("a", encoding="utf-8") as log:
-        for number, (name, make) in list(enumerate(chosen().items()))[first:]:
+        for number, (name, make) in list(enumerate(chosen().items()))[first:end]:
             log.write(json.dumps({"begin": number, "kind": "network", "command": [name], "spoilt": [name]}) + "\n")
             log.flush()
             folder = Path(tempfile.mkdtemp(prefix=f"odd-{number}-"))

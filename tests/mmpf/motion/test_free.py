@@ -98,8 +98,8 @@ def test_a_plane_without_a_map_has_no_lane_beside_any_place_that_is_driven() -> 
     assert (near.lane == NOWHERE).all()
 
 
-def measured(heading_rad: float, std_rad: float = 0.1, flip: float = 0.2) -> BodyHeadings:
-    return BodyHeadings(np.array([heading_rad]), np.array([std_rad]), np.array([flip]))
+def measured(heading_rad: float, count: int = 1) -> BodyHeadings:
+    return BodyHeadings(np.full(count, heading_rad), np.full(count, 0.1), np.full(count, 0.2))
 
 
 def test_particles_are_born_around_the_measured_direction_and_some_turned_round() -> None:
@@ -114,7 +114,7 @@ def test_the_likelihood_of_a_direction_is_a_density_over_the_circle() -> None:
     direction = np.linspace(-np.pi, np.pi, 20_001)[:-1]
     for heading in (0.0, 3.1):
         # Against a direction that may be any: the mean over all directions of particles is one.
-        assert heading_ratio(direction[None], measured(heading))[0].mean() == pytest.approx(1.0, abs=1e-3)
-    ahead, back, across = heading_ratio(np.array([[0.0, np.pi, 0.5 * np.pi]]), measured(0.0))[0]
+        assert heading_ratio(direction, measured(heading, len(direction))).mean() == pytest.approx(1.0, abs=1e-3)
+    ahead, back, across = heading_ratio(np.array([0.0, np.pi, 0.5 * np.pi]), measured(0.0, 3))
     assert ahead / back == pytest.approx(4.0, rel=0.05)
     assert across == pytest.approx(0.05)
