@@ -100,15 +100,14 @@ class RunScorer:
     def add(self, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> ScoredStretch:
         """Measure the next stretch and return its tables. Errors are those of ``score_run``."""
         from harness.scoring.brakings import braking_table, command_table  # noqa: PLC0415
-        from harness.scoring.decisions import brakings_of  # noqa: PLC0415
         from harness.scoring.events import event_table  # noqa: PLC0415
         from harness.scoring.evidence import gather  # noqa: PLC0415
 
         evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven)
         self._totals.add(evidence)
-        asked, rows, brakings, commands = evidence.asked, evidence.rows, None, None
-        if asked is not None:
-            brakings = braking_table(truth, brakings_of(evidence, asked), asked, rows, evidence.history)
+        asked, found, rows, brakings, commands = evidence.asked, evidence.brakings, evidence.rows, None, None
+        if asked is not None and found is not None:
+            brakings = braking_table(truth, found, asked, rows, evidence.history)
             commands = command_table(truth, asked, rows)
         return ScoredStretch(evidence.error_table, event_table(truth, rows, evidence.events), brakings, commands)
 

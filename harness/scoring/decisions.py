@@ -19,8 +19,6 @@ from harness.scoring.brakings import (
     MISSED_FATES,
     PHANTOM,
     PHANTOM_FATES,
-    Brakings,
-    find_brakings,
     stretches,
 )
 from harness.scoring.conflicts import time_to_collision
@@ -94,17 +92,11 @@ class DecisionPart:
     accepted: int
 
 
-def brakings_of(evidence: Evidence, asked: Asked) -> Brakings:
-    """Return the missed and phantom brakings of what was asked."""
-    return find_brakings(asked, evidence.rows, evidence.matching, evidence.following, evidence.settings)
-
-
 def measure_decisions(evidence: Evidence) -> DecisionPart | None:
     """Measure a stretch; None where no driver was asked."""
-    asked, settings = evidence.asked, evidence.settings
-    if asked is None:
+    asked, brakings, settings = evidence.asked, evidence.brakings, evidence.settings
+    if asked is None or brakings is None:
         return None
-    brakings = brakings_of(evidence, asked)
     state = np.append(evidence.rows.truth.state, -1)[brakings.truth_row]
     by_truth, by_tracks = asked.truth.command, asked.tracks.command
     forbidden, accepted = 0, 0

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.asked import Asked, Driven, ask
+from harness.scoring.brakings import Brakings, find_brakings
 from harness.scoring.errors import ErrorArrays, error_arrays, error_table
 from harness.scoring.events import OcclusionEvents, occlusion_events
 from harness.scoring.following import Following, follow
@@ -37,6 +38,7 @@ class Evidence:
         settings: The numbers of the rules.
         seed: Seed of the run.
         asked: What the ego's driver would do by the truth and by the tracks; None where no driver is asked.
+        brakings: Where it would brake by one and not by the other; likewise.
     """
 
     rows: RunRows
@@ -52,6 +54,7 @@ class Evidence:
     settings: ScoringSettings
     seed: int
     asked: Asked | None = None
+    brakings: Brakings | None = None
 
     def new_rng(self) -> np.random.Generator:
         """Return a generator of the run's seed: one for each metric, so that none moves another's draws."""
@@ -72,6 +75,8 @@ def gather(
     pairs = near_pairs(rows.truth, rows.tracks, settings)
     matching = match(rows, history, pairs, settings)
     table = error_table(truth, rows, history, matching, settings)
+    following = follow(rows, history, settings)
+    asked = None if driven is None else ask(driven, truth, detections, tracks, rows, settings)
     return Evidence(
         rows=rows,
         history=history,
@@ -82,8 +87,9 @@ def gather(
         events=occlusion_events(rows, matching, settings),
         in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs, settings)),
         remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs, settings)),
-        following=follow(rows, history, settings),
+        following=following,
         settings=settings,
         seed=seed,
-        asked=None if driven is None else ask(driven, truth, detections, tracks, rows, settings),
+        asked=asked,
+        brakings=None if asked is None else find_brakings(asked, rows, matching, following, settings),
     )

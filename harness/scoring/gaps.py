@@ -13,7 +13,7 @@ import numpy as np
 
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
-from harness.scoring.parts import Basis
+from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.sensor.observation import HIDDEN
@@ -116,9 +116,9 @@ def scores_after_gaps(parts: Sequence[GapsPart], basis: Basis) -> dict[str, obje
         n = counts.pop("followed")
         table[kind] = {
             **counts,
-            "same_id_percent": _ratio(100.0 * counts["same_id"], counts["events"]),
-            "long_same_id_percent": _ratio(100.0 * counts["long_same_id"], counts["long_events"]),
-            "position_m": _ratio(error_m, n),
+            "same_id_percent": ratio(100.0 * counts["same_id"], counts["events"]),
+            "long_same_id_percent": ratio(100.0 * counts["long_same_id"], counts["long_events"]),
+            "position_m": ratio(error_m, n),
             "n": n,
         }
     return table
@@ -126,7 +126,3 @@ def scores_after_gaps(parts: Sequence[GapsPart], basis: Basis) -> dict[str, obje
 
 def _count(parked: BoolArray) -> IntArray:
     return np.bincount(parked.astype(np.int64), minlength=2)
-
-
-def _ratio(part: float, whole: float) -> float:
-    return part / whole if whole else np.nan

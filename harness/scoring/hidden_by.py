@@ -15,7 +15,7 @@ from harness.scoring.errors import scored_rows
 from harness.scoring.events import other_track_after
 from harness.scoring.evidence import Evidence
 from harness.scoring.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.parts import Basis
+from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
@@ -132,17 +132,13 @@ def scores_by_cause(parts: Sequence[CausePart], basis: Basis) -> dict[str, objec
     )
     return {
         name: {
-            "hidden_cost_m": _ratio(cost_m[code], n[code]),
+            "hidden_cost_m": ratio(cost_m[code], n[code]),
             "n": int(n[code]),
             **{f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()},
-            "same_id_percent": 100.0 * _ratio(same_id[code], events[code]),
-            "switch_percent": 100.0 * _ratio(switched[code], events[code]),
+            "same_id_percent": 100.0 * ratio(same_id[code], events[code]),
+            "switch_percent": 100.0 * ratio(switched[code], events[code]),
             "switches": int(switched[code]),
             "events": int(events[code]),
         }
         for code, name in enumerate(CAUSES)
     }
-
-
-def _ratio(part: float, whole: float) -> float:
-    return float(part) / float(whole) if whole else np.nan

@@ -15,7 +15,7 @@ from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
 from harness.scoring.hidden_outcomes import count_outcomes, hidden_outcomes
 from harness.scoring.history import first_of_group
-from harness.scoring.parts import Basis
+from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.scoring.rows import RunRows, TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S
@@ -176,12 +176,12 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
     for code, name in enumerate(told):
         hidden = {f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()}
         table[name] = {
-            "position_m": _ratio(error_sum[POSITION, code], followed[code]),
-            "speed_mps": _ratio(error_sum[SPEED, code], followed[code]),
+            "position_m": ratio(error_sum[POSITION, code], followed[code]),
+            "speed_mps": ratio(error_sum[SPEED, code], followed[code]),
             "n": int(followed[code]),
             "of_n": int(in_sight[code]),
             **hidden,
-            "same_id_percent": 100.0 * _ratio(same_id[code], events[code]),
+            "same_id_percent": 100.0 * ratio(same_id[code], events[code]),
             "events": int(events[code]),
         }
     return table
@@ -197,7 +197,3 @@ def manoeuvre_between(code: IntArray, onset: IntArray, back: IntArray) -> IntArr
         before = np.concatenate([[0], np.cumsum(code == turn)])
         manoeuvre = np.where(before[back + 1] > before[onset], turn, manoeuvre)
     return np.asarray(manoeuvre, dtype=np.int64)
-
-
-def _ratio(part: float, whole: float) -> float:
-    return float(part) / float(whole) if whole else np.nan

@@ -53,3 +53,8 @@ class InParts(Generic[Part]):
 def joined(arrays: Sequence[np.ndarray[Any, np.dtype[Any]]], axis: int = 0) -> np.ndarray[Any, np.dtype[Any]]:
     """Return arrays as one; a single one is not copied."""
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
+
+
+def ratio(part: float, whole: float) -> float:
+    """Return a part of a whole as a share of it, nan of none."""
+    return float(part) / float(whole) if whole else np.nan
