@@ -23,12 +23,12 @@ from harness.report.fromabove import (
     rows_at,
 )
 from harness.report.scene import PURPLE
+from harness.report.strips import save_strips
 from harness.runfolder.tables import floats
 from harness.scoring.settings import ScoringSettings
-from harness.writing.files import save_figure
 
 WORST = 5
-GALLERY = "decision-[0-9].png"
+GALLERY = "decision"
 COLUMNS = tuple(name for name in BRAKING_COLUMNS if name != "episode")
 PANELS, PANEL_WIDTH_IN = 3, 4.0
 HEAD_IN, ROW_IN, CURVE_IN, FOOT_IN, GAP_IN = 0.56, 0.62, 1.5, 0.42, 0.12
@@ -45,13 +45,13 @@ KEY = (
 WHY_MISSED = {
     "none": "no track ever held it",
     "lost": "its track was given up",
-    "displaced": "track {track} follows it, but stands or moves otherwise than it does",
-    "hijacked": "its track {track} sits on another vehicle",
+    "displaced": "{track} follows it, but stands or moves otherwise than it does",
+    "hijacked": "its {track} sits on another vehicle",
 }
 WHY_PHANTOM = {
-    "ghost": "track {track} follows nobody",
-    "displaced": "track {track} follows {vehicle}, but is not where that is",
-    "hijacked": "track {track} went over from another vehicle to {vehicle}",
+    "ghost": "{track} follows nobody",
+    "displaced": "{track} follows {vehicle}, but is not where that is",
+    "hijacked": "{track} went over from another vehicle to {vehicle}",
 }
 
 
@@ -89,10 +89,8 @@ class Braking:
 
     def sentence(self) -> str:
         """Return what happened, in words."""
-        words = f"track {self.track_id}" if self.track_id >= 0 else "its track"
-        told = (WHY_MISSED if self.missed else WHY_PHANTOM)[self.fate]
-        why = told.format(track=self.track_id, vehicle=self.vehicle_id) if self.track_id >= 0 else told
-        why = why.replace("track {track}", words)
+        track = f"track {self.track_id}" if self.track_id >= 0 else "its track"
+        why = (WHY_MISSED if self.missed else WHY_PHANTOM)[self.fate].format(track=track, vehicle=self.vehicle_id)
         demands = (
             f"{self.truth_mps2:.1f} m/s² by the truth and {self.tracks_mps2:.1f} m/s² by the tracks, "
             f"for {self.duration_s:.1f} s"
@@ -123,13 +121,7 @@ def worst_brakings(brakings: pd.DataFrame, count: int = WORST) -> list[Braking]:
 
 def draw_decisions(run: RecordedRun, brakings: Sequence[Braking], folder: Path) -> list[Path]:
     """Write ``decision-1.png`` and so on, one strip for each braking, in place of an earlier report's."""
-    paths = []
-    for number, braking in enumerate(brakings, start=1):
-        paths.append(folder / f"decision-{number}.png")
-        save_figure(decision_figure(run, braking), paths[-1])
-    for stale in set(folder.glob(GALLERY)) - set(paths):
-        stale.unlink()
-    return paths
+    return save_strips((decision_figure(run, braking) for braking in brakings), folder, GALLERY)
 
 
 def decision_figure(run: RecordedRun, braking: Braking) -> Figure:

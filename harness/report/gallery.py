@@ -20,12 +20,12 @@ from harness.report.fromabove import (
     draw_moment,
     draw_scale,
 )
+from harness.report.strips import save_strips
 from harness.runfolder.tables import floats
 from harness.scoring.settings import ScoringSettings
-from harness.writing.files import save_figure
 
 WORST = 5
-GALLERY = "gallery-[0-9].png"
+GALLERY = "gallery"
 COLUMNS, PANEL_WIDTH_IN = 3, 4.0
 HEAD_IN, ROW_IN, FOOT_IN, GAP_IN = 0.56, 0.56, 0.3, 0.12
 """Above the first row, between two rows, below the last, and at the sides of each picture."""
@@ -93,13 +93,7 @@ def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST)
 
 def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Path) -> list[Path]:
     """Write ``gallery-1.png`` and so on, one strip for each event, in place of an earlier report's."""
-    paths = []
-    for number, event in enumerate(events, start=1):
-        paths.append(folder / f"gallery-{number}.png")
-        save_figure(strip_figure(run, event), paths[-1])
-    for stale in set(folder.glob(GALLERY)) - set(paths):
-        stale.unlink()
-    return paths
+    return save_strips((strip_figure(run, event) for event in events), folder, GALLERY)
 
 
 def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:

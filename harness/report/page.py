@@ -23,6 +23,7 @@ from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
 from harness.report.replay_data import Beside, replay_data
 from harness.report.sentences import decision_summary, headlines, summary_sentences
+from harness.report.strips import strips_in
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.report.vehicles import vehicle_table
 from harness.runfolder import folder as runfolder
@@ -90,7 +91,7 @@ def write_run_page(folder: Path, parameter: str = "folder") -> Path:
     run = read_recorded_run(folder, parameter, MOST_SHOWN)
     page = page_of(folder, parameter)
     write_text(page, run_page(run))
-    drawn = (path for names in (GALLERY, DECISIONS) for path in (folder / runfolder.FIGURES).glob(names))
+    drawn = (path for kind in (GALLERY, DECISIONS) for path in strips_in(folder / runfolder.FIGURES, kind))
     ownership.add(folder, [page, *drawn])
     return page
 
