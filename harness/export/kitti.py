@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
 
 from harness.errors import InputError
 from harness.report.finished import RecordedRun
@@ -32,11 +31,11 @@ from harness.truth.recorded.detected.kitti import (
     read_poses,
     sequences,
 )
-from harness.truth.recorded.formats import FORMATS
+from harness.truth.recorded.detected.origin import GATE_M, pairs_within
+from harness.truth.recorded.formats import least_score_of
 from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 
 NAME = "kitti-tracking"
-GATE_M = 2.0
 COASTED_S = 0.2
 """A track is written for this long after the last detection at it: the benchmark wants boxes of what is in sight."""
 
@@ -71,7 +70,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     recording = run.config.traffic.recording
     if recording is None or recording.format != NAME or run.config.replay is None:
         raise InputError(f"`to` kitti: {run.folder} is no run over a {NAME} recording")
-    least_score = FORMATS[NAME].least_score if recording.least_score is None else recording.least_score
+    least_score = least_score_of(NAME, recording.least_score)
     first = round(recording.start_s / STEP_S)
     read = [(files, _read(files, least_score)) for files in sequences(Path(run.config.replay))]
     played = [(files.labels.name, sequence) for files, sequence in read if len(sequence.way.shift) > first]
@@ -92,7 +91,7 @@ def _read(files: SequenceFiles, least_score: float) -> _Sequence:
     rows = cars(read_detections(files.detections))
     rows = rows[rows[:, SCORE] >= least_score]
     boxes = boxes_in_plane(files.detections, rows[:, 0], rows[:, BOX], way)
-    place = (way.rotation[boxes.step] @ rows[:, 10:13, None])[:, :, 0] + way.shift[boxes.step]
+    place = (way.rotation[boxes.step] @ rows[:, BOX][:, 3:6, None])[:, :, 0] + way.shift[boxes.step]
     return _Sequence(rows, boxes, way, step_starts(boxes.step, len(way.shift)), place[:, 1])
 
 
@@ -129,10 +128,7 @@ def _at_tracks(sequence: _Sequence, step: int, x: FloatArray, y: FloatArray) -> 
     begin, end = int(sequence.starts[step]), int(sequence.starts[step + 1])
     boxes = sequence.boxes
     away = np.hypot(x[:, None] - boxes.x_m[begin:end], y[:, None] - boxes.y_m[begin:end])
-    # A pair beyond the gate costs more than all pairs within it together.
-    tracks, found = linear_sum_assignment(np.where(away <= GATE_M, away, GATE_M * (1.0 + min(away.shape))))
-    near = away[tracks, found] <= GATE_M
-    return [(int(track), begin + int(row)) for track, row in zip(tracks[near], found[near], strict=True)]
+    return [(int(track), begin + int(row)) for track, row in zip(*pairs_within(away, GATE_M), strict=True)]
 
 
 def _line(step: int, number: int, box: _Box, place: tuple[float, float], way: CameraWay) -> str:

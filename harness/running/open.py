@@ -91,11 +91,11 @@ def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
     """Return looks at drives whose detections are on record."""
     from harness.sensor.given import GivenDetections  # noqa: PLC0415
     from harness.truth.recorded.detected.source import open_drives  # noqa: PLC0415
-    from harness.truth.recorded.formats import FORMATS, files_of, read_drives  # noqa: PLC0415
+    from harness.truth.recorded.formats import files_of, least_score_of, read_drives  # noqa: PLC0415
 
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     drives = read_drives(path, recording.format)
-    least_score = FORMATS[recording.format].least_score if recording.least_score is None else recording.least_score
+    least_score = least_score_of(recording.format, recording.least_score)
     truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
     return replace(
         look_at(truth, GivenDetections(settings, truth), config.seed),

@@ -177,6 +177,11 @@ def brings_detections(format_name: str) -> bool:
     return format_name in FORMATS and FORMATS[format_name].sensor is not None
 
 
+def least_score_of(name: str, chosen: float | None) -> float:
+    """Return below which score a format's detections are left out: as the user chose, or else as the format has it."""
+    return FORMATS[name].least_score if chosen is None else chosen
+
+
 def read_drives(path: Path, format_name: str) -> tuple[Drive, ...]:
     """Read a recording that brings its own detections, whose format is known.
 

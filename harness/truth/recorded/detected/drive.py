@@ -8,7 +8,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray, taken
 
 EGO = "ego"
 
@@ -43,7 +43,7 @@ class Boxes:
 
     def take(self, rows: IntArray | BoolArray) -> Self:
         """Return the chosen rows."""
-        return replace(self, **{name: values[rows] for name, values in self.columns.items()})
+        return taken(self, rows)
 
 
 B = TypeVar("B", bound=Boxes)
@@ -121,7 +121,7 @@ class Drive:
     def cut(self, first: int, steps: int) -> Drive:
         """Return the drive from a step on, at most so many of them, counted from 0 again."""
         last = min(first + steps, len(self.ego))
-        path = EgoPath(*(getattr(self.ego, column.name)[first:last] for column in fields(self.ego)))
+        path = taken(self.ego, np.arange(first, last))
         return replace(self, ego=path, labels=_cut(self.labels, first, last), given=_cut(self.given, first, last))
 
     def scored_above(self, least_score: float) -> Drive:

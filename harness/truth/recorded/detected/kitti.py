@@ -57,19 +57,24 @@ class CameraWay:
     shift: FloatArray
 
 
-def sequences(path: Path) -> tuple[SequenceFiles, ...]:
-    """Return the files of each sequence of a folder, or of the one whose label file is given.
+def label_files(path: Path) -> tuple[Path, list[Path]]:
+    """Return the root of a recording and its label files: of each sequence of a folder, or the one that is given.
 
     Raises:
-        InputError: There are no label files.
+        InputError: There are none.
     """
-    if path.is_dir():
-        root = path.parent if path.name == LABELS else path
-        labels = sorted((root / LABELS).glob("*.txt"))
-        if not labels:
-            raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/evidence.md shows the folder")
-    else:
-        root, labels = path.parent.parent, [path]
+    if not path.is_dir():
+        return path.parent.parent, [path]
+    root = path.parent if path.name == LABELS else path
+    labels = sorted((root / LABELS).glob("*.txt"))
+    if not labels:
+        raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/evidence.md shows the folder")
+    return root, labels
+
+
+def sequences(path: Path) -> tuple[SequenceFiles, ...]:
+    """Return the files of each sequence; see ``label_files``."""
+    root, labels = label_files(path)
     return tuple(SequenceFiles(file, root / DETECTIONS / file.name, root / POSES / file.name) for file in labels)
 
 

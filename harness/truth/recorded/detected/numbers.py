@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import InputError
-from harness.inputs import MB, check_file
+from harness.inputs import MB, check_file, number
 from mmpf.compute.arrays import FloatArray
 
 MOST_BYTES = 256 * MB
@@ -37,10 +37,10 @@ def words_of(path: Path, separator: str | None, least: int, what: str) -> list[l
         raise InputError(f"{path}: can't be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise InputError(f"{path} is no text; it should have the {what}") from None
-    rows = [(number, line.split(separator)) for number, line in enumerate(lines, start=1) if line.strip()]
-    for number, row in rows:
+    rows = [(place, line.split(separator)) for place, line in enumerate(lines, start=1) if line.strip()]
+    for place, row in rows:
         if len(row) < least:
-            raise InputError(f"{path}, line {number}: {len(row)} values, {what} has {least}")
+            raise InputError(f"{path}, line {place}: {len(row)} values, {what} has {least}")
     return [row for _, row in rows]
 
 
@@ -51,13 +51,10 @@ def numbers_of(path: Path, rows: list[list[str]], first: int, last: int) -> Floa
         InputError: One is no finite number.
     """
     try:
-        values = np.array([[float(word) for word in row[first:last]] for row in rows], dtype=np.float64)
+        values = np.array([[number(word) for word in row[first:last]] for row in rows], dtype=np.float64)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
-    values = values.reshape(-1, last - first)
-    if not np.isfinite(values).all():
-        raise InputError(f"{path}: a value is not finite")
-    return values
+    return values.reshape(-1, last - first)
 
 
 def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:

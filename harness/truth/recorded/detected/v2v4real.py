@@ -11,19 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
 from harness.truth.recorded.detected.drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.kitti import (
     BOX,
     DETECTIONS,
-    LABELS,
     SCORE,
     cars,
+    label_files,
     read_detections,
     read_labels,
 )
 from harness.truth.recorded.detected.numbers import check_boxes
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import FloatArray, wrapped
 
 KINDS = ("Car",)
 
@@ -43,12 +42,7 @@ def read_v2v4real(path: Path) -> tuple[Drive, ...]:
 
 
 def _sequences(path: Path) -> list[tuple[Path, Path]]:
-    if not path.is_dir():
-        return [(path, path.parent.parent / DETECTIONS / path.name)]
-    root = path.parent if path.name == LABELS else path
-    labels = sorted((root / LABELS).glob("*.txt"))
-    if not labels:
-        raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/evidence.md shows the folder")
+    root, labels = label_files(path)
     return [(file, root / DETECTIONS / file.name) for file in labels]
 
 
@@ -73,5 +67,4 @@ def _read(label_file: Path, detection_file: Path) -> Drive:
 
 def _boxes(path: Path, frame: FloatArray, box: FloatArray) -> Boxes:
     check_boxes(path, frame, box[:, :3], box[:, 3:6])
-    turn = (box[:, 6] + np.pi) % (2.0 * np.pi) - np.pi
-    return Boxes(frame.astype(np.int64), box[:, 3], box[:, 5], turn, box[:, 2], box[:, 1])
+    return Boxes(frame.astype(np.int64), box[:, 3], box[:, 5], wrapped(box[:, 6]), box[:, 2], box[:, 1])
