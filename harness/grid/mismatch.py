@@ -15,7 +15,7 @@ import numpy as np
 from harness.grid.cells import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from harness.grid.rows import column_of
 from harness.scoring.statistics import few_groups_ci
-from harness.sensor.profiles import SensorSettings
+from harness.sensor.settings import SensorSettings
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

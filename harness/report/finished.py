@@ -23,7 +23,8 @@ from harness.runfolder.checks import Until
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
 from harness.scoring.brakings import FATES, KINDS
 from harness.sensor.observation import VISIBILITY_STATES
-from harness.sensor.profiles import SensorSettings, sensor_settings
+from harness.sensor.profiles import sensor_settings
+from harness.sensor.settings import SensorSettings
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 from mmpf.tracks import TRACK_STATES

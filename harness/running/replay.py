@@ -14,7 +14,8 @@ from harness.runfolder.tables import DETECTION_NUMBERS, TRUTH_NUMBERS, detection
 from harness.running.looks import Looks, timed_looks
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES, Observation
-from harness.sensor.profiles import SensorSettings, sensor_settings
+from harness.sensor.profiles import sensor_settings
+from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
 from harness.truth.frame import DIRECTION_COLUMN, WALL_COLUMN, Frame
 from mmpf.road import Road

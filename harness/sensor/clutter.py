@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.sensor.lanearea import drawn_on_lanes, lanes_over, pieces_within
 from harness.sensor.memory import Ghosts
-from harness.sensor.profiles import SensorSettings
+from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, joined, taken

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.sensor.memory import Chain, VehicleMemory, next_state
 from harness.sensor.noise import hidden_share, turned
-from harness.sensor.profiles import SensorSettings
+from harness.sensor.settings import SensorSettings
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 
 FRONT_SHARE = 0.35

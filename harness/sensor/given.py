@@ -14,8 +14,8 @@ import numpy as np
 from harness.sensor.detector import DECIMALS, data_sheet, visibility_of
 from harness.sensor.noise import position_std
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
-from harness.sensor.profiles import SensorSettings
 from harness.sensor.scene import in_reach, sight_to
+from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
 from harness.sensor.visibility import compile_kernels
 from harness.truth.frame import Frame

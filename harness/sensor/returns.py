@@ -18,8 +18,8 @@ from harness.sensor.noise import (
     reported_factors,
     turned,
 )
-from harness.sensor.profiles import SensorSettings
 from harness.sensor.scene import Scene, in_reach, sight_to
+from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, wrapped
 

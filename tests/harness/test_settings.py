@@ -14,7 +14,8 @@ from harness.cli import run_command_line
 from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
 from harness.errors import InputError
-from harness.sensor.profiles import SensorSettings, sensor_profiles, sensor_settings
+from harness.sensor.profiles import sensor_profiles, sensor_settings
+from harness.sensor.settings import SensorSettings
 from harness.settings import Setting, all_settings
 from harness.trackers.catalogue import TUNED_FILE, available_trackers, tracker_options
 from mmpf.motion.protocol import motion_models

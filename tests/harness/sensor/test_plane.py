@@ -9,7 +9,7 @@ import pytest
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.lanearea import lanes_over, mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
-from harness.sensor.profiles import SensorSettings
+from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from mmpf.road import Road
 from tests.mmpf.lanes.scenes import graph_of
