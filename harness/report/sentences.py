@@ -178,9 +178,15 @@ def _occlusions(metrics: Metrics) -> str:
     )
 
 
+def _decided(metrics: Metrics) -> Metrics:
+    """Return what the ego's driver would have done; nothing where none was asked."""
+    decisions: Metrics = metrics.get("decisions") or {}
+    return decisions if decisions.get("n") else {}
+
+
 def _decisions(metrics: Metrics) -> str:
-    decisions = metrics.get("decisions") or {}
-    if not decisions.get("n"):
+    decisions = _decided(metrics)
+    if not decisions:
         return ""
     missed, phantom = _times(decisions["missed"]), _times(decisions["phantom"])
     return (
@@ -191,8 +197,8 @@ def _decisions(metrics: Metrics) -> str:
 
 def decision_summary(metrics: Metrics) -> str:
     """Return what the ego's driver would have done by the tracks, in words; empty where none was asked."""
-    decisions = metrics.get("decisions") or {}
-    if not decisions.get("n"):
+    decisions = _decided(metrics)
+    if not decisions:
         return ""
     driver = metrics["run"].get("driver", "")
     fates = [f"{count} {WHY_MISSED[fate]}" for fate, count in decisions["missed_by"].items() if count]
@@ -200,7 +206,7 @@ def decision_summary(metrics: Metrics) -> str:
     ghosts = decisions["phantom_by"]["ghost"]
     phantom = _plural(decisions["phantom"], "time") + (f", {ghosts} of them for a track of nobody" if ghosts else "")
     late = decisions["lateness_s"]
-    of = f"Of {decisions['onsets']} times that it had to brake it would have begun"
+    of = f"Of {_plural(decisions['onsets'], 'time')} that it had to brake it would have begun"
     lateness = "" if late is None else f" {of} {late:.1f} s late, on average."
     return (
         f"A driver ({driver}) in the ego's place was asked at each step what it would do, by the truth and by the "
