@@ -67,7 +67,7 @@ def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kind
         labels = [column.label for column in columns]
         return markdown_table([*start, *labels, "seeds"], _rows(points, axis, columns, True))
     shown = dict.fromkeys(_score(column) for column in columns)
-    label_of = {_score(column): _label_of_all_kinds(column) for column in columns}
+    label_of = {_score(column): column.label.replace(column.of_kind, "") for column in columns}
     found = {(_kind(column), _score(column)): column for column in columns}
     known = {kind: [found[kind, score] for score in shown if (kind, score) in found] for kind, _ in found}
     by_kind: list[tuple[int, list[str]]] = []
@@ -88,11 +88,6 @@ def _kind(quantity: Quantity) -> str:
 
 def _score(quantity: Quantity) -> str:
     return quantity.key.split(".", 2)[2]
-
-
-def _label_of_all_kinds(quantity: Quantity) -> str:
-    kind = _kind(quantity)
-    return quantity.label.replace(f", behind a {kind}", "").replace(f", {kind}", "")
 
 
 def print_result(

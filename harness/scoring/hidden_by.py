@@ -27,23 +27,23 @@ CAUSES = ("vehicle", "building")
 def _quantities() -> tuple[Quantity, ...]:
     told = []
     for name in CAUSES:
-        key = f"{NAME}.{name}"
+        key, kind = f"{NAME}.{name}", f", behind a {name}"
         told += [
             Quantity(
-                f"{key}.hidden_cost_m", f"hidden cost, behind a {name}, m",
-                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True,
+                f"{key}.hidden_cost_m", f"hidden cost{kind}, m",
+                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
             Quantity(
-                f"{key}.hidden_tracked_percent", f"hidden tracked, behind a {name}, %", True,
-                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True,
+                f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True,
+                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
             Quantity(
-                f"{key}.same_id_percent", f"same identity after occlusion, behind a {name}, %", True,
-                weight=f"{key}.events", tabled=True, reported=True, optional=True,
+                f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True,
+                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
             Quantity(
-                f"{key}.switch_percent", f"identity switched in occlusion, behind a {name}, %",
-                weight=f"{key}.events", tabled=True, reported=True, optional=True,
+                f"{key}.switch_percent", f"identity switched in occlusion{kind}, %",
+                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
         ]  # fmt: skip
     return tuple(told)

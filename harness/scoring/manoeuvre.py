@@ -39,23 +39,23 @@ POSITION, SPEED = 0, 1
 def _quantities() -> tuple[Quantity, ...]:
     told = []
     for name in MANOEUVRES:
-        key = f"{NAME}.{name}"
+        key, kind = f"{NAME}.{name}", f", {name}"
         told += [
             Quantity(
-                f"{key}.position_m", f"position error in sight, {name}, m",
-                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True,
+                f"{key}.position_m", f"position error in sight{kind}, m",
+                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
             Quantity(
-                f"{key}.speed_mps", f"speed MAE in sight, {name}, m/s",
-                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True,
+                f"{key}.speed_mps", f"speed MAE in sight{kind}, m/s",
+                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
             Quantity(
-                f"{key}.hidden_tracked_percent", f"hidden tracked, {name}, %", True,
-                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True,
+                f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True,
+                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
             Quantity(
-                f"{key}.same_id_percent", f"same identity after occlusion, {name}, %", True,
-                weight=f"{key}.events", tabled=True, reported=True, optional=True,
+                f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True,
+                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
             ),
         ]  # fmt: skip
     return tuple(told)

@@ -28,6 +28,8 @@ class Quantity:
         ablated: Whether the ablation study tabulates it.
         reported: Whether a run's page and its summary on the screen show it, multi-object scores under ``heading``.
         optional: Whether tables in which nothing has a value leave it out.
+        of_kind: The words of its label that say of which kind of vehicles it tells; tables with a row for each kind
+            leave them out of their headings.
     """
 
     key: str
@@ -44,6 +46,7 @@ class Quantity:
     ablated: bool = False
     reported: bool = False
     optional: bool = False
+    of_kind: str = ""
 
     def of(self, metrics: Mapping[str, Any]) -> float | None:
         """Return its value in the content of a ``metrics.json``; None where there is none."""
