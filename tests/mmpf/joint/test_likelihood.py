@@ -12,7 +12,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint.evidence import GatedLikelihoods, gated_likelihoods
-from mmpf.scan import Detections
+from mmpf.scan import BodyHeadings, Detections
 from mmpf.state import LAT, LON, SPEED
 from tests.mmpf.scenes import belief_of, detections_at, spot
 
@@ -91,3 +91,22 @@ def test_without_components_or_without_detections_there_are_no_pairs(
 ) -> None:
     found = likelihoods_of(belief_of([spot(*place) for place in places]), detections_at(detected), 4.5)
     assert (len(found.component), len(found.values), found.starts.tolist()) == (0, 0, [0])
+
+
+def test_a_measured_direction_weighs_each_particle_by_how_it_points_and_few_are_nothing_or_turned_round() -> None:
+    rng = np.random.default_rng(5)
+    states = [spread_around(30.0, 5.0, 300, 1), spread_around(33.0, 9.0, 200, 2)]
+    heading = rng.uniform(-np.pi, np.pi, 500)
+    mixture = belief_of(states)
+    mixture = replace(mixture, cloud=replace(mixture.cloud, latents=heading[None]), has_headings=True)
+    detections = detections_at([(31.0, 5.5), (29.0, 8.0)])
+    measured, std, flipped = np.array([3.0, -0.4]), np.array([0.1, 0.3]), np.array([0.03, 0.2])
+    plain = likelihoods_of(mixture, detections, np.inf)
+    found = likelihoods_of(mixture, replace(detections, headings=BodyHeadings(measured, std, flipped)), np.inf)
+    for p, (m, j) in enumerate(zip(found.component, found.detection, strict=True)):
+        off = np.abs(np.angle(np.exp(1j * (np.split(heading, [300])[m] - measured[j]))))
+        ahead, back = norm.pdf(off, 0.0, std[j]), norm.pdf(np.pi - off, 0.0, std[j])
+        # Of directions one in twenty is any, with the density 1 / 2 pi.
+        expected = 0.05 + 0.95 * 2.0 * np.pi * ((1.0 - flipped[j]) * ahead + flipped[j] * back)
+        own = slice(found.starts[p], found.starts[p + 1])
+        assert found.values[own] / plain.values[own] == pytest.approx(expected, rel=1e-9)
