@@ -45,6 +45,7 @@ COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
 INCOMPLETE_SUFFIX = ".incomplete"
 MOST_POINTS, MOST_LANES, FARTHEST_M = 100_000, 1000, 1e8
+NARROWEST_LANE_M = 0.5
 
 
 @dataclass(frozen=True)
@@ -302,7 +303,8 @@ def _check_road(road: Road) -> None:
     if not 1 <= len(road.lanes) <= MOST_LANES:
         raise ValueError(f"it has {len(road.lanes)} lanes")
     for lane in road.lanes:
-        within = -FARTHEST_M <= lane.right_m < lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
+        wide = lane.left_m - lane.right_m >= NARROWEST_LANE_M
+        within = wide and -FARTHEST_M <= lane.right_m and lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
         if not within or not isinstance(lane.number, int):
             raise ValueError(f"lane {lane.number} has no width or length")
 

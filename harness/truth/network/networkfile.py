@@ -18,6 +18,7 @@ from mmpf.settings import WithoutTruthValues
 METADATA_FILE = "network.toml"
 # More than a lane can carry, and more than drivers differ.
 MOST_VEH_PER_H = 5000.0
+SHORTEST_SECTION_M = 50.0
 HEADWAY_FACTORS = (0.2, 5.0)
 
 _File = TypeVar("_File", bound=BaseModel)
@@ -78,8 +79,11 @@ class NetworkFile(WithoutTruthValues):
 
     @model_validator(mode="after")
     def _section_is_ahead_of_the_start(self) -> NetworkFile:
-        if not self.corridor_start_m <= self.section_m[0] < self.section_m[1]:
-            raise ValueError("section_m must lie behind corridor_start_m and must not be empty")
+        start_m, end_m = self.section_m
+        if not self.corridor_start_m <= start_m <= end_m - SHORTEST_SECTION_M:
+            raise ValueError(
+                f"section_m must lie behind corridor_start_m and be at least {SHORTEST_SECTION_M:g} m long"
+            )
         return self
 
 

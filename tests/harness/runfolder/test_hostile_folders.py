@@ -161,6 +161,8 @@ def test_a_road_that_nobody_can_drive_on_is_refused(scene, capsys):
     for change in (
         {"lanes": []}, {"reference_xy": [[0, 0]]}, {"reference_xy": [[0, 0], [0, 0]]}, {"section_m": [5, 5]},
         {"reference_start_m": float("nan")}, {"lanes": [{**road["lanes"][0], "left_m": -1e3}]}, {"lanes": 7},
+        {"lanes": [{**road["lanes"][0], "left_m": road["lanes"][0]["right_m"] + 1e-300}]},
+        {"lanes": [{**road["lanes"][0], "left_m": road["lanes"][0]["right_m"] + 0.1}]},
     ):  # fmt: skip
         (scene / "road.json").write_text(json.dumps(road | change))
         assert "road.json" in told(READERS[2], scene, capsys)

@@ -178,6 +178,7 @@ def hostile_demand(entry: str) -> str:
         ("[demands.", hostile_demand("schedule=[[5.0,1e9,1.0]]")),
         ("ego_lanes = [", "ego_lanes = [99, "),
         ("corridor_start_m = ", "corridor_start_m = -inf #"),
+        ("section_m = [0.0, 640.0]", "section_m = [0.0, 1e-300]"),
     ],
 )  # fmt: skip
 def test_a_demand_that_no_road_carries_is_refused(old, new, tmp_path):
