@@ -111,7 +111,7 @@ def _run_over(
         told = as_believed(looks, run.config)
         tables = track(told, tracker_builder(run.config), run.config.seed, (watch,), times)
         driven = driven_on(looks.road, run.config)
-        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed, driven)
+        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed, driven, tables.unseen)
         check_scored(scored.metrics, len(times.tracker_s))
         total_s = perf_counter() - begin
         scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}

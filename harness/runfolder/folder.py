@@ -37,7 +37,7 @@ TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
     "events.parquet",
     "diagnostics.parquet",
 )
-PARTICLES = "particles.parquet"
+PARTICLES, UNSEEN = "particles.parquet", "unseen.parquet"
 BRAKINGS, COMMANDS = "brakings.parquet", "commands.parquet"
 IN_ORDER = (TRUTH, DETECTIONS, TRACKS)
 FIGURES = "figures"
@@ -304,7 +304,7 @@ def _check_road(road: Road) -> None:
         raise ValueError(f"it has {len(road.lanes)} lanes")
     for lane in road.lanes:
         wide = lane.left_m - lane.right_m >= NARROWEST_LANE_M
-        within = wide and -FARTHEST_M <= lane.right_m and lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
+        within = wide and lane.right_m >= -FARTHEST_M and lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
         if not within or not isinstance(lane.number, int):
             raise ValueError(f"lane {lane.number} has no width or length")
 

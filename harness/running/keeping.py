@@ -109,7 +109,7 @@ class RunKeeper:
     def _end_stretch(self) -> None:
         tables = self.recorder.tables()
         with self._timed("score"):
-            scored = self._scorer.add(tables.truth, tables.detections, tables.tracks)
+            scored = self._scorer.add(tables.truth, tables.detections, tables.tracks, tables.unseen)
         with self._timed("write"), signals_held():
             self._traffic.add(tables.truth, self._road)
             self._tables.append(self._stretch, self._with_watched(tables) | tables_of(scored))
@@ -119,8 +119,13 @@ class RunKeeper:
 
     def _with_watched(self, tables: RunTables) -> dict[str, pd.DataFrame]:
         """Return the tables of a stretch by file, with those of the watchers that have any."""
-        watched = {runfolder.DIAGNOSTICS: self.diagnostics.table(), runfolder.PARTICLES: self.particles.table()}
+        watched = {
+            runfolder.DIAGNOSTICS: self.diagnostics.table(),
+            runfolder.PARTICLES: self.particles.table(),
+        }
+        expected = {} if tables.unseen is None else {runfolder.UNSEEN: tables.unseen}
         return {
+            **expected,
             runfolder.TRUTH: tables.truth,
             runfolder.DETECTIONS: tables.detections,
             runfolder.TRACKS: tables.tracks,

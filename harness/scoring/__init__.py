@@ -55,6 +55,7 @@ def score_run(
     tracks: pd.DataFrame,
     seed: int = 0,
     driven: Driven | None = None,
+    unseen: pd.DataFrame | None = None,
 ) -> ScoredRun:
     """Score a run by the published rules.
 
@@ -64,6 +65,7 @@ def score_run(
         tracks: One row per track and step.
         seed: Seed of the bootstrap intervals.
         driven: The ego's driver and its road; None asks no driver.
+        unseen: One row per stretch of lane and moment with the vehicles expected there without a track; None for none.
 
     Returns:
         The errors, metrics and occlusion events, and what the driver would do.
@@ -72,7 +74,7 @@ def score_run(
         ValueError: The tables contradict each other or hold unknown states.
     """
     scorer = RunScorer(seed, driven)
-    tables = scorer.add(truth, detections, tracks)
+    tables = scorer.add(truth, detections, tracks, unseen)
     return ScoredRun(tables.errors, scorer.metrics(), tables.events, tables.brakings, tables.commands)
 
 
@@ -97,13 +99,19 @@ class RunScorer:
         """Whether a run may come in more than one stretch: every metric is in parts."""
         return not self._totals.whole_run_needed()
 
-    def add(self, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> ScoredStretch:
+    def add(
+        self,
+        truth: pd.DataFrame,
+        detections: pd.DataFrame,
+        tracks: pd.DataFrame,
+        unseen: pd.DataFrame | None = None,
+    ) -> ScoredStretch:
         """Measure the next stretch and return its tables. Errors are those of ``score_run``."""
         from harness.scoring.brakings import braking_table, command_table  # noqa: PLC0415
         from harness.scoring.events import event_table  # noqa: PLC0415
         from harness.scoring.evidence import gather  # noqa: PLC0415
 
-        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven)
+        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven, unseen)
         self._totals.add(evidence)
         asked, found, rows, brakings, commands = evidence.asked, evidence.brakings, evidence.rows, None, None
         if asked is not None and found is not None:

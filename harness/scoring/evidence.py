@@ -18,6 +18,7 @@ from harness.scoring.pairs import Pairs, near_pairs
 from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
+from harness.scoring.unseen import Stretches, count_unseen
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Evidence:
         seed: Seed of the run.
         asked: What the ego's driver would do by the truth and by the tracks; None where no driver is asked.
         brakings: Where it would brake by one and not by the other; likewise.
+        unseen: Stretches of lane with the vehicles that are expected and that are there without a track; None where
+            nobody said what is expected.
     """
 
     rows: RunRows
@@ -55,6 +58,7 @@ class Evidence:
     seed: int
     asked: Asked | None = None
     brakings: Brakings | None = None
+    unseen: Stretches | None = None
 
     def new_rng(self) -> np.random.Generator:
         """Return a generator of the run's seed: one for each metric, so that none moves another's draws."""
@@ -68,6 +72,7 @@ def gather(
     settings: ScoringSettings,
     seed: int,
     driven: Driven | None = None,
+    unseen: pd.DataFrame | None = None,
 ) -> Evidence:
     """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``score_run``."""
     rows = read_run(truth, detections, tracks, settings.gate_lon_m)
@@ -92,4 +97,5 @@ def gather(
         seed=seed,
         asked=asked,
         brakings=None if asked is None else find_brakings(asked, rows, matching, following, settings),
+        unseen=None if unseen is None else count_unseen(unseen, rows, history, matching, following),
     )

@@ -13,6 +13,7 @@ from mmpf.registry import Registry
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import Tracks
+from mmpf.unseen.traffic import Unseen
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,16 @@ class TruthAssociatedTracker(Protocol):
 
     def step_associated(self, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
         """Take in one scan with the true origin of each detection (empty for clutter), shape (d,)."""
+        ...
+
+
+@runtime_checkable
+class TellsUnseen(Protocol):
+    """A tracker that says itself what it expects where it has no track; for others the harness works it out."""
+
+    @property
+    def unseen(self) -> Unseen:
+        """What it expects after the last scan."""
         ...
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.detectability import detection_probabilities
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Components, Mixture
@@ -20,7 +21,6 @@ from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.joint.association import Marginals, associate
-from mmpf.joint.detectability import detection_probabilities
 from mmpf.joint.evidence import (
     association_evidence,
     gated_likelihoods,

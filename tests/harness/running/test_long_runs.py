@@ -132,7 +132,7 @@ def test_a_full_disk_keeps_the_stretches_that_there_was_room_for(tmp_path, short
     assert not list(folder.glob("*.part"))
 
 
-WRITES = 41
+WRITES = 46
 """How many files a run of four stretches writes, its ledger first and last."""
 
 

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
@@ -60,12 +61,17 @@ def test_a_name_that_is_taken_and_a_quantity_of_another_metric_are_refused():
     assert "toy" not in metrics.METRICS.in_order()
 
 
+def unseen():
+    columns = ("step", "time_s", "from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m", "expected")
+    return pd.DataFrame([(0, 0.0, 0.0, 0.0, 25.0, 0.0, 0.1)], columns=columns)
+
+
 def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
     truth, detections, tracks = tables
     told = {key: each.optional for each in quantities() for key in (each.key, each.weight) if key}
     driven = Driven(driver_of("hdm"), highway())
     every_road = truth.assign(direction_rad=1.0, wall_fraction=0.0, on_roundabout=False, parked=False)
-    every = score_run(every_road, detections, tracks, driven=driven).metrics
+    every = score_run(every_road, detections, tracks, driven=driven, unseen=unseen()).metrics
     assert told.keys() <= flattened(every).keys()
     on_road = flattened(score_run(*tables).metrics).keys()
     assert {key for key, optional in told.items() if not optional} <= on_road

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.joint.detectability import detection_probabilities
+from mmpf.around.detectability import detection_probabilities
 from mmpf.scan import SensorModel
 
 

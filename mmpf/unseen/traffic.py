@@ -1,0 +1,259 @@
+"""The expected number of vehicles that the sensor has never seen, on each stretch of lane around it.
+
+In dense traffic most vehicles in a shadow were never seen, so that no track stands for them. Their number is a Poisson
+field, as that of undetected targets in Williams (IEEE TAES 2015): it drives with the traffic, comes in where the
+sensor's range begins and where lanes do, is thinned wherever the sensor looks and finds nobody, and takes in the
+vehicles whose tracks were let go. It needs no more than a tracker's scans and tracks, whoever the tracker is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from scipy.special import ndtr
+
+from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.detectability import detection_probabilities
+from mmpf.around.shadows import visible_fractions
+from mmpf.compute.arrays import FloatArray, IntArray, taken, turned
+from mmpf.plane import SensorPlane
+from mmpf.road import Road
+from mmpf.scan import Scan, SensorModel
+from mmpf.settings import NotNegative, Positive, Probability, Settings, in_unit
+from mmpf.tracks import HIDDEN, TENTATIVE, Tracks
+from mmpf.unseen.cells import CELL_M, LaneCells, cells_of
+
+# Tracks of a greater existence probability hide what is behind them.
+CASTS_FROM = 0.5
+MIXED_AT_PER_M = 0.03
+# Longer steps are driven in several, so that no traffic drives farther than a cell.
+LONGEST_STEP_S, MOST_STEPS, MOST_EXCHANGED = 0.1, 100, 0.2
+BESIDE_LANE_M = 2.0
+
+
+class UnseenOptions(Settings):
+    """Settings of the expected number of unseen vehicles; chosen on tuning seeds."""
+
+    density_per_km: Positive = 20.0
+    """Vehicles per kilometre of lane before any traffic was seen."""
+    density_guess_s: Positive = 0.5
+    """That guess is worth what is seen in this time."""
+    density_memory_s: Positive = 5.0
+    """The density is a mean over about this time."""
+    density_within: Probability = 0.6
+    """Vehicles within this share of the range tell the density."""
+    room_m: NotNegative = 8.0
+    """No other vehicle's middle is nearer than this to a known one's, along the lane."""
+    flow_length_m: Positive = 30.0
+    """The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
+    spread_m2_per_s: Annotated[NotNegative, in_unit("m²/s")] = 20.0
+    """How fast the field spreads along a lane, since drivers differ in speed."""
+    mixing_s: Positive = 10.0
+    """Hidden traffic is back at the usual density after this time, where that is 30 vehicles per kilometre of lane: by
+    drivers' own ways, and by tracks that are confused. The rate grows with the square of the density.
+    """
+    length_m: Positive = 4.7
+    """Length of the vehicle that is looked for."""
+    width_m: Positive = 1.9
+    """Its width."""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """How many vehicles without a track are expected in each piece of lane within the sensor's range.
+
+    Attributes:
+        cells: The pieces of lane.
+        expected: Expected number of vehicles in each, shape (n,).
+    """
+
+    cells: LaneCells
+    expected: FloatArray
+
+
+@dataclass
+class UnseenTraffic:
+    """Keeps the expected number of unseen vehicles from scan to scan.
+
+    The field is kept in metres of lane on which traffic is as dense as usual, so that it follows while that density is
+    learned.
+
+    Attributes:
+        road: The lanes.
+        sensor: The sensor's data sheet.
+        options: Settings.
+    """
+
+    road: Road
+    sensor: SensorModel
+    options: UnseenOptions = field(default_factory=UnseenOptions)
+    _previous: tuple[float, Tracks] | None = None
+
+    def __post_init__(self) -> None:
+        self._cells, self._links = cells_of(self.road)
+        self._usual_m = self._cells.length_m * self._cells.share
+        self._density_per_m = self.options.density_per_km / 1e3
+        self._learned_s = self.options.density_guess_s
+        self._field_m = self._usual_m.copy()
+        self._phase_m = np.zeros(int(self._cells.lane.max(initial=0)) + 1)
+
+    def step(self, scan: Scan, tracks: Tracks) -> Unseen:
+        """Take in a scan and the tracks after it.
+
+        Args:
+            scan: What the sensor saw.
+            tracks: All tracks as they stand after it.
+
+        Returns:
+            The expected numbers within range after the scan.
+        """
+        plane = SensorPlane(scan.ego, self.road)
+        near = np.flatnonzero(plane.distance_m(self._cells.lon_m, self._cells.lat_m) <= self.sensor.range_m)
+        cells, known = taken(self._cells, near), taken(tracks, tracks.state != TENTATIVE)
+        apart = _Apart.between(cells, known, scan)
+        if self._previous is not None:
+            time_s, before = self._previous
+            self._drive_on(near, apart.flow_mps(self.options.flow_length_m), scan.time_s - time_s)
+            self._take_in(near, _let_go(before, known))
+        self._field_m[near] *= self._overlooked(cells, apart, plane)
+        expected = self._density_per_m * self._field_m[near] * apart.free_share(self.options.room_m)
+        if self._previous is not None:
+            self._learn_density(cells, expected, apart, plane, scan.time_s - self._previous[0])
+        self._previous = scan.time_s, known
+        return Unseen(cells, expected)
+
+    @property
+    def density_per_km(self) -> float:
+        """Vehicles per kilometre of lane, seen and unseen ones, as learned so far."""
+        return 1e3 * self._density_per_m
+
+    def _drive_on(self, near: IntArray, speed_mps: FloatArray, dt_s: float) -> None:
+        """Let the field flow along the lanes and spread; what lies outside of the range is as usual."""
+        lanes = len(self._phase_m)
+        total = np.bincount(self._cells.lane[near], speed_mps, minlength=lanes)
+        speeds = total / np.maximum(np.bincount(self._cells.lane[near], minlength=lanes), 1)
+        field = self._usual_m.copy()
+        field[near] = self._field_m[near]
+        steps = min(int(np.ceil(dt_s / LONGEST_STEP_S - 1e-6)), MOST_STEPS)
+        for _ in range(steps):
+            field = self._spread(self._moved_on(field, speeds * dt_s / steps), dt_s / steps)
+        mixing_per_s = (self._density_per_m / MIXED_AT_PER_M) ** 2 / self.options.mixing_s
+        self._field_m = field - np.expm1(-mixing_per_s * dt_s) * (self._usual_m - field)
+
+    def _moved_on(self, field_m: FloatArray, driven_m: FloatArray) -> FloatArray:
+        """Return the field moved on by whole cells, a lane's as soon as its traffic has driven so far.
+
+        Moved by shares of a cell it would spread out within seconds.
+        """
+        cells, links = self._cells, self._links
+        self._phase_m += driven_m
+        moves = self._phase_m[cells.lane] >= cells.length_m
+        self._phase_m[cells.lane[moves]] = np.minimum(self._phase_m[cells.lane] - cells.length_m, CELL_M)[moves]
+        leaving = np.where(moves, field_m, 0.0)
+        arriving = np.bincount(links.target, leaving[links.source] * links.share, minlength=len(cells))
+        arriving[cells.entry] += np.where(moves, self._usual_m, 0.0)[cells.entry]
+        return np.asarray(field_m + arriving - leaving)
+
+    def _spread(self, field_m: FloatArray, dt_s: float) -> FloatArray:
+        """Return the field after neighbouring cells have exchanged traffic, the more the more they differ in it."""
+        links, usual = self._links, self._usual_m
+        share = min(self.options.spread_m2_per_s * dt_s / CELL_M**2, MOST_EXCHANGED)
+        dense = field_m / usual
+        exchanged = share * np.minimum(usual[links.source] * links.share, usual[links.target])
+        exchanged = exchanged * (dense[links.source] - dense[links.target])
+        given = np.bincount(links.source, exchanged, minlength=len(field_m))
+        return np.asarray(field_m - given + np.bincount(links.target, exchanged, minlength=len(field_m)))
+
+    def _take_in(self, near: IntArray, lost: Tracks) -> None:
+        """Add the vehicles whose tracks were let go to the field, spread as wide as their tracks were."""
+        if not len(lost) or not len(near):
+            return
+        cells = taken(self._cells, near)
+        along, across = _offsets(cells, lost.lon_m, lost.lat_m)
+        std = np.maximum(np.hypot(lost.std_lon_m, 0.5 * cells.length_m[:, None]), 1e-3)
+        density = np.exp(-0.5 * (along / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
+        density *= np.abs(across) < BESIDE_LANE_M
+        self._field_m[near] += (density * cells.length_m[:, None]) @ lost.existence / self._density_per_m
+
+    def _overlooked(self, cells: LaneCells, apart: _Apart, plane: SensorPlane) -> FloatArray:
+        """Return the probability that the sensor has overlooked a vehicle in each cell, shape (n,)."""
+        options, known = self.options, apart.known
+        size = len(known) + 1
+        turn = None if self.road.graph is None else np.append(apart.known_heading_rad, 0.0)
+        bodies = Bodies(np.full(size, options.length_m), np.full(size, options.width_m), turn)
+        casts = np.append(known.existence >= CASTS_FROM, False)
+        lon, lat = np.append(known.lon_m, 0.0), np.append(known.lat_m, 0.0)
+        table = depth_table(plane, lon, lat, casts, bodies)
+        looked_for = np.full(len(cells), size - 1)
+        visible = visible_fractions(plane, cells.lon_m, cells.lat_m, looked_for, bodies, table)
+        distance = plane.distance_m(cells.lon_m, cells.lat_m)
+        detected = detection_probabilities(visible, distance, self.sensor, 0.0)
+        return 1.0 - detected
+
+    def _learn_density(
+        self, cells: LaneCells, expected: FloatArray, apart: _Apart, plane: SensorPlane, dt_s: float
+    ) -> None:
+        within_m = self.options.density_within * self.sensor.range_m
+        inside = plane.distance_m(cells.lon_m, cells.lat_m) <= within_m
+        lane_m = float((cells.length_m * cells.share)[inside].sum())
+        if lane_m <= 0.0:
+            return
+        known = apart.known
+        tracked = float(known.existence[plane.distance_m(known.lon_m, known.lat_m) <= within_m].sum())
+        seen_per_m = (1.0 + tracked + float(expected[inside].sum())) / lane_m
+        self._learned_s = min(self._learned_s + dt_s, self.options.density_memory_s)
+        self._density_per_m += min(dt_s / self._learned_s, 1.0) * (seen_per_m - self._density_per_m)
+
+
+@dataclass(frozen=True)
+class _Apart:
+    """How far known vehicles, m of them, are from the middles of n cells along and across each cell's lane.
+
+    Attributes:
+        along_m: Shape (n, m + 1); the ego is the last.
+        across_m: Likewise.
+        known: The tracks.
+        known_heading_rad: Direction of the lane that each track is nearest to, shape (m,).
+        ego_speed_mps: The ego's speed.
+    """
+
+    along_m: FloatArray
+    across_m: FloatArray
+    known: Tracks
+    known_heading_rad: FloatArray
+    ego_speed_mps: float
+
+    @classmethod
+    def between(cls, cells: LaneCells, known: Tracks, scan: Scan) -> _Apart:
+        ego = scan.ego
+        along, across = _offsets(cells, np.append(known.lon_m, ego.lon_m), np.append(known.lat_m, ego.lat_m))
+        heading = np.zeros(len(known))
+        if len(cells) and len(known):
+            heading = cells.heading_rad[np.hypot(along, across)[:, :-1].argmin(axis=0)]
+        return cls(along, across, known, heading, ego.speed_mps)
+
+    def flow_mps(self, length_m: float) -> FloatArray:
+        """Return the speed of the traffic around each cell, shape (n,)."""
+        speeds = np.append(self.known.speed_mps, self.ego_speed_mps)
+        weight = np.exp(-np.hypot(self.along_m, 3.0 * self.across_m) / length_m)
+        return np.asarray(np.maximum(weight @ speeds, 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
+
+    def free_share(self, room_m: float) -> FloatArray:
+        """Return the probability that no known vehicle takes up the place, shape (n,)."""
+        std = np.append(np.maximum(self.known.std_lon_m, 0.1), 0.1)
+        existence = np.append(self.known.existence, 1.0)
+        taken_up = existence * (ndtr((room_m - self.along_m) / std) - ndtr((-room_m - self.along_m) / std))
+        return np.asarray(np.where(np.abs(self.across_m) < BESIDE_LANE_M, 1.0 - taken_up, 1.0).prod(axis=1))
+
+
+def _offsets(cells: LaneCells, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far places are from cells along and across each cell's lane, shape (n, places)."""
+    away_lon, away_lat = lon_m - cells.lon_m[:, None], lat_m - cells.lat_m[:, None]
+    return turned(away_lon, away_lat, cells.heading_rad[:, None])
+
+
+def _let_go(before: Tracks, now: Tracks) -> Tracks:
+    """Return the hidden tracks that are there no more."""
+    return taken(before, (before.state == HIDDEN) & ~np.isin(before.track_id, now.track_id))

@@ -1,0 +1,67 @@
+"""Lanes in pieces, and where traffic flows from piece to piece."""
+
+import numpy as np
+import pytest
+
+from harness.truth.network.network import load_network
+from mmpf.lanes.graph import without_map
+from mmpf.road import Lane, Road, highway
+from mmpf.unseen.cells import BEYOND_SECTION_M, CELL_M, cells_of
+
+
+@pytest.fixture(scope="module", params=["highway", "roundabout", "interchange"])
+def road(request):
+    return highway() if request.param == "highway" else load_network(request.param).road
+
+
+def test_the_cells_of_a_lane_are_as_long_as_the_lane(road):
+    cells, _ = cells_of(road)
+    total = np.bincount(cells.lane, cells.length_m)[1:]
+    start, end = road.section_m
+    whole = [end - start + 2 * BEYOND_SECTION_M] * 5 if road.graph is None else road.graph.length_m
+    np.testing.assert_allclose(total, whole)
+    assert cells.length_m.max() <= CELL_M + 1e-9
+
+
+def test_what_flows_out_of_a_cell_flows_into_others_or_leaves_the_road(road):
+    cells, links = cells_of(road)
+    out = np.bincount(links.source, links.share, minlength=len(cells))
+    assert np.all(np.isclose(out, 1.0) | (out == 0.0))
+    reached = np.isin(np.arange(len(cells)), links.target)
+    np.testing.assert_array_equal(cells.entry, ~reached)
+
+
+def test_linked_cells_touch(road):
+    cells, links = cells_of(road)
+    source, target = links.source, links.target
+    ends = [
+        np.stack([cells.lon_m + side * np.cos(cells.heading_rad), cells.lat_m + side * np.sin(cells.heading_rad)])
+        for side in (0.5 * cells.length_m, -0.5 * cells.length_m)
+    ]
+    assert np.hypot(*(ends[0][:, source] - ends[1][:, target])).max() < 1.0
+
+
+def test_ways_across_a_junction_share_the_traffic_of_the_lane_before_them():
+    graph = load_network("roundabout").road.graph
+    cells, _ = cells_of(load_network("roundabout").road)
+    of_lane = dict(zip(cells.lane - 1, cells.share, strict=True))
+    ways = np.diff(graph.first_successor)
+    forks = [lane for lane in range(len(graph)) if ways[lane] > 1 and not graph.in_junction[lane]]
+    assert forks
+    for lane in forks:
+        following = graph.successor[graph.first_successor[lane] : graph.first_successor[lane + 1]]
+        across = [way for way in following if graph.in_junction[way]]
+        assert all(of_lane[way] <= 1.0 for way in across)
+        assert min(of_lane[way] for way in across) == pytest.approx(1.0 / ways[lane])
+
+
+def test_a_lane_with_a_beginning_and_an_end_is_no_longer_than_that():
+    cells, _ = cells_of(Road(lanes=(Lane(1, 0.0, 3.5, 100.0, 130.0),)))
+    assert cells.length_m.sum() == pytest.approx(30.0)
+    assert cells.lon_m.min() > 100.0
+    assert np.bincount(cells.stretch).tolist() == [5, 1]
+
+
+def test_without_a_map_there_are_no_cells():
+    cells, links = cells_of(Road(lanes=(), graph=without_map()))
+    assert len(cells) == len(links.source) == 0
