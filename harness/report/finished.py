@@ -37,6 +37,7 @@ BRAKING_COLUMNS = (
     *("kind", "episode", "from_step", "to_step", "step", "duration_s", "truth_mps2", "tracks_mps2"),
     *("vehicle_id", "visibility", "unseen_s", "track_id", "fate"),
 )
+UNSEEN_COLUMNS = (*WHEN, "from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m", "expected")
 COMMAND_COLUMNS = (*WHEN, "truth_mps2", "tracks_mps2")
 
 
@@ -59,6 +60,7 @@ class RecordedRun:
         particles: A few particles of each step; None of a tracker without particles.
         brakings: One row per missed or phantom braking; None of a run that asked no driver.
         commands: One row per step: what the driver would do; likewise.
+        unseen: At some steps a row per stretch of lane with the unseen vehicles expected there; None where nobody said.
         whole: Whether the tables hold the whole run; if not, they hold its beginning.
     """
 
@@ -76,6 +78,7 @@ class RecordedRun:
     particles: pd.DataFrame | None
     brakings: pd.DataFrame | None = None
     commands: pd.DataFrame | None = None
+    unseen: pd.DataFrame | None = None
     whole: bool = True
 
     @property
@@ -129,6 +132,9 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
                 raise InputError(f"`{parameter}`: {folder / name} has another {column} than {', '.join(known)}")
         return rows
 
+    def sometimes(name: str, columns: Collection[str]) -> pd.DataFrame | None:
+        return table(name, columns) if (folder / name).is_file() else None
+
     truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
     return RecordedRun(
         folder=folder,
@@ -142,9 +148,10 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
         tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state"), states=TRACK_STATES),
         errors=table(runfolder.ERRORS, ERROR_COLUMNS),
         events=table(runfolder.EVENTS, EVENT_COLUMNS, "to_step"),
-        particles=table(runfolder.PARTICLES, PARTICLE_COLUMNS) if (folder / runfolder.PARTICLES).is_file() else None,
+        particles=sometimes(runfolder.PARTICLES, PARTICLE_COLUMNS),
         brakings=decided(runfolder.BRAKINGS, BRAKING_COLUMNS, "to_step"),
         commands=decided(runfolder.COMMANDS, COMMAND_COLUMNS),
+        unseen=sometimes(runfolder.UNSEEN, UNSEEN_COLUMNS),
         whole=last_step is None,
     )
 

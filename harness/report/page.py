@@ -161,6 +161,7 @@ def replay_parts(
     return {
         "sides": sides,
         "has_particles": any(each.particles is not None for each in runs),
+        "has_unseen": any(each.unseen is not None for each in runs),
         "replay_json": _script_json(replay_data(run, beside)),
         "script": Markup("\n".join(_template_text(name) for name in SCRIPTS)),
     }

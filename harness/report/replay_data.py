@@ -75,6 +75,7 @@ def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any
         "detections": _detections(run.detections, steps, run.road),
         "tracks": _tracks(run.tracks, steps),
         "particles": _particles(run, steps),
+        "unseen": _unseen(run, steps),
         "events": _events(run.events, steps, names),
         "outcomes": ["", *OUTCOMES],
     }
@@ -84,6 +85,7 @@ def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any
             "truth": {name: of_truth[name] for name in OF_TRACKER},
             "tracks": _tracks(beside.run.tracks, steps),
             "particles": _particles(beside.run, steps),
+            "unseen": _unseen(beside.run, steps),
         }
         data["marks"] = _marks(beside.marks, steps, names)
         data["opens_at"] = beside.opens_at
@@ -215,6 +217,20 @@ def _particles(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
     if run.road.graph is not None:
         columns = columns.assign(lat_m=_away_from_ego(run.particles, run.truth, "lat_m"))
     return _rows(columns, steps, away=("away_m", "i2", 10.0), lat=("lat_m", "i2", 100.0))
+
+
+def _unseen(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
+    """Pack the stretches of lane with the vehicles expected there, in thousandths, at the shown steps nearest after."""
+    if run.unseen is None:
+        return None
+    step = run.unseen["step"].to_numpy(dtype=np.int64)
+    shown = steps[np.minimum(np.searchsorted(steps, step), len(steps) - 1)]
+    latest = pd.Series(step).groupby(shown).transform("max").to_numpy() == step
+    return _rows(
+        run.unseen.assign(step=shown)[latest], steps,
+        lon=("from_lon_m", "f4", 1.0), lat=("from_lat_m", "f4", 1.0),
+        to_lon=("to_lon_m", "f4", 1.0), to_lat=("to_lat_m", "f4", 1.0), expected=("expected", "u2", 1e3),
+    )  # fmt: skip
 
 
 def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list[Any]]:

@@ -109,6 +109,8 @@ class UnseenTraffic:
         Returns:
             The expected numbers within range after the scan.
         """
+        if not len(self._cells):
+            return Unseen(self._cells, np.zeros(0))
         plane = SensorPlane(scan.ego, self.road)
         near = np.flatnonzero(plane.distance_m(self._cells.lon_m, self._cells.lat_m) <= self.sensor.range_m)
         cells, known = taken(self._cells, near), taken(tracks, tracks.state != TENTATIVE)

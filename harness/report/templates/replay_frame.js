@@ -13,8 +13,9 @@ if (data.other) {
 const canvas = panes[0].canvas, chart = element("chart"), timeline = element("timeline");
 const STATES = ["visible", "partly hidden", "hidden", "out of range"];
 const GREEN = "#009E73", ORANGE = "#E69F00", VERMILION = "#D55E00", PURPLE = "#882255";
-const MARK = "#F0E442";
+const MARK = "#F0E442", SKY = "#56B4E9";
 const OUT_OF_SIGHT = "#efece6", SEEN = "#ffffff", SHADOW = "#d3d3d3";
+const UNSEEN_WIDTH_M = 2.4;
 const STATE_COLOURS = [GREEN, ORANGE, VERMILION, "#9a9a9a"];
 const ELLIPSE_SCALE = 2.4477; // a two-dimensional normal distribution holds 95 % within so many deviations
 const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2;
@@ -24,7 +25,7 @@ const road = openRoad(data.road);
 if (road.lines) document.querySelectorAll(".road").forEach((each) => each.classList.add("square"));
 const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, across: 0, until: Infinity, followed: -1, clock: 0, left: 0 };
 const shown = { vehicles: true, shadows: true, detections: true, tracks: true, tentative: false, numbers: true,
-  particles: false };
+  unseen: true, particles: false };
 
 function unpack(value) {
   if (Array.isArray(value) || value === null || typeof value !== "object") return value;

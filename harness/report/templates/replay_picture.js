@@ -37,6 +37,7 @@ function drawPane(pane, side) {
   pen.fillRect(0, 0, camera.width, camera.height);
   drawSensorView(pen, camera);
   pen.restore();
+  if (shown.unseen && pane.data.unseen) drawUnseen(pen, camera);
   drawLaneLines(pen, camera);
   drawMarks(pen, camera, marks);
   if (shown.vehicles) drawVehicles(pen, camera);
@@ -46,6 +47,27 @@ function drawPane(pane, side) {
   drawFollowed(pen, camera);
   nameMarks(pen, camera, marks);
   drawScale(pen, camera);
+}
+
+/* Stretches of lane, the bluer the more vehicles are expected there; they are told twice a second. */
+function drawUnseen(pen, camera) {
+  const t = camera.data.unseen;
+  let step = view.step;
+  while (step > 0 && t.first[step] === t.first[step + 1] && data.episode[step - 1] === data.episode[view.step]) step--;
+  const [begin, end] = range(t, step);
+  pen.save();
+  pen.strokeStyle = SKY;
+  pen.lineWidth = UNSEEN_WIDTH_M * camera.scale;
+  for (let k = begin; k < end; k++) {
+    const [x, y] = camera.at(t.lon[k], t.lat[k]), [toX, toY] = camera.at(t.to_lon[k], t.to_lat[k]);
+    if (Math.max(x, toX) < 0 || Math.min(x, toX) > camera.width) continue;
+    pen.globalAlpha = Math.min(0.9, (0.9 * t.expected[k]) / 1000);
+    pen.beginPath();
+    pen.moveTo(x, y);
+    pen.lineTo(toX, toY);
+    pen.stroke();
+  }
+  pen.restore();
 }
 
 /* The outline of a lane of a network, as wide as the lane and some more to either side. */

@@ -92,3 +92,14 @@ def test_particles_lie_where_they_were_recorded(run):
     assert unpacked(data["away"]) / 10 == pytest.approx([-10.0, 31.3, 0.0], abs=0.051)
     assert unpacked(data["lat"]) / 100 == pytest.approx([5.0, -1.25, 7.5])
     assert replay_data(run)["particles"] is None
+
+
+def test_expected_unseen_vehicles_stand_at_the_shown_step_after_them(run):
+    columns = ["step", "time_s", "episode", "from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m", "expected"]
+    first = run.truth["step"].iloc[0]
+    table = pd.DataFrame([(first, 0.0, 0, 10.0, 1.0, 35.0, 2.0, 0.25)], columns=columns)
+    packed = replay_data(replace(run, unseen=table))["unseen"]
+    assert unpacked(packed["first"])[:2].tolist() == [0, 1]
+    assert unpacked(packed["expected"]).tolist() == [250]
+    assert unpacked(packed["to_lon"]).tolist() == [35.0]
+    assert replay_data(replace(run, unseen=None))["unseen"] is None

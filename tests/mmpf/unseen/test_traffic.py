@@ -121,5 +121,6 @@ def test_what_is_expected_is_finite_and_not_negative_whatever_the_tracks_say():
 
 
 def test_without_a_map_nothing_is_expected_anywhere():
-    road = Road(lanes=(), graph=without_map())
-    assert len(UnseenTraffic(road, SensorModel()).step(scan(0.0), tracks((1, 12.0, 5.4))).expected) == 0
+    unseen = UnseenTraffic(Road(lanes=(), graph=without_map()), SensorModel())
+    for time_s in (0.0, 0.1):
+        assert len(unseen.step(scan(time_s), tracks((1, 12.0, 5.4))).expected) == 0
