@@ -17,7 +17,7 @@ from harness.fidelity.statistics import MAIN_LANES
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.fcd import declares_types
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
-from harness.truth.recorded.traffic import assemble
+from harness.truth.recorded.traffic import assemble, check_one_road
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE
 
@@ -217,6 +217,7 @@ def _samples(path: Path, net: str) -> Samples:
     traffic = assemble(
         read_traffic(path, entry.name, network_of(entry, None if entry.brings_road else net)), path, WHOLE_S
     )
+    check_one_road(traffic, path)
     sampler = Sampler(traffic.window_m, STEP_S)
     for _ in sampler.tap(traffic.frame(step, step, 0, int(traffic.stay[0])) for step in range(traffic.steps)):
         pass

@@ -14,7 +14,7 @@ from harness.driving.pairs import recording_of
 from harness.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
-from harness.truth.recorded.traffic import assemble
+from harness.truth.recorded.traffic import assemble, check_one_road
 from mmpf.compute.arrays import IntArray
 
 SHORT_STEPS = 51
@@ -94,6 +94,7 @@ def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> Following:
     for path in files:
         entry = recognise(path)
         traffic = assemble(read_traffic(path, entry.name, network_of(entry, None)), path, WHOLE_RECORDING_S)
+        check_one_road(traffic, path)
         windows = following_windows(recording_of(traffic), traffic.road, steps, STEP_S)
         led = windows.take(np.flatnonzero(windows.has_leader))
         say(

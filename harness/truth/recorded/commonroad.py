@@ -1,8 +1,11 @@
-"""CommonRoad scenarios, versions 2018b and 2020a: obstacles' trajectories on the road of their lanelets."""
+"""CommonRoad scenarios, versions 2018b and 2020a: obstacles' trajectories on their lanelets.
+
+Lanelets that all lead one way are a road with a frame of its own; others, as at crossings, are lanes in the plane.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO
 from xml.etree.ElementTree import Element, ParseError, iterparse
@@ -11,6 +14,7 @@ import numpy as np
 
 from harness.errors import InputError
 from harness.inputs import MOST_TABLE_BYTES, number, unpacked
+from harness.truth.recorded.laneletgraph import are_one_road, plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
@@ -21,6 +25,9 @@ VERSIONS = ("2018b", "2020a")
 SHORTEST_STEP_S, LONGEST_STEP_S = 1e-3, 10.0
 MOST_STEPS = 10_000_000
 LONGEST_LANELET_M = 1e5
+# Traffic signs, as countries number them: speed limits, and to give way or stop.
+LIMIT_SIGNS = frozenset({"274", "R2-1"})
+GIVE_WAY_SIGNS = frozenset({"205", "206", "R1-1", "R1-2"})
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,8 @@ class _Scenario:
 
     step_s: float = 0.0
     lanelets: list[Lanelet] = field(default_factory=list)
+    signs_at: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    signs: dict[str, dict[str, float | None]] = field(default_factory=dict)
     obstacles: list[_Obstacle] = field(default_factory=list)
     standing: list[_Obstacle] = field(default_factory=list)
     left_out: dict[str, int] = field(default_factory=dict)
@@ -70,7 +79,8 @@ def read_commonroad(path: Path) -> ReadTraffic:
             raise InputError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
     _check_times(scenario, path)
     last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
-    return _traffic(scenario, [*scenario.obstacles, *(_lasting(obstacle, last) for obstacle in scenario.standing)])
+    standing = [_lasting(obstacle, last) for obstacle in scenario.standing]
+    return _traffic(scenario, [*scenario.obstacles, *standing], path)
 
 
 def _check_times(scenario: _Scenario, path: Path) -> None:
@@ -108,6 +118,9 @@ def _check_root(root: Element, path: Path) -> None:
 def _take(element: Element, scenario: _Scenario) -> None:
     if element.tag == "lanelet" and element.find("leftBound") is not None:
         scenario.lanelets.append(_lanelet(element))
+        scenario.signs_at[element.attrib["id"]] = _references(element, "trafficSignRef")
+    elif element.tag == "trafficSign":
+        scenario.signs[element.attrib["id"]] = _signs(element)
     elif element.tag in ("obstacle", "dynamicObstacle", "staticObstacle"):
         reason = _reason_to_leave_out(element)
         if reason is not None:
@@ -131,8 +144,51 @@ def _lanelet(element: Element) -> Lanelet:
         name=element.attrib["id"],
         left_xy=_points(element.find("leftBound")),
         right_xy=_points(element.find("rightBound")),
-        successors=tuple(other.attrib["ref"] for other in element.findall("successor")),
+        successors=_references(element, "successor"),
+        left=_neighbour(element.find("adjacentLeft")),
+        right=_neighbour(element.find("adjacentRight")),
+        speed_limit_mps=_positive(element.findtext("speedLimit")),
+        kinds=tuple((kind.text or "").strip() for kind in element.findall("laneletType")),
+        signals=_references(element, "trafficLightRef"),
     )
+
+
+def _references(element: Element, tag: str) -> tuple[str, ...]:
+    return tuple(other.attrib["ref"] for other in element.findall(tag))
+
+
+def _neighbour(element: Element | None) -> str | None:
+    return element.attrib["ref"] if element is not None and element.attrib.get("drivingDir") == "same" else None
+
+
+def _positive(text: str | None) -> float | None:
+    value = np.nan if text is None else number(text)
+    return value if 0.0 < value < np.inf else None
+
+
+def _signs(element: Element) -> dict[str, float | None]:
+    """Return the kinds of signs on a post, each with its number, if it has one."""
+    found: dict[str, float | None] = {}
+    for sign in element.findall("trafficSignElement"):
+        kind = (sign.findtext("trafficSignID") or "").strip()
+        found[kind] = _positive(sign.findtext("additionalValue")) if kind in LIMIT_SIGNS else None
+    return found
+
+
+def _signed(scenario: _Scenario) -> list[Lanelet]:
+    """Return the lanelets with what the signs at them say."""
+    lanelets = []
+    for lanelet in scenario.lanelets:
+        signs = [sign for ref in scenario.signs_at[lanelet.name] for sign in scenario.signs.get(ref, {}).items()]
+        limits = [limit for kind, limit in signs if kind in LIMIT_SIGNS and limit is not None]
+        lanelets.append(
+            replace(
+                lanelet,
+                speed_limit_mps=min(limits) if limits else lanelet.speed_limit_mps,
+                gives_way=any(kind in GIVE_WAY_SIGNS for kind, _ in signs),
+            )
+        )
+    return lanelets
 
 
 def _points(bound: Element | None) -> FloatArray:
@@ -192,20 +248,27 @@ def _lasting(obstacle: _Obstacle, last: float) -> _Obstacle:
     return _Obstacle(obstacle.name, states, obstacle.length_m, obstacle.width_m)
 
 
-def _traffic(scenario: _Scenario, obstacles: list[_Obstacle]) -> ReadTraffic:
+def _traffic(scenario: _Scenario, obstacles: list[_Obstacle], path: Path) -> ReadTraffic:
     states = np.concatenate([obstacle.states for obstacle in obstacles])
     vehicle = np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles])
     step, x, y, orientation, speed = states.T
-    road = road_from_lanelets(scenario.lanelets, x, y)
-    lon_m, lat_m = road.to_road(x, y)
-    heading = (orientation - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
+    if are_one_road(scenario.lanelets):
+        road = road_from_lanelets(scenario.lanelets, x, y)
+        lon_m, lat_m = road.to_road(x, y)
+        heading = (orientation - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
+        speed = speed * np.cos(heading)
+    else:
+        plane = plane_of_lanelets(_signed(scenario), path)
+        road = plane.road
+        lon_m, lat_m = x - plane.origin_xy[0], y - plane.origin_xy[1]
+        heading = (orientation + np.pi) % (2.0 * np.pi) - np.pi
     rows = Rows(
         vehicle=vehicle,
         time_s=step * scenario.step_s,
         lon_m=lon_m,
         lat_m=lat_m,
         heading_rad=heading,
-        speed_mps=speed * np.cos(heading),
+        speed_mps=speed,
         # The lanelets' directions scatter too much for the drift to follow from the heading.
         lat_speed_mps=unknown(len(step)),
         length_m=np.array([obstacle.length_m for obstacle in obstacles])[vehicle],

@@ -10,7 +10,7 @@ import numpy as np
 from harness.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic
-from mmpf.compute.arrays import IntArray
+from mmpf.compute.arrays import FloatArray, IntArray
 
 AUTO, EACH = "auto", "each"
 # each:12 is twelve of them, evenly spaced.
@@ -90,7 +90,7 @@ def _stays_in_window(traffic: RecordedTraffic) -> list[EgoStay]:
 
 
 def _relay(traffic: RecordedTraffic, stays: list[EgoStay]) -> tuple[EgoStay, ...]:
-    """Hand the sensor on whenever its vehicle is gone; of equally long stays that nearest the window's middle goes."""
+    """Hand the sensor on whenever its vehicle is gone; of equally long stays that nearest the middle goes."""
     if not stays:
         raise InputError(f"`ego` {AUTO}: no vehicle is on record within the window")
     stay, first, last = np.array([(s.stay, s.first_step, s.last_step) for s in stays], dtype=np.int64).T
@@ -106,9 +106,14 @@ def _relay(traffic: RecordedTraffic, stays: list[EgoStay]) -> tuple[EgoStay, ...
     return tuple(relay)
 
 
-def _distance_from_middle(traffic: RecordedTraffic, stay: IntArray) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    count = np.bincount(traffic.stay, minlength=len(traffic.names))
-    mean_m = np.bincount(traffic.stay, weights=traffic.columns["lon_m"], minlength=len(traffic.names)) / np.maximum(
-        count, 1
-    )
-    return np.asarray(np.abs(mean_m[stay] - 0.5 * sum(traffic.window_m)))
+def _distance_from_middle(traffic: RecordedTraffic, stay: IntArray) -> FloatArray:
+    """Return how far each stay's mean place is from the middle of what is on record, shape (s,)."""
+    count = np.maximum(np.bincount(traffic.stay, minlength=len(traffic.names)), 1)
+
+    def mean_m(column: str) -> FloatArray:
+        return np.bincount(traffic.stay, weights=traffic.columns[column], minlength=len(traffic.names)) / count
+
+    if traffic.road.graph is None:
+        return np.asarray(np.abs(mean_m("lon_m")[stay] - 0.5 * sum(traffic.window_m)))
+    x, y = (mean_m(column)[stay] - float(traffic.columns[column].mean()) for column in ("lon_m", "lat_m"))
+    return np.asarray(np.hypot(x, y))

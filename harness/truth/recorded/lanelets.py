@@ -36,12 +36,24 @@ class Lanelet:
         left_xy: Left line in driving direction, shape (k, 2).
         right_xy: Right line, shape (m, 2).
         successors: Lanelets that it leads to.
+        left: The lanelet to the left that leads the same way, if there is one.
+        right: The same to the right.
+        speed_limit_mps: Speed limit, if it states one.
+        kinds: What it is for, as the file calls it.
+        gives_way: Whether a sign at it says to give way or to stop.
+        signals: Traffic lights at its end.
     """
 
     name: str
     left_xy: FloatArray
     right_xy: FloatArray
     successors: tuple[str, ...] = ()
+    left: str | None = None
+    right: str | None = None
+    speed_limit_mps: float | None = None
+    kinds: tuple[str, ...] = ()
+    gives_way: bool = False
+    signals: tuple[str, ...] = ()
 
     def centre_xy(self) -> FloatArray:
         """Return the middle line, a point every two metres, shape (n, 2)."""

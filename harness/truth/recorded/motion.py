@@ -14,7 +14,7 @@ import numpy as np
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.resample import Clocked
 from harness.truth.recorded.rows import Rows
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 
 HALF_WIDTH_STEPS = 5
 CREEP_MPS = 2.0
@@ -22,6 +22,8 @@ CREEP_MPS = 2.0
 
 def completed(clocked: Clocked) -> tuple[Rows, FloatArray]:
     """Fill in what is nan in the rows, and return them with the longitudinal acceleration of each, shape (n,)."""
+    if clocked.in_plane:
+        return _completed_in_plane(clocked)
     rows, stay = clocked.rows, clocked.stay
     speed = _filled(rows.speed_mps, rows.lon_m, stay)
     lat_speed = _filled(rows.lat_speed_mps, rows.lat_m, stay)
@@ -30,6 +32,22 @@ def completed(clocked: Clocked) -> tuple[Rows, FloatArray]:
     heading = np.where(np.isnan(rows.heading_rad), drift, rows.heading_rad)
     heading = (heading + np.pi) % (2.0 * np.pi) - np.pi
     return replace(rows, heading_rad=heading, speed_mps=speed, lat_speed_mps=lat_speed), local_slope(speed, stay)
+
+
+def _completed_in_plane(clocked: Clocked) -> tuple[Rows, FloatArray]:
+    """Do the same where speeds are along and across each vehicle's own heading."""
+    rows, stay = clocked.rows, clocked.stay
+    # Step by step along and across the heading of that step, so that a turn alone is no drift.
+    step_x, step_y = (np.diff(values, prepend=values[:1]) for values in (rows.lon_m, rows.lat_m))
+    heading = rows.heading_rad - 0.5 * wrapped(np.diff(rows.heading_rad, prepend=rows.heading_rad[:1]))
+    cosine, sine = np.cos(heading), np.sin(heading)
+    same = np.diff(stay, prepend=-1) == 0
+    along, across = (
+        np.cumsum(np.where(same, moved, 0.0))
+        for moved in (step_x * cosine + step_y * sine, step_y * cosine - step_x * sine)
+    )
+    speed, lat_speed = _filled(rows.speed_mps, along, stay), _filled(rows.lat_speed_mps, across, stay)
+    return replace(rows, speed_mps=speed, lat_speed_mps=lat_speed), local_slope(speed, stay)
 
 
 def local_slope(values: FloatArray, stay: IntArray) -> FloatArray:

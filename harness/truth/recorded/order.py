@@ -11,6 +11,7 @@ from harness.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows
 from mmpf.compute.arrays import IntArray, StringArray
 
+NEEDED = ("time_s", "lon_m", "lat_m", "length_m", "width_m")
 # Times closer together than this are one time.
 TIME_RESOLUTION_S = 1e-3
 # A name that comes up again after this long, forward or backward, is another vehicle: counting began anew.
@@ -40,6 +41,7 @@ class Stays:
         duplicates: Rows left out because the vehicle and time were there already.
         contradictions: How many of them gave another position.
         jumps: Stays that begin where a vehicle jumps, shape (j,).
+        in_plane: Whether the road frame is the plane.
     """
 
     rows: Rows
@@ -50,6 +52,7 @@ class Stays:
     duplicates: int
     contradictions: int
     jumps: IntArray
+    in_plane: bool
 
     @property
     def ends(self) -> IntArray:
@@ -67,6 +70,8 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     """
     rows = traffic.rows
     _check_numbers(rows, traffic.names, path)
+    if traffic.in_plane:
+        _check_numbers(rows, traffic.names, path, ("heading_rad",))
     _check_limits(rows, traffic.names, path)
     tick = np.round((rows.time_s - rows.time_s.min()) / TIME_RESOLUTION_S).astype(np.int64)
     key = rows.vehicle * (int(tick.max()) + 1) + tick
@@ -103,13 +108,14 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         duplicates=int(repeated.sum()),
         contradictions=contradictions,
         jumps=np.flatnonzero(jumps[starts]),
+        in_plane=traffic.in_plane,
     )
 
 
-def _check_numbers(rows: Rows, names: StringArray, path: Path) -> None:
+def _check_numbers(rows: Rows, names: StringArray, path: Path, columns: tuple[str, ...] = NEEDED) -> None:
     if not len(rows):
         raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
-    for column in ("time_s", "lon_m", "lat_m", "length_m", "width_m"):
+    for column in columns:
         missing = np.flatnonzero(~np.isfinite(getattr(rows, column)))
         if len(missing):
             name = names[rows.vehicle[missing[0]]]

@@ -65,9 +65,13 @@ def _check_jumps(stays: Stays, path: Path) -> None:
     rows, after = stays.rows, stays.starts[stays.jumps]
     before = after - 1
     jump_m = np.abs(rows.lon_m[after] - rows.lon_m[before])
+    place_m = np.abs(rows.lon_m)
+    if stays.in_plane:
+        jump_m = np.hypot(jump_m, rows.lat_m[after] - rows.lat_m[before])
+        place_m = np.hypot(rows.lon_m, rows.lat_m)
     _check_share(
         [str(name) for name in stays.names[stays.jumps - 1]],
-        np.abs(rows.lon_m[after]) / np.maximum(np.abs(rows.lon_m[before]), 1e-6),
+        place_m[after] / np.maximum(place_m[before], 1e-6),
         [f"jumps by {far:.1f} m at {time_s:.1f} s" for far, time_s in zip(jump_m, rows.time_s[after], strict=True)],
         stays,
         path,
@@ -79,7 +83,7 @@ def _check_speeds(stays: Stays, path: Path) -> None:
     same = np.diff(rows.vehicle) == 0
     step_s = np.where(same, np.diff(rows.time_s), 0.0)
     driven_m = 0.5 * (np.abs(rows.speed_mps[1:]) + np.abs(rows.speed_mps[:-1])) * step_s
-    moved_m = np.where(same, np.abs(np.diff(rows.lon_m)), 0.0)
+    moved_m = np.where(same, np.abs(_ahead_m(stays)), 0.0)
     driven, moved = _sum_by_stay(driven_m, stays), _sum_by_stay(moved_m, stays)
     _check_directions(step_s, same, stays, path)
     telling = np.isfinite(driven) & (np.maximum(driven, moved) > TELLING_DISTANCE_M)
@@ -93,11 +97,20 @@ def _check_directions(step_s: FloatArray, same: BoolArray, stays: Stays, path: P
     """Refuse vehicles that move one way while their speed says the other."""
     rows = stays.rows
     driven = _sum_by_stay(0.5 * (rows.speed_mps[1:] + rows.speed_mps[:-1]) * step_s, stays)
-    moved = _sum_by_stay(np.where(same, np.diff(rows.lon_m), 0.0), stays)
+    moved = _sum_by_stay(np.where(same, _ahead_m(stays), 0.0), stays)
     telling = np.isfinite(driven) & (np.minimum(np.abs(driven), np.abs(moved)) > TELLING_DISTANCE_M)
     wrong = np.flatnonzero(telling & (driven * moved < 0.0))
     told = [f"moves {moved[stay]:+.1f} m along the road while its speed says {driven[stay]:+.1f} m" for stay in wrong]
     _check_share([str(name) for name in stays.names[wrong]], np.zeros(len(wrong)), told, stays, path)
+
+
+def _ahead_m(stays: Stays) -> FloatArray:
+    """Return how far each row's vehicle is ahead in the next row: along the road, or as it points in the plane."""
+    rows = stays.rows
+    if not stays.in_plane:
+        return np.diff(rows.lon_m)
+    heading = rows.heading_rad[:-1]
+    return np.asarray(np.diff(rows.lon_m) * np.cos(heading) + np.diff(rows.lat_m) * np.sin(heading))
 
 
 def _check_share(names: list[str], ratio: FloatArray, told: list[str], stays: Stays, path: Path) -> None:

@@ -1,4 +1,7 @@
-"""What every reader hands over: recorded positions in the road frame, row by row, as the file has them."""
+"""What every reader hands over: recorded positions in the road frame, row by row, as the file has them.
+
+Where the road frame is the plane, headings count from the x axis, and speeds are along and across the own heading.
+"""
 
 from __future__ import annotations
 
@@ -66,6 +69,11 @@ class ReadTraffic:
     rows: Rows
     vehicles_read: int
     left_out: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether the road frame is the plane."""
+        return self.road.graph is not None
 
 
 def unknown(count: int) -> FloatArray:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from harness.errors import InputError
-from harness.truth.frame import STEP_S, Frame
+from harness.truth.frame import EVERYWHERE, STEP_S, Frame
+from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import completed
 from harness.truth.recorded.order import Stays, order_rows
 from harness.truth.recorded.plausible import check_units
@@ -79,8 +80,8 @@ class RecordedTraffic:
 
     @property
     def window_m(self) -> tuple[float, float]:
-        """Stretch of the road that is on record."""
-        return self.road.section_m
+        """Stretch of the road that is on record; in the plane nobody knows where that ends."""
+        return self.road.section_m if self.road.graph is None else EVERYWHERE
 
     @property
     def step_of_row(self) -> IntArray:
@@ -99,6 +100,7 @@ class RecordedTraffic:
             vehicle_id=self.names[stay],
             lane=self.lane[rows],
             window_m=self.window_m,
+            direction_rad=None if self.road.graph is None else self.columns["heading_rad"][rows],
             **self._floats_of(rows),
         )
 
@@ -126,17 +128,32 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     order = order[slice(*np.searchsorted(clocked.step[order], (first_step, first_step + steps)))]
     stay = clocked.stay[order]
     rows = rows.take(order)
-    window_m = recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m)
+    road = read.road
+    if road.graph is None:
+        road = replace(road, section_m=recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m))
+        lane = road.lane_number_at(rows.lon_m, rows.lat_m)
+    else:
+        lane = 1 + lanes_driven(road.graph, stay, rows)
     return RecordedTraffic(
-        road=replace(read.road, section_m=window_m),
+        road=road,
         step_starts=np.searchsorted(clocked.step[order], first_step + np.arange(steps + 1)),
         stay=stay,
         names=stays.names,
         columns={name: getattr(rows, name) for name in FRAME_COLUMNS} | {"accel_mps2": accel[order]},
-        lane=read.road.lane_number_at(rows.lon_m, rows.lat_m),
+        lane=lane,
         counts=_counts(read, stays, stay, clocked.stay, clocked.filled),
         notes=_notes(stays),
     )
+
+
+def check_one_road(traffic: RecordedTraffic, path: Path) -> None:
+    """Refuse traffic of which no one road is known, where distances along it are needed.
+
+    Raises:
+        InputError: Its lanes lie in the plane.
+    """
+    if traffic.road.graph is not None:
+        raise InputError(f"{path}: its lanes lead several ways; give a recording of one road, such as a motorway's")
 
 
 def recorded_window(step: IntArray, stay: IntArray, lon_m: FloatArray) -> tuple[float, float]:

@@ -1,0 +1,232 @@
+"""Lanelets as a graph of lanes in the plane, for recordings of crossings, bends and roads with two directions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.truth.network.graphlimits import graph_problem
+from harness.truth.recorded.lanelets import Lanelet
+from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+from mmpf.lanes.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
+from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.road import Road
+
+# On one road lanelets lead one way to within this angle, but for a small share of their length, as of a drawn hook.
+ONE_WAY_RAD, MOST_ASIDE = np.deg2rad(20.0), 0.05
+# Pieces of this length tell where a lanelet leads.
+PIECE_M = 20.0
+# Kinds of lanelets that no car drives on.
+NOT_FOR_CARS = frozenset({"crosswalk", "sidewalk", "bicycleLane"})
+# Where nothing is stated nobody is held back.
+NO_LIMIT_MPS = 130.0 / 3.6
+SHORTEST_LANE_M, NARROWEST_LANE_M, SAME_POINT_M = 0.1, 0.5, 0.01
+STRAIGHT_WITHIN_M = 0.05
+# Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.
+LONGEST_PIECE_M = 100.0
+# Lanes that meet at their ends do not cross there.
+ENDS_M = 1.0
+DECIMALS = 3
+GRID_M = 1000.0
+
+
+@dataclass(frozen=True)
+class LaneletPlane:
+    """Lanelets in the plane.
+
+    Attributes:
+        road: The road, whose frame is the plane.
+        origin_xy: The file's coordinates of the plane's origin, whole kilometres, so that places stay small numbers.
+    """
+
+    road: Road
+    origin_xy: tuple[float, float]
+
+
+def are_one_road(lanelets: Sequence[Lanelet]) -> bool:
+    """Return whether lanelets all lead one way, nearly straight, so that a road's frame can be laid along them."""
+    chords = np.concatenate([_chords(lanelet.centre_xy()) for lanelet in lanelets])
+    mean = np.arctan2(*chords.sum(axis=0)[::-1])
+    aside = np.abs(wrapped(np.arctan2(chords[:, 1], chords[:, 0]) - mean)) > ONE_WAY_RAD
+    length = np.hypot(chords[:, 0], chords[:, 1])
+    return bool(length[aside].sum() <= MOST_ASIDE * length.sum())
+
+
+def plane_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> LaneletPlane:
+    """Return lanelets as lanes in the plane.
+
+    Raises:
+        InputError: None of them is for cars, or they are larger than can be driven on.
+    """
+    by_name = {lanelet.name: lanelet for lanelet in lanelets if NOT_FOR_CARS.isdisjoint(lanelet.kinds)}
+    lines = {name: _middle(lanelet) for name, lanelet in by_name.items()}
+    lines = {name: line for name, line in lines.items() if _length(line) >= SHORTEST_LANE_M}
+    if not lines:
+        raise InputError(f"{path}: no lanelet of it is for cars; give a scenario with roads")
+    low = np.min([line.min(axis=0) for line in lines.values()], axis=0)
+    # Adding zero turns -0.0 into 0.0.
+    origin = np.floor(low / GRID_M) * GRID_M + 0.0
+    placed = {name: np.round(line - origin, DECIMALS) for name, line in lines.items()}
+    graph = _assemble(by_name, placed)
+    problem = graph_problem(graph)
+    if problem:
+        raise InputError(f"{path}: {problem}; cut out the part that is driven on")
+    start, end = float(graph.xy[:, 0].min()), float(graph.xy[:, 0].max())
+    return LaneletPlane(
+        Road(lanes=(), section_m=(start, max(end, start + 1.0)), graph=graph), (float(origin[0]), float(origin[1]))
+    )
+
+
+def _assemble(by_name: Mapping[str, Lanelet], lines: Mapping[str, FloatArray]) -> LaneGraph:
+    names = tuple(lines)
+    index = {name: k for k, name in enumerate(names)}
+    chosen = [by_name[name] for name in names]
+    follow = [_followers(lanelet, by_name, index) for lanelet in chosen]
+    crossed = _crossings(list(lines.values()))
+    graph = LaneGraph(
+        name=names,
+        xy=np.concatenate(list(lines.values())),
+        first_point=np.cumsum([0, *map(len, lines.values())]),
+        width_m=np.array([_width(lanelet) for lanelet in chosen]),
+        speed_limit_mps=np.array([lanelet.speed_limit_mps or NO_LIMIT_MPS for lanelet in chosen]),
+        left=_beside(chosen, [lanelet.left for lanelet in chosen], index),
+        right=_beside(chosen, [lanelet.right for lanelet in chosen], index),
+        successor=np.array([to for each in follow for to in each], dtype=np.int64),
+        first_successor=np.cumsum([0, *map(len, follow)]),
+        in_junction=_in_junction(crossed, follow),
+    )
+    return replace(graph, control=_control(chosen, graph, crossed))
+
+
+def _followers(lanelet: Lanelet, by_name: Mapping[str, Lanelet], index: Mapping[str, int]) -> list[int]:
+    """Return the lanes that follow one; those that are too short to be lanes are linked past."""
+    found: list[int] = []
+    met = {lanelet.name}
+    waiting = [lanelet]
+    while waiting:
+        for name in waiting.pop(0).successors:
+            if name in index:
+                found += [index[name]] if index[name] not in found else []
+            elif name in by_name and name not in met:
+                met.add(name)
+                waiting.append(by_name[name])
+    return found
+
+
+def _beside(chosen: Sequence[Lanelet], neighbours: Sequence[str | None], index: Mapping[str, int]) -> IntArray:
+    """Return the lane beside each, (l,): the neighbour that the file names, unless one of the two parts from there."""
+    found = np.full(len(chosen), NOWHERE)
+    for k, (lanelet, name) in enumerate(zip(chosen, neighbours, strict=True)):
+        if name is None or name not in index or index[name] == k:
+            continue
+        other = chosen[index[name]]
+        apart = 0.5 * (_width(lanelet) + _width(other))
+        away = np.hypot(*(_at_shares(lanelet) - _at_shares(other)).T)
+        if 0.6 * apart <= away.min() and away.max() <= apart + 2.0:
+            found[k] = index[name]
+    return found
+
+
+def _at_shares(lanelet: Lanelet) -> FloatArray:
+    """Return places at a tenth, half and nine tenths of a lanelet's middle line, shape (3, 2)."""
+    line = lanelet.centre_xy()
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    wanted = along[-1] * np.array([0.1, 0.5, 0.9])
+    return np.stack([np.interp(wanted, along, line[:, axis]) for axis in (0, 1)], axis=-1)
+
+
+def _crossings(lines: Sequence[FloatArray]) -> list[set[int]]:
+    """Return for each lane the others that cross it, ends left out."""
+    import shapely  # noqa: PLC0415  (heavy)
+    from shapely.ops import substring  # noqa: PLC0415
+
+    inner = [substring(shapely.LineString(line), min(ENDS_M, 0.4 * _length(line)), -ENDS_M) for line in lines]
+    one, other = shapely.STRtree(inner).query(inner, predicate="intersects")
+    found: list[set[int]] = [set() for _ in lines]
+    for a, b in zip(one.tolist(), other.tolist(), strict=True):
+        if a != b:
+            found[a].add(b)
+    return found
+
+
+def _in_junction(
+    crossed: Sequence[set[int]], follow: Sequence[Sequence[int]]
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return which lanes lead across a junction: those that others cross, and those that begin or end with them."""
+    crossing = np.array([bool(others) for others in crossed])
+    inside = crossing.copy()
+    before: dict[int, list[int]] = {}
+    for k, after in enumerate(follow):
+        if crossing[list(after)].any():
+            inside[list(after)] = True
+        for to in after:
+            before.setdefault(to, []).append(k)
+    for lanes in before.values():
+        if len(lanes) > 1 and crossing[lanes].any():
+            inside[lanes] = True
+    return inside
+
+
+def _control(chosen: Sequence[Lanelet], graph: LaneGraph, crossed: Sequence[set[int]]) -> LinkControl | None:
+    """Return what lights and signs say of each link; None where there are none, since then nothing is known."""
+    if not any(lanelet.gives_way or lanelet.signals for lanelet in chosen):
+        return None
+    origin, successor = graph.link_from, graph.successor
+    kind, signal = np.full(len(successor), FREE), np.full(len(successor), NO_SIGNAL)
+    numbers: dict[str, int] = {}
+    for k in range(len(successor)):
+        lanelet = chosen[origin[k]]
+        if lanelet.signals:
+            name = f"{'+'.join(lanelet.signals)}:{graph.name[successor[k]]}"
+            kind[k], signal[k] = SIGNAL, numbers.setdefault(name, len(numbers))
+        elif lanelet.gives_way:
+            kind[k] = YIELD
+    entering = {int(to): np.flatnonzero(successor == to) for to in np.unique(successor)}
+    ends = [
+        set(graph.successor[graph.first_successor[k] : graph.first_successor[k + 1]].tolist())
+        for k in range(len(graph))
+    ]
+    foes: list[list[int]] = []
+    for k in range(len(successor)):
+        path = int(successor[k])
+        meets = crossed[path] | {other for other in range(len(graph)) if other != path and ends[other] & ends[path]}
+        own = [int(link) for other in sorted(meets) for link in entering.get(other, ()) if origin[link] != origin[k]]
+        # Of two that both wait neither holds the other.
+        foes.append([link for link in own if kind[k] != YIELD or kind[link] != YIELD] if kind[k] != FREE else [])
+    return LinkControl(
+        kind=kind,
+        signal=signal,
+        signal_name=tuple(numbers),
+        foe=np.array([link for each in foes for link in each], dtype=np.int64),
+        first_foe=np.cumsum([0, *map(len, foes)]),
+    )
+
+
+def _middle(lanelet: Lanelet) -> FloatArray:
+    """Return a lanelet's middle line without points that it would not miss by more than 5 cm, shape (p, 2)."""
+    import shapely  # noqa: PLC0415  (heavy)
+
+    line = shapely.simplify(shapely.LineString(lanelet.centre_xy()), STRAIGHT_WITHIN_M)
+    points = shapely.get_coordinates(shapely.segmentize(line, LONGEST_PIECE_M))
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    return np.asarray(points[np.append(True, steps > SAME_POINT_M)])
+
+
+def _width(lanelet: Lanelet) -> float:
+    left, right = lanelet.sampled()
+    return max(float(np.median(np.hypot(*(left - right).T))), NARROWEST_LANE_M)
+
+
+def _length(line: FloatArray) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def _chords(line: FloatArray) -> FloatArray:
+    """Return how far a line leads, piece by piece of 20 m or a little less, shape (k, 2)."""
+    pieces = max(1, int(np.ceil(_length(line) / PIECE_M)))
+    places = line[np.round(np.linspace(0, len(line) - 1, pieces + 1)).astype(np.int64)]
+    return np.diff(places, axis=0)
