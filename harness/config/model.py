@@ -122,6 +122,13 @@ class BeliefsConfig(_Strict):
     lanes_left_out: tuple[int, ...] | None = None
     """Numbers of lanes of a main road that the map lacks."""
 
+    @model_validator(mode="after")
+    def _no_map_has_no_lanes(self) -> Self:
+        idle = [name for name in ("map_shift_m", "lanes_left_out") if getattr(self, name)]
+        if self.map == "none" and idle:
+            raise ValueError(f"map none leaves no lanes to shift or leave out; leave out map or {' and '.join(idle)}")
+        return self
+
     def sheet(self) -> dict[str, float]:
         """Return what is believed otherwise than the data sheet says, by its names."""
         return dict(self.model_dump(exclude_none=True, exclude={"noise_factor", *MAP_BELIEFS}))

@@ -84,3 +84,11 @@ def test_on_a_graph_lanes_of_a_main_road_are_refused(crossing):
     for setting in ("map=one-lane", "lanes_left_out=[1]"):
         with pytest.raises(InputError, match="networks with a main road"):
             told(crossing, setting)
+
+
+@pytest.mark.parametrize("idle", ["map_shift_m=0.5", "lanes_left_out=[2]"])
+def test_no_map_that_is_shifted_or_lacks_lanes_is_refused_in_one_line(idle):
+    name = idle.partition("=")[0]
+    with pytest.raises(InputError, match=f"^tracker.believes: map none leaves no lanes .* leave out map or {name}$"):
+        told(highway(), "map=none", idle)
+    assert told(highway(), "map=none", "map_shift_m=0").graph is not None
