@@ -11,7 +11,7 @@ import pandas as pd
 from harness.scoring.directions import nearest_row, read_directions
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import VISIBILITY_STATES
-from harness.truth.frame import PARKED_COLUMN, ROUNDABOUT_COLUMN, WALL_COLUMN, WINDOW_COLUMNS
+from harness.truth.frame import PARKED_COLUMN, PEDESTRIAN_COLUMN, ROUNDABOUT_COLUMN, WALL_COLUMN, WINDOW_COLUMNS
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -150,7 +150,7 @@ def read_run(
             ``window_start_m`` and ``window_end_m`` bound what the source knows of the road. A column ``direction_rad``
             means that positions are in the plane, and says along which direction each vehicle is scored. Columns
             ``wall_fraction``, ``on_roundabout`` and ``parked`` tell what walls hide, who is on a roundabout and who is
-            parked.
+            parked; whoever is ``pedestrian`` is left out.
         detections: One row per detection; ``truth_id`` empty or null for clutter.
         tracks: One row per track and step.
         edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
@@ -170,7 +170,10 @@ def read_run(
     all_episodes = _ints(truth, "episode") if "episode" in truth else np.zeros(len(truth), dtype=np.int64)
     episodes = all_episodes[first_row]
     name_codes, names = pd.factorize(truth["vehicle_id"])
-    keep = np.flatnonzero(~truth["is_ego"].to_numpy(dtype=bool))
+    counts = ~truth["is_ego"].to_numpy(dtype=bool)
+    if PEDESTRIAN_COLUMN in truth:
+        counts &= ~truth[PEDESTRIAN_COLUMN].to_numpy(dtype=bool)
+    keep = np.flatnonzero(counts)
     vehicle = _codes(all_episodes[keep], name_codes[keep].astype(np.int64))
     order = np.lexsort((step_index[keep], vehicle))
     rows, vehicle = keep[order], vehicle[order]

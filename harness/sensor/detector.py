@@ -61,6 +61,9 @@ class RayedSensor:
         step_s = self.memory.begin_scan(rng, frame.episode, frame.time_s)
         sight = sight_to(frame.lon_m, frame.lat_m, road, ego, box_axes(road, frame.heading_rad))
         in_range = in_reach(self.settings, sight.distance, sight.off_axis)
+        if frame.pedestrian is not None:
+            # They hide others like any body, and are no vehicles that a detector of vehicles could report.
+            in_range &= ~frame.pedestrian
         in_range[frame.ego] = True
         fraction, occluder, behind_walls = visibility_of(frame, road, ego, in_range, self.settings.range_m)
         scene = Scene(frame, road, sight, fraction, occluder, in_range)

@@ -24,6 +24,8 @@ DIRECTION_COLUMN = "direction_rad"
 PARKED_COLUMN = "parked"
 # Column of the truth table that says who is on a roundabout; absent where the network has none, or none that is known.
 ROUNDABOUT_COLUMN = "on_roundabout"
+# Column of the truth table that says who is on foot; absent where the source knows of nobody who could be.
+PEDESTRIAN_COLUMN = "pedestrian"
 # Column of the truth table with the share of each vehicle that walls hide; absent where there are no walls.
 WALL_COLUMN = "wall_fraction"
 # Column of the truth table that holds the states of signals; absent where the road has none.
@@ -55,6 +57,8 @@ class Frame:
             whose frame is the plane (``Road.graph``) its heading; None elsewhere, where it is the road's own.
         parked: Whether each vehicle stands in one place for as long as it is on record; None where the source does not
             tell parked vehicles from others.
+        pedestrian: Whether each is a person on foot, who hides others and is neither detected nor scored; None where
+            the source knows of none.
         on_roundabout: Whether each vehicle is on a roundabout; None where none is known.
         signals: ``OPEN`` or ``CLOSED`` for each signal of the road's graph, one letter each, in the order of
             ``LinkControl.signal_name``; empty where there are none, or their states are not on record.
@@ -77,6 +81,7 @@ class Frame:
     window_m: tuple[float, float] = EVERYWHERE
     direction_rad: FloatArray | None = None
     parked: BoolArray | None = None
+    pedestrian: BoolArray | None = None
     on_roundabout: BoolArray | None = None
     signals: str = ""
 

@@ -26,6 +26,9 @@ NOT_ON_ROADS = frozenset(
 )
 NO_CAR = frozenset({"bicycle", "moped", "motorcycle", "scooter", "wheelchair", "tram"})
 CAR_LENGTH_M = (3.0, 6.5)
+PEDESTRIAN = "pedestrian"
+# Persons may be called as vehicles are.
+PERSON_NAME = "person:{}"
 # SUMO's letters for signals by which vehicles may go: green with and without priority, off, and off but blinking.
 LETS_GO = frozenset("GgOo")
 # From the front bumper to the rear axle, as a share of the length.
@@ -55,12 +58,19 @@ class Body:
     @property
     def is_car(self) -> bool:
         """Whether it may carry the sensor."""
-        return self.kind not in NO_CAR and CAR_LENGTH_M[0] <= self.length_m <= CAR_LENGTH_M[1]
+        return (
+            self.kind not in NO_CAR and not self.is_pedestrian and CAR_LENGTH_M[0] <= self.length_m <= CAR_LENGTH_M[1]
+        )
+
+    @property
+    def is_pedestrian(self) -> bool:
+        """Whether it is a person on foot."""
+        return self.kind == PEDESTRIAN
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All vehicles of a network at one instant, struct of arrays over n vehicles.
+    """All vehicles of a network and persons on foot at one instant, struct of arrays over n of them.
 
     Attributes:
         time_s: SUMO's time.
@@ -112,7 +122,7 @@ class PlaneReader:
         self._kept: dict[str, _Kept] = {}
 
     def read(self) -> Snapshot:
-        """Return the vehicles that drive or stand on the network now; parked and teleporting ones are left out."""
+        """Return who drives, stands or walks on the network now; parked and teleporting vehicles are left out."""
         vehicle = self._sumo.vehicle
         bodies, kept = self._bodies, self._kept
         self._bodies, self._kept = {}, {}
@@ -131,6 +141,8 @@ class PlaneReader:
             if now.front == (before or now).front and vehicle.isStoppedParking(name):
                 continue
             self._kept[name] = now
+        for person in self._sumo.person.getIDList():
+            self._keep_person(str(person), bodies)
         rows = list(self._kept.values())
         place = np.array([(*each.front, *each.rear) for each in rows], dtype=np.float64).reshape(-1, 4)
         return Snapshot(
@@ -143,6 +155,23 @@ class PlaneReader:
             lanes=[each.lanes for each in rows],
             signals=self._states(),
         )
+
+    def _keep_person(self, person: str, bodies: dict[str, Body]) -> None:
+        """Remember where a person is, unless it rides in a vehicle."""
+        of_persons = self._sumo.person
+        x, y = of_persons.getPosition(person)
+        if of_persons.getVehicle(person) or not (abs(x) < FARTHEST_M and abs(y) < FARTHEST_M):
+            return
+        name = PERSON_NAME.format(person)
+        if name not in bodies:
+            size = float(of_persons.getLength(person)), float(of_persons.getWidth(person))
+            bodies[name] = Body(*size, PEDESTRIAN, float(self._sumo.simulation.getTime()))
+        body = self._bodies[name] = bodies[name]
+        heading = np.radians(90.0 - of_persons.getAngle(person))
+        place, ahead = np.array([x, y]) - self._origin, np.array([np.cos(heading), np.sin(heading)])
+        # SUMO's persons are where their middles are.
+        front, rear = place + 0.5 * body.length_m * ahead, place - 0.5 * body.length_m * ahead
+        self._kept[name] = _Kept((float(front[0]), float(front[1])), (float(rear[0]), float(rear[1])), "", (NOWHERE,))
 
     def _states(self) -> str:
         lights = {light for light, _ in self._signals}

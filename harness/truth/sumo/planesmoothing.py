@@ -21,7 +21,13 @@ def lead_snapshots(step_s: float) -> int:
 
 
 def smoothed_frame(
-    window: Sequence[Snapshot], names: Sequence[str], graph: LaneGraph, step: int, step_s: float
+    window: Sequence[Snapshot],
+    names: Sequence[str],
+    graph: LaneGraph,
+    step: int,
+    step_s: float,
+    *,
+    knows_persons: bool = False,
 ) -> Frame:
     """Return some vehicles of the window's middle snapshot, smoothed; the frame has no ego yet.
 
@@ -33,6 +39,7 @@ def smoothed_frame(
         graph: The lanes.
         step: Number of the frame.
         step_s: Time between snapshots.
+        knows_persons: Whether the frame tells who is on foot.
     """
     reach = len(window) // 2
     middle = window[reach]
@@ -67,6 +74,9 @@ def smoothed_frame(
         length_m=rounded(np.array([middle.body[row].length_m for row in rows])),
         width_m=rounded(np.array([middle.body[row].width_m for row in rows])),
         direction_rad=rounded(heading),
+        pedestrian=np.array([middle.body[row].is_pedestrian for row in rows], dtype=np.bool_)
+        if knows_persons
+        else None,
         signals=middle.signals,
     )
 

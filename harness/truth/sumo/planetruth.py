@@ -74,6 +74,8 @@ class PlaneTruth:
         if inflow is not None:
             running.before_step = lambda _: inflow.before_step()
         self._network, self._plane = network, plane
+        # The demands of networks in the box have nobody on foot.
+        self._has_persons = inflow is None
         self._wants_ego, self._reach_m, self._inflow = ego, reach_m, inflow
 
     def warm_up(self, duration_s: float) -> None:
@@ -143,10 +145,10 @@ class PlaneTruth:
         middle = window[len(window) // 2]
         graph = self._plane.graph
         if not self._wants_ego:
-            return smoothed_frame(window, list(middle.row), graph, step, self.step_s)
+            return smoothed_frame(window, list(middle.row), graph, step, self.step_s, knows_persons=self._has_persons)
         # Smoothing moves nobody so far as the margin.
         names = _names_within(middle, ego, self._reach_m + 10.0)
-        frame = smoothed_frame(window, names, graph, step, self.step_s)
+        frame = smoothed_frame(window, names, graph, step, self.step_s, knows_persons=self._has_persons)
         me = names.index(ego)
         away = np.hypot(frame.lon_m - frame.lon_m[me], frame.lat_m - frame.lat_m[me])
         kept = np.flatnonzero(away <= self._reach_m)
@@ -192,8 +194,10 @@ def _candidates(
     ]
     rows.sort(key=lambda row: -snapshot.body[row].departure_s)
     chosen = np.array(rows[:MOST_CANDIDATES], dtype=np.int64)
+    drives = np.array([not body.is_pedestrian for body in snapshot.body], dtype=np.bool_)
     away = np.hypot(
-        snapshot.front_x[chosen, None] - snapshot.front_x, snapshot.front_y[chosen, None] - snapshot.front_y
+        snapshot.front_x[chosen, None] - snapshot.front_x[drives],
+        snapshot.front_y[chosen, None] - snapshot.front_y[drives],
     )
     return chosen, (away <= AROUND_M).sum(axis=1) - 1
 

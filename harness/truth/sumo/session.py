@@ -20,12 +20,13 @@ class Sumo(Protocol):
     """What is used of SUMO's interface: of the module ``libsumo``, or of a ``harness.truth.sumo.window.SumoWindow``.
 
     Attributes:
-        vehicle: Commands on vehicles; so on with lanes, edges, routes, signals and the simulation.
+        vehicle: Commands on vehicles; so on with persons, lanes, edges, routes, signals and the simulation.
         TraCIException: Raised where SUMO refuses a command.
         FatalTraCIError: Raised where SUMO is gone.
     """
 
     vehicle: Any
+    person: Any
     lane: Any
     edge: Any
     route: Any

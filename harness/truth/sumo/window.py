@@ -131,7 +131,7 @@ class SumoWindow:
     """A running sumo-gui, with what is used of the interface of the module ``libsumo``.
 
     Attributes:
-        vehicle: Commands on vehicles; so on with lanes, edges, routes and the simulation.
+        vehicle: Commands on vehicles; so on with persons, lanes, edges, routes and the simulation.
         TraCIException: Raised where SUMO refuses a command.
         FatalTraCIError: Raised where the window is gone.
     """
@@ -144,6 +144,7 @@ class SumoWindow:
         self.TraCIException: type[Exception] = TraCIException
         self.FatalTraCIError: type[Exception] = FatalTraCIError
         self.vehicle: Any = connection.vehicle
+        self.person: Any = connection.person
         self.lane: Any = connection.lane
         self.edge: Any = connection.edge
         self.route: Any = connection.route

@@ -23,6 +23,10 @@ def leaves(table, path=""):
         yield path, np.nan if table is None else table
 
 
+def numbers_of(metrics):
+    return {path: repr(value) for path, value in leaves(metrics)}
+
+
 def numbers(scores, left_out=frozenset()):
     return {path: value for path, value in leaves(scores.metrics) if path.rpartition(".")[0] not in left_out}
 
@@ -159,3 +163,11 @@ def test_a_direction_that_is_no_number_is_refused():
     truth, detections, tracks = Scene(5).vehicle("a", lon=10.0, detected=True).tables()
     with pytest.raises(ValueError, match="direction_rad"):
         score_run(truth.assign(direction_rad=np.nan), detections, tracks)
+
+
+def test_persons_on_foot_are_in_no_score():
+    truth, detections, tracks = crossing()
+    plain = score_run(truth, detections, tracks).metrics
+    walker = truth[truth["vehicle_id"] == truth["vehicle_id"].iloc[1]].assign(vehicle_id="person:a", lat_m=30.0)
+    walked = pd.concat([truth.assign(pedestrian=False), walker.assign(pedestrian=True)], ignore_index=True)
+    assert numbers_of(score_run(walked, detections, tracks).metrics) == numbers_of(plain)

@@ -170,3 +170,24 @@ def test_detected_vehicles_cast_shadows_along_the_lanes_that_they_are_on():
     assert seen.scan.free_space.range_m[north] == pytest.approx(32.35, abs=1.0)
     shadowed = seen.scan.free_space.range_m < 99.0
     assert shadowed.sum() * 0.5 == pytest.approx(math.degrees(1.9 / 27.65), abs=1.2)
+
+
+def test_a_person_on_foot_hides_who_is_behind_and_is_itself_no_detection():
+    """A body half a metre wide, ten metres away, covers 1.0 m of what is twenty metres away."""
+    frame = frame_of(20.0, 0.0, 0.5 * math.pi)
+    person = {"vehicle_id": "person:a", "lon_m": 10.0, "length_m": 0.2, "width_m": 0.5}
+    columns = {
+        name: np.append(values, np.zeros(1, dtype=values.dtype) if name not in person else person[name])
+        for name, values in vars(frame).items()
+        if isinstance(values, np.ndarray)
+    }
+    walked = replace(frame, **columns, pedestrian=np.array([False, False, True]))
+    sensor, rng = build_sensor(SensorSettings(**QUIET)), np.random.default_rng(0)
+    alone = sensor.observe(frame, ROAD, rng)
+    seen = sensor.observe(walked, ROAD, rng)
+    assert alone.visible_fraction[1] == 1.0
+    # The sensor is on the roof, so that the person's shadow lies on the side of the car that faces it.
+    assert seen.visible_fraction[1] == pytest.approx(1.0 - 0.5 / 9.9 * (20.0 - 0.95) / 4.7, abs=0.02)
+    assert seen.occluder[1] == 2
+    assert not seen.in_range[2]
+    assert set(seen.truth_id) == {"car"}

@@ -202,3 +202,50 @@ def test_on_a_circle_the_rear_axle_runs_inside_as_the_tractrix_says():
 
 def test_a_jump_to_the_next_lane_does_not_turn_the_body():
     assert pulled((0.0, 0.0), (-4.0, 0.0), (0.0, 3.2), 4.0) == pytest.approx((-4.0, 3.2))
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    """Return the road, the frames, where SUMO has persons, and which of them ride; walkers are called as cars are."""
+    flow = '<flow id="we" from="wc" to="ce" begin="0" end="600" period="3" departSpeed="max"/>'
+    walking = (
+        '<personFlow id="we" begin="0" end="600" period="8"><walk from="path" to="path" arrivalPos="-1"/></personFlow>'
+    )
+    riding = "".join(
+        f'<vehicle id="taxi{k}" depart="{4 * k}" departLane="best"><route edges="wc ce"/></vehicle>'
+        f'<person id="rider{k}" depart="triggered"><ride from="wc" to="ce" lines="taxi{k}"/></person>'
+        for k in range(1, 150)
+    )
+    places, riders = [], set()
+
+    def note(truth, _):
+        person = truth._sumo.person
+        places.append({name: person.getPosition(name) for name in person.getIDList()})
+        riders.update(name for name in places[-1] if person.getVehicle(name))
+
+    road, frames = drive(configured(tmp_path_factory.mktemp("walked"), walking + riding + flow), 15.0, note)
+    return road, frames, places, riders
+
+
+def test_persons_on_foot_are_in_the_frame_as_a_type_of_their_own(walked):
+    _, frames, places, riders = walked
+    seen = 0
+    for frame, at in zip(frames, places, strict=True):
+        for row in np.flatnonzero(frame.pedestrian):
+            name = str(frame.vehicle_id[row])
+            assert name.startswith("person:")
+            now = at.get(name.removeprefix("person:"))
+            if now is None:
+                continue
+            # A frame is made of half a second to either side of it: they have walked on by then.
+            assert np.hypot(frame.lon_m[row] - now[0], frame.lat_m[row] - now[1]) < 1.5
+            assert 0.0 <= frame.speed_mps[row] < 2.5
+            assert max(frame.length_m[row], frame.width_m[row]) < 1.0
+            assert frame.lane[row] == 0
+            seen += 1
+        assert not frame.pedestrian[frame.ego]
+        assert not frame.pedestrian[frame.lane > 0].any()
+        there = {str(name).removeprefix("person:") for name in frame.vehicle_id[frame.pedestrian]}
+        assert there.isdisjoint(riders)
+    assert seen > 500
+    assert riders

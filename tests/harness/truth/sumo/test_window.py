@@ -99,7 +99,7 @@ def test_sumo_gui_of_another_version_is_refused_for_it_drives_other_traffic(scre
 def window_that_ended(exit_code: int, errors: str = "") -> SumoWindow:
     complaints = Complaints(TemporaryDirectory())
     complaints.log.write_text(errors)
-    domains = dict.fromkeys(("vehicle", "lane", "edge", "route", "simulation", "trafficlight", "gui"))
+    domains = dict.fromkeys(("vehicle", "person", "lane", "edge", "route", "simulation", "trafficlight", "gui"))
     return SumoWindow(
         SimpleNamespace(**domains, close=lambda wait: None),
         subprocess.Popen([sys.executable, "-c", f"raise SystemExit({exit_code})"]),
