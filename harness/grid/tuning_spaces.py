@@ -54,6 +54,34 @@ _IMMORTAL: Space = {
     **_GATE,
     **_BIRTH,
 }
+_REMEMBERED: Space = {"longest_unseen_s": (1.0, 3.0, 5.0, 10.0)}
+_BOXES: Space = {
+    "longest_unseen_s": (0.2, 1.0, 3.0, 5.0, 10.0),
+    "least_overlap": (-0.7, -0.4, -0.2, 0.0),
+    "association": ("overlap", "mahalanobis"),
+    **_NOISE,
+    **_BIRTH,
+}
+_IMM: Space = {
+    **_REMEMBERED,
+    **_BELIEF,
+    **_NOISE,
+    "accel_std_mps2": (0.75, 1.5, 3.0),
+    "turn_std_rad_per_s": (0.05, 0.1, 0.2),
+    "gate_std": (3.9, 5.0, 6.0),
+    **_BIRTH,
+}
+_PMBM: Space = {
+    "shadow_aware": (True, False),
+    "newcomer_share": (0.03, 0.1, 0.3),
+    **_BELIEF,
+    **_NOISE,
+    "reported_existence": (0.3, 0.5, 0.8),
+    "longest_unseen_s": (5.0, 10.0, 15.0),
+    "gate_std": (3.9, 4.5, 6.0),
+    "confirm_detections": (2, 3, 5, 8),
+    "birth_speed_std_mps": (10.0, 5.0, 3.0),
+}
 
 SEARCH_SPACES: dict[str, Space] = {
     "mmpf": _MMPF,
@@ -71,6 +99,9 @@ SEARCH_SPACES: dict[str, Space] = {
     },
     "immortal-kalman": _IMMORTAL,
     "stonesoup-particle": _STONE_SOUP,
+    "box-kalman": _BOXES,
+    "imm-gnn": _IMM,
+    "pmbm": _PMBM,
     "oracle-kalman": {**_MOTION, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 5)},
 }
 

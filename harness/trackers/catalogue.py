@@ -61,6 +61,21 @@ _CATALOGUE = {
     "stonesoup-particle": _stone_soup(
         "Stone Soup: a particle filter per track, global nearest neighbour association", "ParticleOptions"
     ),
+    "box-kalman": _Entry(
+        "harness.trackers.rivals.box_kalman",
+        "Kalman filters of boxes matched by their overlap, as AB3DMOT and SimpleTrack do it",
+        "harness.trackers.rivals.box_kalman:BoxKalmanOptions",
+    ),
+    "imm-gnn": _Entry(
+        "harness.trackers.rivals.imm_gnn",
+        "interacting models (constant velocity; constant turn rate and acceleration), global nearest neighbour",
+        "harness.trackers.rivals.imm_gnn:ImmGnnOptions",
+    ),
+    "pmbm": _Entry(
+        "harness.trackers.rivals.pmbm.tracker",
+        "Poisson multi-Bernoulli mixture filter, aware of shadows",
+        "harness.trackers.rivals.pmbm.tracker:PmbmOptions",
+    ),
     "oracle-kalman": _Entry(
         "harness.trackers.oracle",
         "Kalman filters told the true association: a reference, not a tracker",

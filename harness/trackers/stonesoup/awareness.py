@@ -14,11 +14,11 @@ from stonesoup.types.multihypothesis import MultipleHypothesis
 from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
+from harness.trackers.shadows import POINTS, Visibility, detection_probabilities
 from harness.trackers.stonesoup.options import AwareJpdaOptions
 from harness.trackers.stonesoup.parts import MEASURED_SIZE, to_seconds
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.neighbours import IN_THE_WAY
-from mmpf.around.shadows import visible_fractions
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.idm import LONGEST_HEADWAY_S, SHORTEST_HEADWAY_S, SLOWEST_MPS, adaptive_parameters, idm_acceleration
 from mmpf.motion.protocol import Neighbour
@@ -27,9 +27,6 @@ from mmpf.plane import SensorPlane
 from mmpf.road import Road
 from mmpf.scan import EgoPose, Scan, SensorModel
 
-# Five points that stand for a Gaussian, in standard deviations, and what they weigh.
-_POINTS, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
-_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 _SMALLEST_SIZE_STD_M = 0.05
 
 
@@ -145,18 +142,12 @@ class Awareness:
         """Return the mean detection probability over where each track may be along the road, shape (m,)."""
         casts_shadow = scene.unseen_s <= self.options.occluder_unseen_s + 1e-6
         table = depth_table(plane, scene.lon_m, scene.lat_m, casts_shadow, scene.bodies)
-        points = len(_POINTS)
-        lon = (scene.lon_m[:, None] + scene.std_lon_m[:, None] * _POINTS).ravel()
+        points = len(POINTS)
+        lon = (scene.lon_m[:, None] + scene.std_lon_m[:, None] * POINTS).ravel()
         lat = np.repeat(scene.lat_m, points)
         component = np.repeat(np.arange(len(scene.lon_m)), points)
-        visible = visible_fractions(plane, lon, lat, component, scene.bodies, table)
-        sensor = self.sensor
-        share = np.clip(visible / max(sensor.full_view_fraction, 1e-6), 0.0, 1.0)
-        can_be_seen = (visible >= sensor.hidden_fraction) & (plane.distance_m(lon, lat) <= sensor.range_m)
-        probability = np.where(can_be_seen, self._in_plain_view * share, 0.0)
-        return np.asarray(
-            np.maximum(probability, self.options.hidden_probability).reshape(-1, points) @ _WEIGHTS, dtype=np.float64
-        )
+        visibility = Visibility(self.sensor, self._in_plain_view, self.options.hidden_probability)
+        return detection_probabilities(plane, (lon, lat, component), scene.bodies, table, visibility)
 
     def _follow_leaders(self, ego: EgoPose, scene: _Scene, tracks: list[Track]) -> None:
         driver, adaptation = adaptive_parameters()

@@ -16,7 +16,17 @@ NAMES = ("oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "stonesoup-jpda-awa
 
 
 @pytest.mark.parametrize(
-    "name", ["oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "stonesoup-jpda-aware", "immortal-kalman"]
+    "name",
+    [
+        "oracle-kalman",
+        "stonesoup-gnn",
+        "stonesoup-jpda",
+        "stonesoup-jpda-aware",
+        "immortal-kalman",
+        "box-kalman",
+        "imm-gnn",
+        "pmbm",
+    ],
 )
 @pytest.mark.parametrize("with_speed", [False, True])
 def test_vehicles_of_all_directions_have_their_own_speed(name, with_speed):

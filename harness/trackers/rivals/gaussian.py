@@ -1,0 +1,104 @@
+"""Gaussian beliefs against detections: distances, likelihoods, updates and first beliefs, all pairs at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from harness.trackers.oracle import LAT, LON, SPEED, GaussianStates, update_variable
+from harness.trackers.rivals.options import RivalOptions
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.scan import Detections, EgoPose
+
+_TWO_PI = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Each of n beliefs against each of d detections, by position.
+
+    Attributes:
+        squared_distance: Squared Mahalanobis distances, shape (n, d).
+        log_density: Logarithms of the densities of the detections' places, 1/m², shape (n, d).
+    """
+
+    squared_distance: FloatArray
+    log_density: FloatArray
+
+
+def scaled(detections: Detections, factor: float) -> Detections:
+    """Return detections whose standard deviations are taken to be so many times what they report."""
+    if factor == 1.0:
+        return detections
+    return replace(
+        detections,
+        std_lon_m=factor * detections.std_lon_m,
+        std_lat_m=factor * detections.std_lat_m,
+        std_speed_mps=factor * detections.std_speed_mps,
+    )
+
+
+def in_order(detections: Detections) -> Detections:
+    """Return the detections in an order of their own, so that that of the input means nothing."""
+    return taken(detections, np.lexsort((detections.lat_m, detections.lon_m)))
+
+
+def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> Pairs:
+    """Compare beliefs and detections by position.
+
+    Args:
+        mean: Means whose rows are those of ``oracle.LON`` and so on, shape (n, 4 or more).
+        covariance: Covariances of the same order.
+        detections: The detections, d of them.
+    """
+    off_lon = detections.lon_m - mean[:, LON, None]
+    off_lat = detections.lat_m - mean[:, LAT, None]
+    lon_lon = covariance[:, LON, LON, None] + detections.std_lon_m**2
+    lat_lat = covariance[:, LAT, LAT, None] + detections.std_lat_m**2
+    lon_lat = covariance[:, LON, LAT, None]
+    determinant = lon_lon * lat_lat - lon_lat**2
+    squared = (lat_lat * off_lon**2 - 2.0 * lon_lat * off_lon * off_lat + lon_lon * off_lat**2) / determinant
+    return Pairs(squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI))
+
+
+def updated(states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray) -> GaussianStates:
+    """Return beliefs after a detection each of some of them: place, and speed where it is measured.
+
+    Args:
+        states: Beliefs before.
+        index: Whose detections they are, each at most once, shape (k,).
+        detections: All detections.
+        detection: Which of them, shape (k,).
+    """
+    states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
+    states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
+    has_speed = np.isfinite(detections.speed_mps[detection])
+    measured, std = detections.speed_mps[detection], detections.std_speed_mps[detection]
+    return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
+
+
+def newborn(detections: Detections, detection: IntArray, ego: EgoPose, options: RivalOptions) -> GaussianStates:
+    """Return first beliefs at some detections, shape (k,): as fast as the ego where speed is not measured."""
+    count = len(detection)
+    has_speed = np.isfinite(detections.speed_mps[detection])
+    speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
+    std_speed = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
+    std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
+    mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
+    std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
+    return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
+
+
+def best_pairs(gain: FloatArray, allowed: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the one-to-one pairs of rows and columns whose gains are greatest in sum, of those that are allowed.
+
+    Args:
+        gain: Gains, shape (n, d); a pair is worth nothing if its gain is not positive.
+        allowed: Which pairs may be, shape (n, d).
+    """
+    worth = np.where(allowed, np.maximum(gain, 0.0), 0.0)
+    rows, columns = linear_sum_assignment(worth, maximize=True)
+    chosen = worth[rows, columns] > 0.0
+    return rows[chosen].astype(np.int64), columns[chosen].astype(np.int64)

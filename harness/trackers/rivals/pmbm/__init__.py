@@ -1,0 +1,1 @@
+"""The Poisson multi-Bernoulli mixture filter: assignments, clusters of hypotheses, the filter and the tracker."""

@@ -1,0 +1,190 @@
+"""The PMBM filter as a tracker: what it believes of the sensor, of newcomers and of shadows, and what it reports.
+
+Vehicles that were never detected are spread evenly over what the sensor covers, at a density that is in balance between
+newcomers and detections. With ``shadow_aware`` the detection probability of each single hypothesis is that where it may
+be behind the other tracks' shadows, as in OptiPMB (arXiv 2503.12968), so that a hidden vehicle goes on existing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from harness.trackers.oracle import LAT, LAT_SPEED, LON, SPEED, predict_constant_velocity
+from harness.trackers.plane import PlaneTracker, is_in_plane
+from harness.trackers.protocol import Tracker, TrackerSetting, trackers
+from harness.trackers.rivals.gaussian import in_order, newborn, scaled
+from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
+from harness.trackers.rivals.options import RivalOptions, in_frame
+from harness.trackers.rivals.pmbm.clusters import Limits
+from harness.trackers.rivals.pmbm.mixture import (
+    Measured,
+    Mixture,
+    Pruning,
+    nothing,
+    survived,
+    updated_mixture,
+    without,
+)
+from harness.trackers.shadows import POINTS, Visibility, detection_probabilities
+from mmpf.around.depth import Bodies, depth_table
+from mmpf.compute.arrays import FloatArray, taken
+from mmpf.options import Footprint
+from mmpf.plane import SensorPlane
+from mmpf.scan import Detections, Scan, check_scan
+from mmpf.settings import Positive, Probability
+from mmpf.tracks import Tracks
+
+_SLOW_MPS = 1.0
+
+
+class PmbmOptions(RivalOptions):
+    """Settings of the PMBM tracker."""
+
+    gate_std: Positive = 4.5
+    """A detection counts for a hypothesis within this many standard deviations."""
+    detection_probability: Probability | None = None
+    """Detection probability in plain view; None takes the sensor's."""
+    clutter_factor: Positive = 1.0
+    """The density of clutter, in relation to the data sheet's."""
+    newcomer_share: Positive = 0.1
+    """Expected detections of vehicles never detected before, in relation to clutter."""
+    stay_s: Positive = 60.0
+    """Mean time for which a vehicle goes on existing."""
+    shadow_aware: bool = True
+    """Whether a hypothesis behind another track's shadow is less likely to be detected."""
+    hidden_probability: Probability = 0.02
+    """Detection probability of a vehicle that lies in the other tracks' shadows."""
+    occluder_unseen_s: Positive = 1.0
+    """A track that was seen within this time casts a shadow."""
+    vehicle: Footprint = Footprint()
+    """Size of a vehicle where sizes are not measured."""
+    longest_unseen_s: Positive = 10.0
+    """A confirmed hypothesis ends when unseen for longer."""
+    reported_existence: Probability = 0.5
+    """A track is reported from this probability that it exists on."""
+    least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
+    """A hypothesis that exists with less than this probability is dropped."""
+    most_hypotheses: Annotated[int, Field(ge=1, le=1000)] = 10
+    """Global hypotheses kept of tracks that depend on each other."""
+    least_weight: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
+    """A global hypothesis that weighs less than this share of the best is dropped."""
+    alike_scans: Annotated[int, Field(ge=0, le=100)] = 5
+    """Global hypotheses by which the same vehicles had the same detections for so many scans are one; 0 keeps all
+    apart.
+    """
+
+
+class Pmbm:
+    """Poisson multi-Bernoulli mixture filter with tracks."""
+
+    def __init__(self, options: PmbmOptions, setting: TrackerSetting) -> None:
+        self._options, self._sensor, self._road = options, setting.sensor, setting.road
+        self._in_plane = is_in_plane(setting)
+        chosen = options.detection_probability
+        in_view = setting.sensor.detection_probability if chosen is None else chosen
+        self._visibility = Visibility(setting.sensor, in_view, options.hidden_probability)
+        limits = Limits(options.most_hypotheses, options.least_weight)
+        self._pruning = Pruning(options.gate_std, limits, options.least_existence, options.alike_scans)
+        self._time_s: float | None = None
+        self._next_track_id = 1
+        self._mixture = nothing(options.alike_scans)
+
+    def step(self, scan: Scan) -> Tracks:
+        """Take in one scan and return the tracks.
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
+        check_scan(scan, self._time_s)
+        detections = scaled(in_order(scan.detections), self._options.noise_factor)
+        mixture = self._predicted(scan)
+        self._time_s = scan.time_s
+        self._mixture = updated_mixture(mixture, self._measured(scan, mixture, detections), self._pruning)
+        return self._report(scan.time_s)
+
+    def _predicted(self, scan: Scan) -> Mixture:
+        options, mixture = self._options, self._mixture
+        if self._time_s is None:
+            return mixture
+        interval_s = scan.time_s - self._time_s
+        states = predict_constant_velocity(mixture.singles.states, interval_s, options.lon_noise, options.lat_noise)
+        mixture = replace(mixture, singles=replace(mixture.singles, states=states))
+        moment = Moment(scan.time_s, scan.ego, self._sensor.range_m)
+        goes_on = remembered(mixture.singles.lives, states.mean[:, LON], states.mean[:, LAT], moment, options)
+        mixture = mixture if goes_on.all() else without(mixture, ~goes_on)
+        return survived(mixture, float(np.exp(-interval_s / options.stay_s)))
+
+    def _measured(self, scan: Scan, mixture: Mixture, detections: Detections) -> Measured:
+        options, count = self._options, len(detections)
+        clutter = options.clutter_factor * self._sensor.clutter_density_per_m2
+        lives = Lives.begun(self._next_track_id, count, scan.time_s)
+        self._next_track_id += count
+        return Measured(
+            time_s=scan.time_s,
+            detections=detections,
+            sizes_m=self._sizes(detections),
+            seen=self._seen(scan, mixture),
+            clutter_density=clutter,
+            newcomers=np.full(count, options.newcomer_share * clutter),
+            first=(lives, newborn(detections, np.arange(count), scan.ego, options)),
+        )
+
+    def _sizes(self, detections: Detections) -> FloatArray:
+        sizes = detections.sizes
+        if sizes is None:
+            return np.tile([self._options.vehicle.length_m, self._options.vehicle.width_m], (len(detections), 1))
+        return np.column_stack([sizes.length_m, sizes.width_m])
+
+    def _seen(self, scan: Scan, mixture: Mixture) -> FloatArray:
+        """Return the detection probability of each single hypothesis, shape (h,)."""
+        singles, best = mixture.singles, mixture.best
+        if not self._options.shadow_aware or not len(best):
+            return np.full(len(singles.existence), self._visibility.in_view)
+        mean = singles.states.mean
+        recent = scan.time_s - singles.lives.last_seen_s[best] <= self._options.occluder_unseen_s + TIME_TOLERANCE_S
+        casts_shadow = recent & (singles.existence[best] >= self._options.reported_existence)
+        bodies = Bodies(singles.size_m[best, 0], singles.size_m[best, 1], self._turn(mean[best]))
+        plane = SensorPlane(scan.ego, self._road)
+        table = depth_table(plane, mean[best, LON], mean[best, LAT], casts_shadow, bodies)
+        # A hypothesis is not in the shadow of its own track's best one; a track that has none is taken for the first.
+        caster_of = dict(zip(singles.lives.track_id[best].tolist(), range(len(best)), strict=True))
+        component = np.array([caster_of.get(number, 0) for number in singles.lives.track_id.tolist()], dtype=np.int64)
+        along = _widest(singles.states.covariance)
+        lon, lat = ((mean[:, row, None] + along[:, k, None] * POINTS).ravel() for k, row in enumerate((LON, LAT)))
+        places = lon, lat, np.repeat(component, len(POINTS))
+        return detection_probabilities(plane, places, bodies, table, self._visibility)
+
+    def _turn(self, mean: FloatArray) -> FloatArray | None:
+        """Return where vehicles point in the plane, shape (m,); None along the road."""
+        if not self._in_plane:
+            return None
+        moves = np.hypot(mean[:, SPEED], mean[:, LAT_SPEED]) > _SLOW_MPS
+        return np.where(moves, np.arctan2(mean[:, LAT_SPEED], mean[:, SPEED]), 0.0)
+
+    def _report(self, time_s: float) -> Tracks:
+        best = self._mixture.best
+        best = best[self._mixture.singles.existence[best] >= self._options.reported_existence]
+        shown = taken(self._mixture.singles, best[np.argsort(self._mixture.singles.lives.track_id[best])])
+        states = shown.states
+        return reported(shown.lives, states.mean, states.covariance, time_s, self._options, shown.existence)
+
+
+@trackers.register("pmbm")
+def build_pmbm(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
+    """Build the PMBM tracker."""
+    tracker = Pmbm(in_frame(PmbmOptions.model_validate(dict(options)), setting), setting)
+    return PlaneTracker(tracker) if tracker._in_plane else tracker
+
+
+def _widest(covariance: FloatArray) -> FloatArray:
+    """Return the standard deviation of places along the direction in which it is greatest, as vectors, shape (h, 2)."""
+    lon, lat, both = covariance[:, LON, LON], covariance[:, LAT, LAT], covariance[:, LON, LAT]
+    angle = 0.5 * np.arctan2(2.0 * both, lon - lat)
+    variance = 0.5 * (lon + lat) + np.hypot(0.5 * (lon - lat), both)
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0))[:, None] * direction)
