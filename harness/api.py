@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from harness.config.model import RunConfig
-    from harness.grid.stress import FinishedGrid, RunCells
+    from harness.grid.making import RunCells, Telling
+    from harness.grid.stress import FinishedGrid
     from harness.running.run import FinishedRun
 
 
@@ -286,7 +287,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
         if values["scheduler"] is not None and values["keep"] is not None:
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
         from harness.grid.kept import keeping  # noqa: PLC0415
-        from harness.grid.stress import Telling, run_stress  # noqa: PLC0415
+        from harness.grid.stress import run_stress  # noqa: PLC0415
         from harness.report.folderpage import write_page  # noqa: PLC0415
 
         with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
@@ -296,11 +297,8 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 execute if values["keep"] is None else keeping(execute, Path(values["out"])),
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                user=Telling(
-                    quiet,
-                    warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
-                    tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
-                    workers=None if values["scheduler"] is not None else values["workers"] or os.cpu_count() or 1,
+                user=_telling(
+                    quiet, None if values["scheduler"] is not None else values["workers"] or os.cpu_count() or 1
                 ),
                 command=command,
             )
@@ -310,6 +308,18 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             write_kept_pages(finished.folder, quiet)
         write_page(finished.folder)
         return finished
+
+
+def _telling(quiet: bool, workers: int | None) -> Telling:
+    """Return what tells the user on stderr."""
+    from harness.grid.making import Telling  # noqa: PLC0415
+
+    return Telling(
+        quiet,
+        warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
+        tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+        workers=workers,
+    )
 
 
 @contextmanager

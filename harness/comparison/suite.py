@@ -10,8 +10,9 @@ from harness.comparison.sources import STANDARD
 from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.gridfolder import GRID, RUNS
+from harness.grid.making import TABLE, Telling
 from harness.grid.pool import run_cells
-from harness.grid.stress import TABLE, FinishedGrid, Telling, run_stress
+from harness.grid.stress import FinishedGrid, run_stress
 from harness.runfolder import folder as runfolder
 from harness.writing.files import replacing
 

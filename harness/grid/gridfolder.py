@@ -20,7 +20,7 @@ ROWS, RUNS, GRID, KEPT = "runs", "runs.parquet", "grid.json", "kept"
 
 
 @contextmanager
-def open_grid_folder(out: Path, resume: bool) -> Iterator[Path]:
+def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> Iterator[Path]:
     """Make or take up a grid's folder, keep other processes off it, and yield the folder of its rows.
 
     Raises:
@@ -30,7 +30,7 @@ def open_grid_folder(out: Path, resume: bool) -> Iterator[Path]:
         raise InputError(f"`out`: {out} exists; add `resume` to go on with it, or choose another folder")
     rows = out / ROWS
     try:
-        _check_is_grid(out)
+        _check_is_grid(out, kind)
         out.mkdir(parents=True, exist_ok=True)
         lock = lock_within(out, "out")
     except OSError as error:
@@ -41,9 +41,9 @@ def open_grid_folder(out: Path, resume: bool) -> Iterator[Path]:
     try:
         try:
             if ownership.kind_of(out) is None:
-                ownership.claim(out, ownership.STRESS)
+                ownership.claim(out, kind)
             rows.mkdir(exist_ok=True)
-            _clean(out, rows)
+            _clean(out, rows, kind)
         except OSError as error:
             raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
         yield rows
@@ -51,19 +51,19 @@ def open_grid_folder(out: Path, resume: bool) -> Iterator[Path]:
         lock.release()
 
 
-def _check_is_grid(out: Path) -> None:
+def _check_is_grid(out: Path, kind: str) -> None:
     if not out.exists():
         return
     if not out.is_dir():
         raise InputError(f"`out`: {out} is a file; choose another folder")
     if any(entry.name != LOCK and not is_temporary(entry.name) for entry in out.iterdir()) and not (
-        ownership.kind_of(out) == ownership.STRESS or _is_earlier_grid(out)
+        ownership.kind_of(out) == kind or (kind == ownership.STRESS and _is_earlier_grid(out))
     ):
-        raise InputError(f"`out`: {out} is not a stress test's folder; choose another folder")
+        raise InputError(f"`out`: {out} is not a {ownership.plain(kind)}'s folder; choose another folder")
 
 
 def _is_earlier_grid(out: Path) -> bool:
-    """Return whether a grid's folder was made before such folders had ledgers: its manifest names this program."""
+    """Return whether a stress test was made before folders had ledgers: its manifest names this program."""
     try:
         manifest = json.loads(runfolder.read_regular(out / runfolder.MANIFEST))
     except (OSError, ValueError):
@@ -71,14 +71,14 @@ def _is_earlier_grid(out: Path) -> bool:
     return isinstance(manifest, dict) and ownership.PROGRAM in manifest.get("versions", ()) and (out / ROWS).is_dir()
 
 
-def _clean(out: Path, rows: Path) -> None:
+def _clean(out: Path, rows: Path, kind: str) -> None:
     """Remove half-written files of a process that was killed."""
     for path in (*out.iterdir(), *rows.iterdir()):
         if is_temporary(path.name) and path.is_file():
             path.unlink()
     for path in rows.iterdir():
         if not path.is_file():
-            raise InputError(f"`out`: {path} is no file of a stress test; move it away")
+            raise InputError(f"`out`: {path} is no file of a {ownership.plain(kind)}; move it away")
 
 
 def check_same_grid(out: Path, rows: Path, keys: set[str]) -> None:

@@ -50,8 +50,16 @@ def keeping(execute: Callable[[list[Cell], OnRow], None], out: Path) -> Callable
     return lambda cells, on_row: execute([replace(cell, keep_in=keep_in) for cell in cells], on_row)
 
 
-def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome) -> None:
-    """Write a finished run's folder; the manifest comes last, so that half a folder is none."""
+def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome, command: str | None = None) -> None:
+    """Write a finished run's folder; the manifest comes last, so that half a folder is none.
+
+    Args:
+        folder: The folder.
+        config: The run's configuration.
+        road: The lanes.
+        outcome: What the run gave.
+        command: What made it; None for the command that makes it again by itself.
+    """
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
     (folder / runfolder.MANIFEST).unlink(missing_ok=True)
     ownership.claim(folder, ownership.RUN)
@@ -66,6 +74,8 @@ def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome) -> N
     ):
         write_table(table, folder / name)
     write_text(folder / runfolder.METRICS, as_json(dict(outcome.metrics)))
-    facts = RunFacts(runfolder.COMPLETE, command_of(config), config.seed, outcome.steps, rows=rows_of(folder))
+    facts = RunFacts(
+        runfolder.COMPLETE, command or command_of(config), config.seed, outcome.steps, rows=rows_of(folder)
+    )
     write_manifest(folder / runfolder.MANIFEST, facts)
     ownership.record_all(folder, ownership.RUN)

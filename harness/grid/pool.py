@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from time import monotonic
@@ -22,6 +22,8 @@ from harness.grid.waiting import WaitingCells
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
 
 OnRow = Callable[[str, Row], None]
+WORKER = "harness.grid.worker"
+"""Module of those who work on a stress test."""
 
 # Numerical libraries must not start threads of their own: the workers use all cores already.
 ONE_THREAD = dict.fromkeys(
@@ -32,7 +34,9 @@ CELLS_PER_PROCESS = 50
 LONGEST_WAIT_S = 5.0
 
 
-def run_cells(cells: Sequence[Cell], workers: int, timeout_s: float | None, on_row: OnRow) -> None:
+def run_cells(
+    cells: Sequence[Cell], workers: int, timeout_s: float | None, on_row: OnRow, worker_module: str = WORKER
+) -> None:
     """Run all cells in worker processes.
 
     Args:
@@ -40,13 +44,14 @@ def run_cells(cells: Sequence[Cell], workers: int, timeout_s: float | None, on_r
         workers: Number of processes.
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         on_row: Called with the key and row of every run once, in the order in which they end.
+        worker_module: Module whose ``main`` a worker process runs.
     """
     waiting = WaitingCells(cells)
     pool: list[_Worker] = []
     try:
         while waiting or pool:
             while waiting and len(pool) < workers:
-                pool.append(_Worker(timeout_s))
+                pool.append(_Worker(timeout_s, worker_module))
                 pool[-1].give(waiting.take(None))
             wait([worker.connection for worker in pool], _patience(pool))
             for worker in tuple(pool):
@@ -57,7 +62,7 @@ def run_cells(cells: Sequence[Cell], workers: int, timeout_s: float | None, on_r
                     pool.remove(worker)
                     worker.stop()
                     if worker.rest:
-                        waiting.put_back(Cell(tuple(worker.rest.values())))
+                        waiting.put_back(replace(worker.cell, runs=tuple(worker.rest.values())))
     finally:
         for worker in pool:
             worker.stop()
@@ -74,6 +79,8 @@ class _Worker:
 
     Attributes:
         timeout_s: Longest time between two beginnings.
+        module: Module whose ``main`` the process runs.
+        cell: The present cell.
         rest: Runs of the present cell that have not ended, by key.
         cells: How many cells it was given.
         traffic: Traffic of the last of them.
@@ -83,6 +90,8 @@ class _Worker:
     """
 
     timeout_s: float | None
+    module: str
+    cell: Cell = field(init=False)
     connection: Connection = field(init=False)
     process: subprocess.Popen[bytes] = field(init=False)
     rest: dict[str, PlannedRun] = field(default_factory=dict)
@@ -99,7 +108,7 @@ class _Worker:
         self.connection, theirs = Pipe()
         paths = os.pathsep.join(path for path in sys.path if path)
         self.process = subprocess.Popen(
-            [sys.executable, "-c", "from harness.grid.worker import main; main()", str(theirs.fileno())],
+            [sys.executable, "-c", f"from {self.module} import main; main()", str(theirs.fileno())],
             env=os.environ | ONE_THREAD | {"PYTHONPATH": paths},
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
@@ -111,6 +120,7 @@ class _Worker:
 
     def give(self, cell: Cell) -> None:
         """Send a cell to work on."""
+        self.cell = cell
         self.rest = {run.key: run for run in cell.runs}
         self.cells += 1
         self.traffic = cell.traffic

@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import InputError, RunError, RunInterruptedError
-from harness.grid.cells import MISMATCH, RECORDING, Cell, Grid, distinct_trackers
-from harness.grid.expected import expected_s, work_s
+from harness.errors import InputError
+from harness.grid.cells import MISMATCH, RECORDING, Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
-from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
-from harness.grid.pool import OnRow
-from harness.grid.rows import Row, assemble, read_rows, write_row
+from harness.grid.gridfolder import RUNS
+from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
+from harness.grid.rows import Row, assemble
 from harness.grid.summary import Break, Point, breaks, curve_points
-from harness.runfolder import folder as runfolder
-from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.writing.files import save_figure, write_text
 from harness.writing.numbers import without_nan
-from harness.writing.progress import progress_bar
-from harness.writing.rough import say_roughly
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-SUMMARY, TABLE, FIGURES = "summary.json", "table.md", "figures"
-
-RunCells = Callable[[list[Cell], OnRow], None]
+FIGURES = "figures"
 
 
 @dataclass(frozen=True)
@@ -57,23 +49,6 @@ class FinishedGrid:
     def failures(self) -> list[str]:
         """One line for each run that failed."""
         return _lines(self.summary["failures"])
-
-
-@dataclass(frozen=True)
-class Telling:
-    """How the user is told of what goes on.
-
-    Attributes:
-        quiet: Whether to leave out the progress bar.
-        warn: Called with a line that should be read.
-        tell: Called with what was read of each file of recorded traffic, and how long all will roughly take.
-        workers: How many runs are made at a time, for the guess of how long all take; None if that is unknown.
-    """
-
-    quiet: bool = True
-    warn: Callable[[str], object] = str
-    tell: Callable[[str], object] = str
-    workers: int | None = None
 
 
 def run_stress(
@@ -104,66 +79,24 @@ def run_stress(
     """
     user = user or Telling()
     grid = plan_grid(request)
-    _check_grid(grid, user.tell)
-    done: dict[str, Row] = {}
-    with open_grid_folder(out, resume) as rows_folder, _ends_in_one_line(out, done, len(grid.runs)):
-        check_same_grid(out, rows_folder, {run.key for run in grid.runs})
-        there = read_rows(rows_folder, (run.key for run in grid.runs))
-        done |= {key: row for key, row in there.items() if row["succeeded"] or not retry_failed}
-        versions = _versions(out)
-        _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
-        if done and versions != _versions(out):
-            user.warn(
-                f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?"
-            )
-        write_text(out / GRID, json.dumps(request.as_table(), indent=2) + "\n")
-        cells = _rest_of(grid, done)
-        # What was made of fewer runs goes.
-        for name in (RUNS, SUMMARY, TABLE) if cells else ():
-            (out / name).unlink(missing_ok=True)
-        title = "stress" if not done else f"stress ({len(done)} of {len(grid.runs)} done before)"
-        left = len(grid.runs) - len(done)
-        if user.workers is not None:
-            say_roughly(user.tell, expected_s(cells, user.workers), f"{left} runs, {user.workers} at a time")
-        with progress_bar(title, left, user.quiet, before=f"{title}: loading, warming up traffic") as advance:
-
-            def keep(key: str, row: Row) -> None:
-                write_row(rows_folder, key, without_nan(row))
-                done[key] = row
-                advance()
-
-            execute(cells, keep)
-        finished = _write_outcome(grid, request, out, read_rows(rows_folder, (run.key for run in grid.runs)))
-        _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
-        return finished
+    check_grid(grid, user.tell)
+    return make_rows(
+        Making(grid, request.as_table(), command),
+        out,
+        execute,
+        lambda rows: _write_outcome(grid, request, out, rows),
+        resume=resume,
+        retry_failed=retry_failed,
+        user=user,
+    )
 
 
-def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
-    """Return what is left to run, the longest first, so that no worker is left alone with it in the end."""
-    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
-    return sorted((cell for cell in left if cell.runs), key=lambda cell: -work_s(cell))
+def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
+    """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings.
 
-
-@contextmanager
-def _ends_in_one_line(out: Path, done: Mapping[str, Row], runs: int) -> Iterator[None]:
-    """Turn an interrupt, and what the system refuses, a full disk for example, into an error that says what is kept."""
-    mend = "go on with the same command and `resume`"
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise RunInterruptedError(f"interrupted after {len(done)} of {runs} runs; {mend}") from None
-    except (OSError, MemoryError) as error:
-        problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        if isinstance(error, OSError) and error.strerror:
-            problem = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-        raise RunError(
-            f"the stress test in {out} can't go on ({problem}); {len(done)} of {runs} runs are kept; "
-            f"once that is mended, {mend}"
-        ) from error
-
-
-def _check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
-    """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings."""
+    Raises:
+        InputError: Something is wrong.
+    """
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     if grid.is_replay:
@@ -201,19 +134,6 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
     for config in distinct_trackers(grid):
         check_tracker(config)
         check_driver(config)
-
-
-def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
-    write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, grid.cells[0].config.seed, runs))
-
-
-def _versions(out: Path) -> Any:  # noqa: ANN401
-    """Return what made the folder's runs, as far as its manifest tells."""
-    try:
-        manifest = json.loads((out / runfolder.MANIFEST).read_text(encoding="utf-8"))
-        return manifest["git_revision"], manifest["versions"]
-    except (OSError, ValueError, KeyError):
-        return None
 
 
 def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:

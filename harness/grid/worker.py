@@ -129,13 +129,18 @@ def _reason(error: Exception) -> str:
 
 
 def main() -> None:
+    """Work on cells of a stress test; see ``serve``."""
+    open_looks = RememberedTraffic()
+    serve(lambda cell, report: work_on_cell(cell, report, open_looks))
+
+
+def serve(work: Callable[[Cell, Report], None]) -> None:
     """Work on the cells that come through the connection, whose file descriptor is the argument, until it closes."""
     connection = Connection(int(sys.argv[1]))
     cells: queue.SimpleQueue[Cell] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, cells), daemon=True).start()
-    open_looks = RememberedTraffic()
     while True:
-        work_on_cell(cells.get(), connection.send, open_looks)
+        work(cells.get(), connection.send)
 
 
 def _receive(connection: Connection, cells: queue.SimpleQueue[Cell]) -> None:

@@ -17,8 +17,13 @@ from harness.writing.files import is_temporary, write_text
 
 LEDGER = ".mmpf-harness.json"
 PROGRAM = "mmpf-harness"
-RUN, STRESS, EXPORT = "run", "stress", "export"
-IN_WORDS = {RUN: "a run", STRESS: "a stress test", EXPORT: "an export"}
+RUN, STRESS, EXPORT, DRIVE = "run", "stress", "export", "drive"
+IN_WORDS = {RUN: "a run", STRESS: "a stress test", EXPORT: "an export", DRIVE: "a closed loop"}
+
+
+def plain(kind: str) -> str:
+    """Return what a kind of folder is called, without its article."""
+    return IN_WORDS[kind].partition(" ")[2]
 
 
 def claim(folder: Path, kind: str) -> None:

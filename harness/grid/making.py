@@ -1,0 +1,159 @@
+"""Makes the rows of a grid in a folder of its own, which an interrupted making takes up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from harness.errors import RunError, RunInterruptedError
+from harness.grid.cells import Cell, Grid
+from harness.grid.expected import expected_s, work_s
+from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
+from harness.grid.pool import OnRow
+from harness.grid.rows import Row, read_rows, write_row
+from harness.runfolder import folder as runfolder
+from harness.runfolder import ownership
+from harness.runfolder.manifest import RunFacts, write_manifest
+from harness.writing.files import write_text
+from harness.writing.numbers import without_nan
+from harness.writing.progress import progress_bar
+from harness.writing.rough import say_roughly
+
+SUMMARY, TABLE = "summary.json", "table.md"
+
+RunCells = Callable[[list[Cell], OnRow], None]
+Outcome = TypeVar("Outcome")
+
+
+@dataclass(frozen=True)
+class Telling:
+    """How the user is told of what goes on.
+
+    Attributes:
+        quiet: Whether to leave out the progress bar.
+        warn: Called with a line that should be read.
+        tell: Called with what was read of each file of recorded traffic, and how long all will roughly take.
+        workers: How many runs are made at a time, for the guess of how long all take; None if that is unknown.
+    """
+
+    quiet: bool = True
+    warn: Callable[[str], object] = str
+    tell: Callable[[str], object] = str
+    workers: int | None = None
+
+
+@dataclass(frozen=True)
+class Making:
+    """What is made.
+
+    Attributes:
+        grid: The grid.
+        table: What was asked for, the content of ``grid.json``.
+        command: What the user typed, for the manifest.
+        kind: What kind of folder it makes (``harness.runfolder.ownership``), which heads the progress bar too.
+    """
+
+    grid: Grid
+    table: Mapping[str, Any]
+    command: str = ""
+    kind: str = ownership.STRESS
+
+
+def make_rows(
+    making: Making,
+    out: Path,
+    execute: RunCells,
+    write_outcome: Callable[[Mapping[str, Row]], Outcome],
+    *,
+    resume: bool,
+    retry_failed: bool,
+    user: Telling,
+) -> Outcome:
+    """Make what the folder lacks of a grid's rows, then write what they tell.
+
+    Args:
+        making: What is made.
+        out: The folder.
+        execute: Runs the cells.
+        write_outcome: Writes what all rows tell into the folder, and returns it.
+        resume: Whether rows that the folder already holds are kept.
+        retry_failed: Whether those of them that failed are made again.
+        user: How the user is told of what goes on.
+
+    Raises:
+        InputError: The folder is wrong; no run was made.
+        RunInterruptedError: The user stopped it; finished runs are kept.
+        RunError: The disk is full, the cluster is lost or the like; finished runs are kept.
+    """
+    grid, command, done = making.grid, making.command, dict[str, Row]()
+    stopped = _ends_in_one_line(f"the {ownership.plain(making.kind)} in {out}", done, len(grid.runs))
+    with open_grid_folder(out, resume, making.kind) as rows_folder, stopped:
+        check_same_grid(out, rows_folder, {run.key for run in grid.runs})
+        there = read_rows(rows_folder, (run.key for run in grid.runs))
+        done |= {key: row for key, row in there.items() if row["succeeded"] or not retry_failed}
+        versions = _versions(out)
+        _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
+        if done and versions != _versions(out):
+            user.warn(
+                f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?"
+            )
+        write_text(out / GRID, json.dumps(making.table, indent=2) + "\n")
+        cells = _rest_of(grid, done)
+        # What was made of fewer runs goes.
+        for name in (RUNS, SUMMARY, TABLE) if cells else ():
+            (out / name).unlink(missing_ok=True)
+        title = making.kind if not done else f"{making.kind} ({len(done)} of {len(grid.runs)} done before)"
+        left = len(grid.runs) - len(done)
+        if user.workers is not None:
+            say_roughly(user.tell, expected_s(cells, user.workers), f"{left} runs, {user.workers} at a time")
+        with progress_bar(title, left, user.quiet, before=f"{title}: loading, warming up traffic") as advance:
+
+            def keep(key: str, row: Row) -> None:
+                write_row(rows_folder, key, without_nan(row))
+                done[key] = row
+                advance()
+
+            execute(cells, keep)
+        outcome = write_outcome(read_rows(rows_folder, (run.key for run in grid.runs)))
+        _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
+        return outcome
+
+
+def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
+    """Return what is left to run, the longest first, so that no worker is left alone with it in the end."""
+    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
+    return sorted((cell for cell in left if cell.runs), key=lambda cell: -work_s(cell))
+
+
+@contextmanager
+def _ends_in_one_line(what: str, done: Mapping[str, Row], runs: int) -> Iterator[None]:
+    """Turn an interrupt, and what the system refuses, a full disk for example, into an error that says what is kept."""
+    mend = "go on with the same command and `resume`"
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise RunInterruptedError(f"interrupted after {len(done)} of {runs} runs; {mend}") from None
+    except (OSError, MemoryError) as error:
+        problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        if isinstance(error, OSError) and error.strerror:
+            problem = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        raise RunError(
+            f"{what} can't go on ({problem}); {len(done)} of {runs} runs are kept; once that is mended, {mend}"
+        ) from error
+
+
+def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
+    write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, grid.cells[0].config.seed, runs))
+
+
+def _versions(out: Path) -> Any:  # noqa: ANN401
+    """Return what made the folder's runs, as far as its manifest tells."""
+    try:
+        manifest = json.loads((out / runfolder.MANIFEST).read_text(encoding="utf-8"))
+        return manifest["git_revision"], manifest["versions"]
+    except (OSError, ValueError, KeyError):
+        return None
