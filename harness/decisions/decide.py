@@ -70,9 +70,17 @@ def decide(driver: Driver, bodies: Bodies, egos: Egos, road: Road) -> Decision:
     Raises:
         ValueError: What it would do is no finite number at each step.
     """
-    belief = believe(bodies, egos, road)
+    return decide_by(driver, believe(bodies, egos, road))
+
+
+def decide_by(driver: Driver, belief: Belief) -> Decision:
+    """Ask a driver with a belief.
+
+    Raises:
+        ValueError: What it would do is no finite number at each step.
+    """
     command = driver.command(belief)
-    if np.shape(command.accel_mps2) != (len(egos),) or not np.isfinite(command.accel_mps2).all():
+    if np.shape(command.accel_mps2) != (len(belief),) or not np.isfinite(command.accel_mps2).all():
         raise ValueError(f"the driver {type(driver).__name__} returned no finite acceleration for each step")
     return Decision(belief, command)
 

@@ -157,6 +157,7 @@ class SumoTruth:
         road: The road frame.
         step_s: Time between frames.
         expected_steps: How many frames there will be.
+        running: The simulation, for those who drive in it themselves.
     """
 
     def __init__(
@@ -166,7 +167,7 @@ class SumoTruth:
         self.road = network.road
         self.step_s = STEP_S
         self.expected_steps = steps
-        self._running, self._sumo = running, running.sumo
+        self.running, self._sumo = running, running.sumo
         if control is not None:
             running.before_step = control.before_step
         self._network = network
@@ -178,11 +179,11 @@ class SumoTruth:
         if self._control is not None:
             self._control.fill()
         for _ in range(round(duration_s / self.step_s)):
-            self._running.advance()
+            self.running.advance()
         for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
             if read_load(self._sumo, self.road).inside:
                 return
-            self._running.advance()
+            self.running.advance()
         raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
 
     def frames(self) -> Iterator[Frame]:
@@ -201,12 +202,12 @@ class SumoTruth:
 
     def close(self) -> None:
         """End the simulation; harmless to call twice."""
-        self._running.close()
+        self.running.close()
 
     def _raw_frames(self) -> Iterator[Frame]:
         for step in range(self.expected_steps + 2 * lead_frames(self.step_s)):
             if step:
-                self._running.advance()
+                self.running.advance()
             with sumo_errors_in_words(self._sumo):
                 frame = read_frame(self._sumo, self.road, step, step * self.step_s)
             yield frame
