@@ -126,7 +126,8 @@ def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
             str(_harmless(network.vehicle_types_file, scratch)),
         ),
         *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
-        *("--time-to-teleport", "-1", "--collision.action", "warn"),
+        # Bodies that touch are collisions, and gaps that are merely too small are none.
+        *("--time-to-teleport", "-1", "--collision.action", "warn", "--collision.mingap-factor", "0"),
     )
 
 
