@@ -31,6 +31,8 @@ MIXED_AT_PER_M = 0.03
 # Longer steps are driven in several, so that no traffic drives farther than a cell.
 LONGEST_STEP_S, MOST_STEPS, MOST_EXCHANGED = 0.1, 100, 0.2
 BESIDE_LANE_M = 2.0
+# What is farther off than this many deviations does not count.
+FARTHEST_STD = 4.0
 
 
 class UnseenOptions(Settings):
@@ -246,8 +248,13 @@ class _Apart:
         """Return the probability that no known vehicle takes up the place, shape (n,)."""
         std = np.append(np.maximum(self.known.std_lon_m, 0.1), 0.1)
         existence = np.append(self.known.existence, 1.0)
-        taken_up = existence * (ndtr((room_m - self.along_m) / std) - ndtr((-room_m - self.along_m) / std))
-        return np.asarray(np.where(np.abs(self.across_m) < BESIDE_LANE_M, 1.0 - taken_up, 1.0).prod(axis=1))
+        near = (np.abs(self.across_m) < BESIDE_LANE_M) & (np.abs(self.along_m) < room_m + FARTHEST_STD * std)
+        cell, vehicle = np.nonzero(near)
+        along, spread = self.along_m[near], std[vehicle]
+        taken_up = existence[vehicle] * (ndtr((room_m - along) / spread) - ndtr((-room_m - along) / spread))
+        free = np.ones(len(self.along_m))
+        np.multiply.at(free, cell, 1.0 - taken_up)
+        return free
 
 
 def _offsets(cells: LaneCells, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -258,4 +265,5 @@ def _offsets(cells: LaneCells, lon_m: FloatArray, lat_m: FloatArray) -> tuple[Fl
 
 def _let_go(before: Tracks, now: Tracks) -> Tracks:
     """Return the hidden tracks that are there no more."""
-    return taken(before, (before.state == HIDDEN) & ~np.isin(before.track_id, now.track_id))
+    still = (before.track_id[:, None] == now.track_id).any(axis=1)
+    return taken(before, (before.state == HIDDEN) & ~still)
