@@ -17,7 +17,7 @@ from scipy.special import ndtr
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.detectability import detection_probabilities
 from mmpf.around.shadows import visible_fractions
-from mmpf.compute.arrays import FloatArray, IntArray, taken, turned
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, turned
 from mmpf.plane import SensorPlane
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
@@ -46,13 +46,15 @@ class UnseenOptions(Settings):
     """The density is a mean over about this time."""
     density_within: Probability = 0.6
     """Vehicles within this share of the range tell the density."""
+    settled_s: NotNegative = 1.0
+    """Looks thin the field for good from then on: before, there is not yet a track of everything that hides others."""
     room_m: NotNegative = 8.0
     """No other vehicle's middle is nearer than this to a known one's, along the lane."""
     flow_length_m: Positive = 30.0
     """The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
     spread_m2_per_s: Annotated[NotNegative, in_unit("m²/s")] = 20.0
     """How fast the field spreads along a lane, since drivers differ in speed."""
-    mixing_s: Positive = 10.0
+    mixing_s: Positive = 20.0
     """Hidden traffic is back at the usual density after this time, where that is 30 vehicles per kilometre of lane: by
     drivers' own ways, and by tracks that are confused. The rate grows with the square of the density.
     """
@@ -99,6 +101,7 @@ class UnseenTraffic:
         self._density_per_m = self.options.density_per_km / 1e3
         self._learned_s = self.options.density_guess_s
         self._field_m = self._usual_m.copy()
+        self._watched_s = 0.0
         self._phase_m = np.zeros(int(self._cells.lane.max(initial=0)) + 1)
 
     def step(self, scan: Scan, tracks: Tracks) -> Unseen:
@@ -115,17 +118,20 @@ class UnseenTraffic:
             return Unseen(self._cells, np.zeros(0))
         plane = SensorPlane(scan.ego, self.road)
         near = np.flatnonzero(plane.distance_m(self._cells.lon_m, self._cells.lat_m) <= self.sensor.range_m)
-        cells, known = taken(self._cells, near), taken(tracks, tracks.state != TENTATIVE)
-        apart = _Apart.between(cells, known, scan)
+        cells = taken(self._cells, near)
+        apart = _Apart.between(cells, tracks, scan)
         if self._previous is not None:
             time_s, before = self._previous
+            self._watched_s += scan.time_s - time_s
             self._drive_on(near, apart.flow_mps(self.options.flow_length_m), scan.time_s - time_s)
-            self._take_in(near, _let_go(before, known))
-        self._field_m[near] *= self._overlooked(cells, apart, plane)
-        expected = self._density_per_m * self._field_m[near] * apart.free_share(self.options.room_m)
+            self._take_in(near, _let_go(before, tracks))
+        left = self._field_m[near] * self._overlooked(cells, apart, plane)
+        if self._watched_s >= self.options.settled_s:
+            self._field_m[near] = left
+        expected = self._density_per_m * left * apart.free_share(self.options.room_m)
         if self._previous is not None:
             self._learn_density(cells, expected, apart, plane, scan.time_s - self._previous[0])
-        self._previous = scan.time_s, known
+        self._previous = scan.time_s, tracks
         return Unseen(cells, expected)
 
     @property
@@ -183,12 +189,12 @@ class UnseenTraffic:
 
     def _overlooked(self, cells: LaneCells, apart: _Apart, plane: SensorPlane) -> FloatArray:
         """Return the probability that the sensor has overlooked a vehicle in each cell, shape (n,)."""
-        options, known = self.options, apart.known
-        size = len(known) + 1
-        turn = None if self.road.graph is None else np.append(apart.known_heading_rad, 0.0)
+        options, tracks = self.options, apart.tracks
+        size = len(tracks) + 1
+        turn = None if self.road.graph is None else np.append(apart.heading_rad, 0.0)
         bodies = Bodies(np.full(size, options.length_m), np.full(size, options.width_m), turn)
-        casts = np.append(known.existence >= CASTS_FROM, False)
-        lon, lat = np.append(known.lon_m, 0.0), np.append(known.lat_m, 0.0)
+        casts = np.append((tracks.existence >= CASTS_FROM) & apart.known, False)
+        lon, lat = np.append(tracks.lon_m, 0.0), np.append(tracks.lat_m, 0.0)
         table = depth_table(plane, lon, lat, casts, bodies)
         looked_for = np.full(len(cells), size - 1)
         visible = visible_fractions(plane, cells.lon_m, cells.lat_m, looked_for, bodies, table)
@@ -204,8 +210,9 @@ class UnseenTraffic:
         lane_m = float((cells.length_m * cells.share)[inside].sum())
         if lane_m <= 0.0:
             return
-        known = apart.known
-        tracked = float(known.existence[plane.distance_m(known.lon_m, known.lat_m) <= within_m].sum())
+        tracks = apart.tracks
+        counts = apart.known & (plane.distance_m(tracks.lon_m, tracks.lat_m) <= within_m)
+        tracked = float(tracks.existence[counts].sum())
         seen_per_m = (1.0 + tracked + float(expected[inside].sum())) / lane_m
         self._learned_s = min(self._learned_s + dt_s, self.options.density_memory_s)
         self._density_per_m += min(dt_s / self._learned_s, 1.0) * (seen_per_m - self._density_per_m)
@@ -213,42 +220,51 @@ class UnseenTraffic:
 
 @dataclass(frozen=True)
 class _Apart:
-    """How far known vehicles, m of them, are from the middles of n cells along and across each cell's lane.
+    """How far tracks, m of them, are from the middles of n cells along and across each cell's lane.
 
     Attributes:
         along_m: Shape (n, m + 1); the ego is the last.
         across_m: Likewise.
-        known: The tracks.
-        known_heading_rad: Direction of the lane that each track is nearest to, shape (m,).
+        tracks: The tracks.
+        known: Which of them are more than tentative, shape (m,).
+        heading_rad: Direction of the lane that each is nearest to, shape (m,).
         ego_speed_mps: The ego's speed.
     """
 
     along_m: FloatArray
     across_m: FloatArray
-    known: Tracks
-    known_heading_rad: FloatArray
+    tracks: Tracks
+    known: BoolArray
+    heading_rad: FloatArray
     ego_speed_mps: float
 
     @classmethod
-    def between(cls, cells: LaneCells, known: Tracks, scan: Scan) -> _Apart:
+    def between(cls, cells: LaneCells, tracks: Tracks, scan: Scan) -> _Apart:
         ego = scan.ego
-        along, across = _offsets(cells, np.append(known.lon_m, ego.lon_m), np.append(known.lat_m, ego.lat_m))
-        heading = np.zeros(len(known))
-        if len(cells) and len(known):
+        along, across = _offsets(cells, np.append(tracks.lon_m, ego.lon_m), np.append(tracks.lat_m, ego.lat_m))
+        heading = np.zeros(len(tracks))
+        if len(cells) and len(tracks):
             heading = cells.heading_rad[np.hypot(along, across)[:, :-1].argmin(axis=0)]
-        return cls(along, across, known, heading, ego.speed_mps)
+        return cls(along, across, tracks, tracks.state != TENTATIVE, heading, ego.speed_mps)
+
+    @property
+    def _there(self) -> BoolArray:
+        """Which vehicles are known, the ego the last."""
+        return np.append(self.known, True)
 
     def flow_mps(self, length_m: float) -> FloatArray:
         """Return the speed of the traffic around each cell, shape (n,)."""
-        speeds = np.append(self.known.speed_mps, self.ego_speed_mps)
-        weight = np.exp(-np.hypot(self.along_m, 3.0 * self.across_m) / length_m)
+        there = self._there
+        speeds = np.append(self.tracks.speed_mps, self.ego_speed_mps)[there]
+        weight = np.exp(-np.hypot(self.along_m[:, there], 3.0 * self.across_m[:, there]) / length_m)
         return np.asarray(np.maximum(weight @ speeds, 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
 
     def free_share(self, room_m: float) -> FloatArray:
         """Return the probability that no known vehicle takes up the place, shape (n,)."""
-        std = np.append(np.maximum(self.known.std_lon_m, 0.1), 0.1)
-        existence = np.append(self.known.existence, 1.0)
-        near = (np.abs(self.across_m) < BESIDE_LANE_M) & (np.abs(self.along_m) < room_m + FARTHEST_STD * std)
+        std = np.append(np.maximum(self.tracks.std_lon_m, 0.1), 0.1)
+        existence = np.append(self.tracks.existence, 1.0)
+        in_lane = self._there & (np.abs(self.across_m) < BESIDE_LANE_M)
+        near = in_lane & (np.abs(self.along_m) < room_m + FARTHEST_STD * std)
         cell, vehicle = np.nonzero(near)
         along, spread = self.along_m[near], std[vehicle]
         taken_up = existence[vehicle] * (ndtr((room_m - along) / spread) - ndtr((-room_m - along) / spread))

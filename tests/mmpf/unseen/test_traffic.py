@@ -124,3 +124,14 @@ def test_without_a_map_nothing_is_expected_anywhere():
     unseen = UnseenTraffic(Road(lanes=(), graph=without_map()), SensorModel())
     for time_s in (0.0, 0.1):
         assert len(unseen.step(scan(time_s), tracks((1, 12.0, 5.4))).expected) == 0
+
+
+def test_what_is_hidden_in_the_first_second_is_not_forgotten_since_no_track_told_of_it_yet():
+    """A tracker needs some scans before it has a track of the vehicle that hides others."""
+    found_late = UnseenTraffic(ROAD, SENSOR, OPTIONS)
+    for time_s in np.arange(12) / 10:
+        vehicles = [(1, 12.0, 5.4)] if time_s >= 0.5 else []
+        late = found_late.step(scan(time_s), tracks(*vehicles, time_s=time_s))
+    known, _ = driven([(1, 12.0, 5.4)], seconds=1.2)
+    np.testing.assert_allclose(late.expected, known.expected, atol=0.01)
+    assert known.expected.sum() > 0.05
