@@ -117,7 +117,7 @@ def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: Floa
     others = np.concatenate([b.others, -a.others])
     effect = neighbours_effect(difference, influence, near[np.ix_(counted, counted)])
     variance = effect.se**2 + float(others @ others)
-    same = difference == 0.0 and not influence.any() and not others.any()
+    same = difference == 0.0 and not influence.any() and np.array_equal(a.others, b.others)
     return Measured(
         label=label,
         quantity=quantity,

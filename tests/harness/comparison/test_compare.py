@@ -14,8 +14,18 @@ from matplotlib.figure import Figure
 from harness import exitcodes
 from harness.cli import run_command_line
 from harness.comparison.compare import Comparison, compare
+from harness.comparison.single import compare_runs
 from harness.comparison.sources import open_source
-from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
+from harness.comparison.verdicts import (
+    BETTER,
+    NO_WORSE,
+    PRIMARY,
+    UNDECIDED,
+    UNTESTED,
+    WORSE,
+    Rules,
+    compared_quantities,
+)
 from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
 from harness.errors import InputError
@@ -73,6 +83,7 @@ def test_what_was_not_named_beforehand_is_described_with_its_interval(tmp_path):
     b = grid_folder(tmp_path / "b", mae__hidden__lon_m=wobbling(2.0, 1))
     (verdict,) = (one for one in compared(a, b).verdicts if one.metric == "mae.hidden.lon_m")
     assert (verdict.primary, verdict.verdict, verdict.regression) == (False, UNTESTED, False)
+    assert np.isnan(verdict.p)
     assert 0.9 < verdict.ci95[0] < 1.0 < verdict.ci95[1] < 1.1
 
 
@@ -154,6 +165,36 @@ def test_runs_are_paired_by_seed_whatever_their_order(tmp_path):
     (verdict,) = (verdict for verdict in compared(a, b).verdicts if verdict.metric == "hidden.hidden_cost_m")
     assert verdict.difference == pytest.approx(5.0)
     assert verdict.verdict == WORSE
+
+
+@pytest.mark.parametrize(("seeds", "units"), [(1, 2.0), (2, 2.0), (3, 3.0)])
+def test_independent_are_seeds_and_of_a_single_one_its_runs_at_several_densities(seeds, units, tmp_path):
+    arms = {name: {"mot__hota": wobbling(98.0, noise), "densities": (20.0, 40.0)} for noise, name in enumerate("ab")}
+    a, b = (grid_folder(tmp_path / name, range(seeds), **given) for name, given in arms.items())
+    verdict = next(one for one in compared(a, b).verdicts if one.metric == "mot.hota")
+    assert (verdict.pairs, verdict.units) == (2 * seeds, units)
+
+
+def test_settings_that_were_varied_tell_runs_apart(tmp_path):
+    folders = []
+    for name, shift in (("a", 0.0), ("b", 1.0)):
+        folder = grid_folder(tmp_path / name, range(4), vary=("sensor.range_m=40,80", "tracker.particles = 50,100"))
+        table = pd.read_parquet(f"{folder}/runs.parquet")
+        parts = [
+            table.assign(**{"sensor.range_m": reach, "tracker.particles": 50, "mot.hota": hota + shift})
+            for reach, hota in ((40.0, 10.0), (80.0, 90.0))
+        ]
+        pd.concat(parts, ignore_index=True).to_parquet(f"{folder}/runs.parquet")
+        folders.append(folder)
+    assert open_source(folders[0], "compare").axes == ("sensor.range_m", "tracker.particles")
+    verdict = next(one for one in compared(*folders).verdicts if one.metric == "mot.hota")
+    assert (verdict.pairs, verdict.difference) == (8, pytest.approx(1.0))
+
+
+def test_described_metrics_come_from_hidden_vehicles_to_those_in_sight():
+    described = [quantity.key for quantity in compared_quantities() if quantity.key not in PRIMARY]
+    tables = list(dict.fromkeys(key.partition(".")[0] for key in described))
+    assert tables[:4] == ["hidden", "mae", "hidden_outcomes", "mot"]
 
 
 def test_only_seeds_that_succeeded_on_both_sides_are_paired(tmp_path):
@@ -387,6 +428,27 @@ def test_two_single_runs_are_paired_by_vehicle_and_called_one_seed(echo_runs):
         assert verdict.difference == pytest.approx(verdict.b - verdict.a, nan_ok=True), verdict.metric
     assert any("One seed" in note for note in comparison.notes)
     assert "One seed" in as_markdown(comparison)
+
+
+def test_a_single_run_against_itself_differs_in_nothing(echo_runs):
+    verdicts = compared(echo_runs[0], echo_runs[0]).verdicts
+    assert {verdict.difference for verdict in verdicts if verdict.pairs} == {0.0}
+    assert {verdict.verdict for verdict in verdicts if verdict.primary and verdict.pairs} == {NO_WORSE}
+    a, b = (open_source(echo_runs[0], "compare") for _ in range(2))
+    every = compare_runs(a, b, Rules(primary=tuple(quantity.key for quantity in compared_quantities()))).measured
+    assert all(each.same for each in every if each.pairs)
+
+
+def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_runs, tmp_path):
+    poorer = Path(shutil.copytree(echo_runs[0], tmp_path / "poorer"))
+    metrics = json.loads((poorer / "metrics.json").read_text())
+    metrics["mot"]["hota"] = None
+    (poorer / "metrics.json").write_text(json.dumps(metrics))
+    verdict = next(one for one in compared(echo_runs[0], str(poorer)).verdicts if one.metric == "mot.hota")
+    assert (verdict.verdict, verdict.pairs, verdict.regression) == (UNDECIDED, 0, False)
+    assert verdict.a > 0.0
+    assert np.isnan(verdict.b)
+    assert verdict.wanting == "b has no value of it"
 
 
 def test_single_runs_on_different_traffic_are_refused(echo_runs):
