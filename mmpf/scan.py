@@ -103,6 +103,8 @@ class Detections:
         sizes: Measured sizes, of shape (d,); None of a sensor that measures none.
         headings: Measured directions, of shape (d,); None of a sensor that measures none. A tracker may use them where
             the road frame is the plane and no lanes are known.
+        correlation: Correlation of the longitudinal and the lateral noise, between -1 and 1, which with the deviations
+            makes a covariance, shape (d,); None of a sensor that does not tell, whose noises are taken for independent.
     """
 
     lon_m: FloatArray
@@ -113,9 +115,18 @@ class Detections:
     std_speed_mps: FloatArray
     sizes: BodySizes | None = None
     headings: BodyHeadings | None = None
+    correlation: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.lon_m)
+
+    @property
+    def covariance_m2(self) -> FloatArray:
+        """Covariance of each position's noise, square metres, shape (d, 2, 2)."""
+        both = np.zeros(len(self)) if self.correlation is None else self.correlation
+        both = both * self.std_lon_m * self.std_lat_m
+        rows = np.stack([self.std_lon_m**2, both, both, self.std_lat_m**2], axis=-1)
+        return np.asarray(rows.reshape(-1, 2, 2))
 
     def validate(self) -> None:
         """Check the arrays against each other and for values that no measurement has.
@@ -142,6 +153,15 @@ class Detections:
             self.sizes.validate(len(self))
         if self.headings is not None:
             self.headings.validate(len(self))
+        if self.correlation is not None:
+            _check_correlation(self.correlation, len(self))
+
+
+def _check_correlation(correlation: FloatArray, count: int) -> None:
+    if correlation.shape != (count,):
+        raise InvalidScanError(f"detections.correlation has shape {correlation.shape}, not {(count,)}")
+    if not (np.abs(correlation) < 1.0).all():
+        raise InvalidScanError("detections.correlation must lie between -1 and 1, both left out")
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ TRUTH_NUMBERS = (
 )
 DETECTION_NUMBERS = ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps")
 DETECTION_SIZES = ("length_m", "width_m", "std_length_m", "std_width_m")
+DETECTION_CORRELATION = "correlation"
 DETECTION_HEADINGS = ("heading_rad", "std_heading_rad", "flip_probability")
 TRACK_NUMBERS = (
     "lon_m",
@@ -231,6 +232,7 @@ def _detection_columns(look: Look) -> Columns:
         **{name: getattr(detections, name) for name in DETECTION_NUMBERS},
         **_size_columns(detections),
         **_heading_columns(detections),
+        **({} if detections.correlation is None else {DETECTION_CORRELATION: detections.correlation}),
         "visible_fraction": np.round(observation.detection_visible_fraction, TRACK_DECIMALS),
         "truth_id": observation.truth_id.astype(object),
     }
@@ -267,7 +269,8 @@ def detections_of(rows: pd.DataFrame) -> Detections:
     sizes = BodySizes(*columns(DETECTION_SIZES)) if set(DETECTION_SIZES) <= set(rows.columns) else None
     has_headings = set(DETECTION_HEADINGS) <= set(rows.columns)
     headings = BodyHeadings(*columns(DETECTION_HEADINGS)) if has_headings else None
-    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes, headings)
+    correlation = floats(rows, DETECTION_CORRELATION) if DETECTION_CORRELATION in rows else None
+    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes, headings, correlation)
 
 
 def _track_columns(frame: Frame, tracks: Tracks) -> Columns:

@@ -10,7 +10,7 @@ import pandas as pd
 from harness.config.model import RunConfig
 from harness.runfolder import folder as runfolder
 from harness.runfolder.checks import sound_tables
-from harness.runfolder.tables import DETECTION_NUMBERS, TRUTH_NUMBERS, detections_of, frame_of
+from harness.runfolder.tables import DETECTION_CORRELATION, DETECTION_NUMBERS, TRUTH_NUMBERS, detections_of, frame_of
 from harness.running.looks import Looks, timed_looks
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import VISIBILITY_STATES, Observation
@@ -99,6 +99,8 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     measured = detections[["lon_m", "lat_m", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     if not (np.abs(measured) <= FARTHEST).all() or not (measured[:, 2:] > 0.0).all():
         raise ValueError("a detection is not finite, or its deviation is not positive")
+    if DETECTION_CORRELATION in detections and not (detections[DETECTION_CORRELATION].abs() < 1.0).all():
+        raise ValueError(f"{DETECTION_CORRELATION} of a detection is not between -1 and 1")
     speed = detections[["speed_mps", "std_speed_mps"]].to_numpy(dtype=np.float64)
     if np.isinf(speed).any() or (speed[:, 1] <= 0.0).any():
         raise ValueError("a measured speed is not finite, or its deviation is not positive")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -22,6 +22,7 @@ from mmpf.road import Road, wall_bodies
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 DECIMALS = 4
+MOST_CORRELATED = 0.999
 
 
 def build_sensor(settings: SensorSettings) -> Sensor:
@@ -75,11 +76,11 @@ class RayedSensor:
         origin = origin[order]
         values = np.concatenate([returns.values, flashes.values, standing.values])[order]
         seen = _Seen(
-            _detections(self.settings, values),
+            _detections(self.settings, values, road),
             np.where(origin >= 0, frame.vehicle_id[origin], ""),
             np.where(origin >= 0, fraction[origin], np.nan),
         )
-        seen = _handed_out(self.settings, self.memory, frame, seen)
+        seen = _handed_out(self.settings, self.memory, frame, seen, road)
         view_rad = np.deg2rad(self.settings.field_of_view_deg)
         return Observation(
             scan=Scan(
@@ -179,15 +180,15 @@ def _states(settings: SensorSettings, fraction: FloatArray, in_range: BoolArray)
     return np.select(conditions, [OUT, VISIBLE, PARTIAL], default=HIDDEN).astype(np.int8)
 
 
-def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, seen: _Seen) -> _Seen:
+def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, seen: _Seen, road: Road) -> _Seen:
     """Return what is old enough to be handed out now; at first nothing is."""
     if settings.latency_s <= 0.0:
         return seen
     memory.pending.append((frame.time_s, seen))
     due = [k for k, (time_s, _) in enumerate(memory.pending) if time_s <= frame.time_s - settings.latency_s + 1e-6]
     if not due:
-        nothing = np.zeros((0, 10))
-        return _Seen(_detections(settings, nothing), seen.truth_id[:0], seen.visible_fraction[:0])
+        nothing = np.zeros((0, 11))
+        return _Seen(_detections(settings, nothing, road), seen.truth_id[:0], seen.visible_fraction[:0])
     late = cast("_Seen", memory.pending[due[-1]][1])
     del memory.pending[: due[-1] + 1]
     # Of a vehicle that has left meanwhile there is no truth.
@@ -195,9 +196,12 @@ def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, se
     return _Seen(late.detections, np.where(still, late.truth_id, ""), np.where(still, late.visible_fraction, np.nan))
 
 
-def _detections(settings: SensorSettings, values: FloatArray) -> Detections:
+def _detections(settings: SensorSettings, values: FloatArray, road: Road) -> Detections:
     rounded = np.round(values, DECIMALS)
-    rounded[:, 3:] = np.maximum(rounded[:, 3:], 10.0**-DECIMALS)
-    lon, lat, speed, std_lon, std_lat, std_speed, *size = np.ascontiguousarray(rounded.T)
+    rounded[:, 3:10] = np.maximum(rounded[:, 3:10], 10.0**-DECIMALS)
+    lon, lat, speed, std_lon, std_lat, std_speed, *size, correlation = np.ascontiguousarray(rounded.T)
     sizes = BodySizes(*size) if settings.std_length_m and settings.std_width_m else None
-    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
+    found = Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
+    # Along a road boxes lie along the frame's axes; in the plane they are turned every way.
+    known = np.clip(correlation, -MOST_CORRELATED, MOST_CORRELATED)
+    return found if road.graph is None else replace(found, correlation=known)

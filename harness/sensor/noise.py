@@ -28,7 +28,8 @@ class PositionStd:
         along_m: Error along the line of sight.
         across_m: Error across it.
         lon_m: All of them together, longitudinal.
-        lat_m: All of them together, lateral; the correlation with ``lon_m`` off the frame's axes is dropped.
+        lat_m: All of them together, lateral.
+        correlation: Correlation of ``lon_m`` and ``lat_m``, -1 to 1.
     """
 
     fit_lon_m: FloatArray
@@ -37,6 +38,7 @@ class PositionStd:
     across_m: FloatArray
     lon_m: FloatArray
     lat_m: FloatArray
+    correlation: FloatArray
 
 
 def position_std(
@@ -64,7 +66,8 @@ def position_std(
     fit = (fit_lon * turn) ** 2 + (fit_lat * aside) ** 2, (fit_lon * aside) ** 2 + (fit_lat * turn) ** 2
     lon = np.sqrt(fit[0] + (along * cosine) ** 2 + (across * sine) ** 2)
     lat = np.sqrt(fit[1] + (along * sine) ** 2 + (across * cosine) ** 2)
-    return PositionStd(fit_lon, fit_lat, along, across, lon, lat)
+    both = (fit_lon**2 - fit_lat**2) * turn * aside + (along**2 - across**2) * cosine * sine
+    return PositionStd(fit_lon, fit_lat, along, across, lon, lat, both / (lon * lat))
 
 
 def hidden_share(settings: SensorSettings, visible_fraction: FloatArray) -> FloatArray:

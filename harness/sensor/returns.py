@@ -29,7 +29,10 @@ SPEED_NORMAL, REPORT_NORMALS = 4, 6
 
 @dataclass(frozen=True)
 class Returns:
-    """Rows of position, speed, their deviations and four numbers of size, and the vehicle behind each (-1 clutter)."""
+    """Rows of position, speed, their deviations, four numbers of size and the correlation of the position's errors.
+
+    ``origin`` is the vehicle behind each, -1 of clutter.
+    """
 
     values: FloatArray
     origin: IntArray
@@ -133,7 +136,7 @@ def _reported(
     if settings.std_length_m is not None and settings.std_width_m is not None:
         size = np.concatenate([size[:, :2], factor[:, 3:] * [settings.std_length_m, settings.std_width_m]], axis=-1)
     place = np.stack([lon, lat, speed, factor[:, 0] * nominal.lon_m, factor[:, 1] * nominal.lat_m, std_speed], axis=-1)
-    return Returns(np.concatenate([place, size], axis=-1), origin)
+    return Returns(np.concatenate([place, size, nominal.correlation[:, None]], axis=-1), origin)
 
 
 def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, rng: np.random.Generator) -> Returns:

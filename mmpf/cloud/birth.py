@@ -129,6 +129,12 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
     state = np.empty((STATE_SIZE, *shape))
     state[LON] = normal(detections.lon_m[chosen], detections.std_lon_m[chosen])
     state[LAT] = normal(detections.lat_m[chosen], detections.std_lat_m[chosen])
+    if detections.correlation is not None:
+        rho = detections.correlation[chosen, None]
+        slope = rho * (detections.std_lat_m / detections.std_lon_m)[chosen, None]
+        off_lon = state[LON] - detections.lon_m[chosen, None]
+        off_lat = state[LAT] - detections.lat_m[chosen, None]
+        state[LAT] += slope * off_lon + (np.sqrt(1.0 - rho**2) - 1.0) * off_lat
     state[SPEED] = np.maximum(speed, 0.0)
     state[LAT_SPEED] = options.lat_speed_std_mps * rng.standard_normal(shape)
     state[ACCEL] = options.accel_std_mps2 * rng.standard_normal(shape)

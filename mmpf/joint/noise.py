@@ -30,7 +30,12 @@ def no_more_exact(scan: Scan, smallest_std_m: float) -> Scan:
         return scan
     std_lon_m = np.maximum(detections.std_lon_m, smallest_std_m)
     std_lat_m = np.maximum(detections.std_lat_m, smallest_std_m)
-    return replace(scan, detections=replace(detections, std_lon_m=std_lon_m, std_lat_m=std_lat_m))
+    raised = replace(detections, std_lon_m=std_lon_m, std_lat_m=std_lat_m)
+    if detections.correlation is not None:
+        # What is added in one direction has nothing to do with the other.
+        share = detections.std_lon_m * detections.std_lat_m / (std_lon_m * std_lat_m)
+        raised = replace(raised, correlation=share * detections.correlation)
+    return replace(scan, detections=raised)
 
 
 def with_innovations(

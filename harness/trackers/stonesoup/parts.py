@@ -60,7 +60,8 @@ class DetectionMaker:
     """Turns our detections into Stone Soup's, each with its own measurement noise.
 
     Noise is rounded to a scale of steps of a tenth, and detections of equal noise share one measurement model, so that
-    Stone Soup predicts one measurement for all of them: deviations off by at most 5 % for half the time.
+    Stone Soup predicts one measurement for all of them: deviations off by at most 5 % for half the time. Correlations
+    are rounded to tenths.
     """
 
     def __init__(self, state_size: int, mapping: tuple[int, int, int], noise_factor: float = 1.0) -> None:
@@ -74,7 +75,7 @@ class DetectionMaker:
         self._noise_factor = noise_factor
         self._state_size = state_size
         self._mapping = mapping
-        self._models: dict[tuple[float, ...], LinearGaussian] = {}
+        self._models: dict[tuple[tuple[float, ...], float], LinearGaussian] = {}
 
     def make(self, detections: Detections, moment: datetime) -> OrderedSet[Detection]:
         """Return the detections in an order of their own, so that the order of the input means nothing.
@@ -95,23 +96,35 @@ class DetectionMaker:
         return Detection(
             np.array(values)[:, None],
             timestamp=moment,
-            measurement_model=self._model(tuple(_NOISE_STEP ** round(math.log(std, _NOISE_STEP)) for std in stds)),
+            measurement_model=self._model(
+                tuple(_NOISE_STEP ** round(math.log(std, _NOISE_STEP)) for std in stds), _tenths(detections, k)
+            ),
             metadata={
                 _MEASURED: tuple(zip(map(float, values), stds, strict=True)),
                 MEASURED_SIZE: _measured_size(detections.sizes, k),
             },
         )
 
-    def _model(self, stds: tuple[float, ...]) -> LinearGaussian:
-        if stds not in self._models:
+    def _model(self, stds: tuple[float, ...], correlation: float) -> LinearGaussian:
+        key = stds, correlation
+        if key not in self._models:
             if len(self._models) > 1000:
                 self._models.clear()
-            self._models[stds] = LinearGaussian(
+            covariance = np.diag(np.square(stds))
+            covariance[0, 1] = covariance[1, 0] = correlation * stds[0] * stds[1]
+            self._models[key] = LinearGaussian(
                 ndim_state=self._state_size,
                 mapping=self._mapping[: len(stds)],
-                noise_covar=np.diag(np.square(stds)),
+                noise_covar=covariance,
             )
-        return self._models[stds]
+        return self._models[key]
+
+
+def _tenths(detections: Detections, k: int) -> float:
+    """Return the correlation of a position's noises, rounded to tenths, and away from one."""
+    if detections.correlation is None:
+        return 0.0
+    return float(np.clip(round(10.0 * detections.correlation[k]) / 10.0, -0.9, 0.9))
 
 
 def _measured_size(sizes: BodySizes | None, k: int) -> tuple[tuple[float, float], ...] | None:

@@ -1,11 +1,11 @@
-"""Truth read from a table is the truth that was written into it."""
+"""Truth and detections read from a table are those that were written into it."""
 
 from dataclasses import fields, replace
 
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.runfolder.tables import ColumnRecorder, frame_of
+from harness.runfolder.tables import ColumnRecorder, detections_of, frame_of
 from harness.sensor.observation import Look
 from harness.truth.frame import EVERYWHERE, Frame
 from mmpf.tracks import Tracks
@@ -38,3 +38,16 @@ def test_the_window_that_is_on_record_comes_back():
 
 def test_a_frame_without_ego_says_so():
     assert frame_of(recorded(LOOKS[0]).assign(is_ego=False)).ego == -1
+
+
+def test_what_detections_say_of_their_noise_comes_back_and_old_tables_say_nothing_of_its_correlation():
+    look = next(look for look in LOOKS if len(look.observation.scan.detections))
+    plain = look.observation.scan.detections
+    told = replace(plain, correlation=np.linspace(-0.5, 0.5, len(plain)))
+    for detections in (plain, told):
+        scan = replace(look.observation.scan, detections=detections)
+        recorder = ColumnRecorder()
+        recorder.add(replace(look, observation=replace(look.observation, scan=scan)), Tracks.none())
+        read = detections_of(recorder.tables().detections)
+        assert (read.correlation is None) == (detections.correlation is None)
+        np.testing.assert_array_equal(read.covariance_m2, detections.covariance_m2)

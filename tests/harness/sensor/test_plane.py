@@ -69,6 +69,8 @@ def test_errors_of_a_turned_vehicle_spread_as_stated(heading_deg):
     assert np.cov(errors.T) == pytest.approx(expected, rel=0.2, abs=0.02)
     reported = np.mean([[seen.std_lon_m[0], seen.std_lat_m[0]] for seen in found if len(seen)], axis=0)
     assert reported == pytest.approx(np.sqrt(np.diag(expected)), rel=0.02)
+    told = np.mean([seen.covariance_m2[0] for seen in found if len(seen)], axis=0)
+    assert told == pytest.approx(expected, rel=0.04, abs=0.002)
 
 
 def test_a_turned_world_is_measured_as_the_same_world():

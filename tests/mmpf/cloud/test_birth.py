@@ -85,6 +85,14 @@ def test_particles_lie_around_their_detection_as_widely_as_it_was_measured() -> 
         assert np.abs(np.corrcoef(own[:5]) - np.eye(5)).max() < 0.04
 
 
+def test_particles_lie_aslant_around_a_detection_whose_noise_is_correlated() -> None:
+    slanting = replace(detections_at(PLACES, std_lon_m=0.5, std_lat_m=0.25), correlation=np.array([0.9, -0.6]))
+    mixture = born(slanting)
+    for m in range(2):
+        covariance = np.cov(rows_of(mixture, m)[[LON, LAT]])
+        assert covariance == pytest.approx(slanting.covariance_m2[m], rel=0.05)
+
+
 def test_a_measured_speed_is_taken_whatever_the_traffic_does() -> None:
     measured = replace(detections_at(PLACES), speed_mps=np.array([31.0, np.nan]), std_speed_mps=np.array([0.8, np.nan]))
     mixture = born(measured, local_speed_share=1.0, local_speed_std_mps=2.5)

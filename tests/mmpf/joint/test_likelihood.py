@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
@@ -43,6 +43,25 @@ def test_a_likelihood_is_a_normal_density_in_place_and_where_it_is_measured_in_s
         if j == 1:
             expected = expected * norm.pdf(17.0, state[SPEED], 1.2)
         assert found.values[found.starts[p] : found.starts[p + 1]] == pytest.approx(expected, rel=1e-9)
+
+
+def test_correlated_noise_is_a_normal_density_of_both_places_together() -> None:
+    states = [spread_around(30.0, 5.0, 300, 1), spread_around(33.0, 9.0, 200, 2)]
+    detections = replace(
+        detections_at([(31.0, 5.5), (29.0, 8.0)], std_lon_m=0.7, std_lat_m=0.5), correlation=np.array([0.8, -0.3])
+    )
+    found = likelihoods_of(belief_of(states), detections, np.inf)
+    for p, (m, j) in enumerate(zip(found.component, found.detection, strict=True)):
+        off = states[m][[LON, LAT]].T - [detections.lon_m[j], detections.lat_m[j]]
+        expected = multivariate_normal.pdf(off, cov=detections.covariance_m2[j])
+        assert found.values[found.starts[p] : found.starts[p + 1]] == pytest.approx(expected, rel=1e-9)
+
+
+def test_noise_that_is_told_to_be_uncorrelated_weighs_as_noise_of_which_nothing_is_told() -> None:
+    belief = belief_of([spread_around(30.0, 5.0, 300, 1)])
+    silent = detections_at([(31.0, 5.5)])
+    told = likelihoods_of(belief, replace(silent, correlation=np.zeros(1)), np.inf)
+    np.testing.assert_allclose(told.values, likelihoods_of(belief, silent, np.inf).values, rtol=1e-12)
 
 
 @pytest.mark.parametrize("axis", [LON, LAT])

@@ -4,6 +4,7 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import fields, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from harness.trackers.conformance.scripted_scenes import (
     scripted_scans,
 )
 from harness.trackers.protocol import Tracker, TrackerSetting
-from harness.trackers.stonesoup.parts import lent_global_generator
+from harness.trackers.stonesoup.parts import DetectionMaker, lent_global_generator
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 NAMES = [
@@ -173,3 +174,14 @@ def test_leaving_out_far_detections_early_changes_no_track(name: str):
     for coarse, plain in zip(follow(name, scans, coarse_gate=True), follow(name, scans), strict=True):
         for column in fields(Tracks):
             np.testing.assert_array_equal(getattr(coarse, column.name), getattr(plain, column.name))
+
+
+def test_correlated_noise_is_the_covariance_that_stone_soup_measures_with():
+    car = ScriptedCar("car", EGO_START_M + 20.0)
+    (labelled,) = scripted_scans([car], times(0.1), np.random.default_rng(4))[:1]
+    told = replace(labelled.scan.detections, correlation=np.full(len(labelled.scan.detections), 0.42))
+    maker = DetectionMaker(state_size=4, mapping=(0, 2, 1))
+    (found,) = maker.make(told, datetime(2026, 1, 1))
+    expected = told.covariance_m2[0] if np.isnan(told.speed_mps[0]) else None
+    assert expected is not None
+    np.testing.assert_allclose(found.measurement_model.noise_covar, expected, rtol=0.12)
