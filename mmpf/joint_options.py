@@ -100,7 +100,15 @@ class JointFalseObjects(Settings):
     flow_std_mps: Positive = 4.0
     """Spread of vehicles' speeds around the traffic's."""
     waiting_share: Probability = 0.3
-    """Share of vehicles that stand though others flow, where roads meet; along a single road none does."""
+    """Share of vehicles that stand though others flow, in a plane of which no stop lines are known; along a single road
+    none does.
+    """
+    waiting_share_at_line: Probability = 0.6
+    """The same where a signal or right of way may hold vehicles at most ``line_m`` ahead."""
+    waiting_share_elsewhere: Probability = 0.15
+    """The same where stop lines are known and none is ahead."""
+    line_m: Positive = 50.0
+    """See ``waiting_share_at_line``."""
 
 
 class JointRegularity(Settings):

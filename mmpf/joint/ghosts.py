@@ -19,6 +19,7 @@ from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.joint.overlap import overlapping
 from mmpf.joint_options import JointFalseObjects, JointGhosts, JointOptions, JointRegularity
+from mmpf.lanes.graph import LaneGraph
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON, SPEED
@@ -111,7 +112,8 @@ def with_log_odds(
     seen = before.unseen_s <= options.reporting.hidden_after_s
     odds += overlap_log_odds(before, moments, seen, ghosts, situation.dt_s)
     odds = np.clip(odds, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
-    by_speed = speed_log_odds(moments, situation.traffic, false_objects, options.birth.local_range_m)
+    waits = waiting_shares(moments, situation.plane.road.graph, false_objects)
+    by_speed = speed_log_odds(moments, situation.traffic, false_objects, options.birth.local_range_m, waits)
     return replace(
         components,
         source_log_odds=odds,
@@ -162,13 +164,35 @@ def shadow_wrong_after(sightings: Sightings, sensor: SensorModel, options: Joint
     return np.asarray(np.clip(after + forgotten * (options.shadow_wrong - after), 0.0, 1.0))
 
 
-def speed_log_odds(moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float) -> FloatArray:
-    """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,)."""
+def waiting_shares(moments: Moments, graph: LaneGraph | None, options: JointFalseObjects) -> FloatArray | float:
+    """Return which share of vehicles stands where each component is: shape (m,) where stop lines are known."""
+    if graph is None:
+        return 0.0
+    if graph.control is None:
+        return options.waiting_share
+    x, y = moments.mean[LON], moments.mean[LAT]
+    lane = graph.lane_at(x, y, moments.heading_rad)
+    along, _, _ = graph.on_lane(lane, x, y)
+    to_line = np.where(lane >= 0, graph.length_m[lane] - along + graph.to_stop_line_m[lane], np.inf)
+    return np.where(to_line < options.line_m, options.waiting_share_at_line, options.waiting_share_elsewhere)
+
+
+def speed_log_odds(
+    moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float, waits: FloatArray | float
+) -> FloatArray:
+    """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,).
+
+    Args:
+        moments: The components' moments.
+        traffic: Speeds of the vehicles around.
+        options: What false objects are like.
+        range_m: How far the traffic around reaches.
+        waits: Share of vehicles that stand though others flow, shape (m,) or for all.
+    """
     speed, variance = moments.mean[SPEED], moments.variance[SPEED]
     flow = local_speed(moments.mean[LON], moments.mean[LAT], traffic, range_m)
     flowing = _normal(speed - flow, variance + options.flow_std_mps**2)
     standing = _normal(speed, variance + options.standing_std_mps**2)
-    waits = 0.0 if traffic.lat_m is None else options.waiting_share
     vehicle = waits * standing + (1.0 - waits) * flowing
     false = options.standing_share * standing + (1.0 - options.standing_share) * flowing
     return np.log(np.maximum(vehicle, 1e-12) / np.maximum(false, 1e-12))

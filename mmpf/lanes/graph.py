@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.lanes.control import LinkControl
+from mmpf.lanes.control import FREE, LinkControl
 from mmpf.lanes.finding import fill_cells, find_lanes, lay_out, project
 
 NOWHERE = -1
@@ -194,6 +194,24 @@ class LaneGraph:
     def link_from(self) -> IntArray:
         """The lane that each link leads from, shape (k,); ``successor`` says where to."""
         return np.repeat(np.arange(len(self)), np.diff(self.first_successor))
+
+    @cached_property
+    def to_stop_line_m(self) -> FloatArray:
+        """From each lane's end to the nearest place ahead where a signal or right of way may hold vehicles, (l,).
+
+        Infinite where none is ahead, or none is known.
+        """
+        away = np.full(len(self), np.inf)
+        if self.control is None:
+            return away
+        away[self.link_from[self.control.kind != FREE]] = 0.0
+        for _ in range(len(self)):
+            nearer = away.copy()
+            np.minimum.at(nearer, self.link_from, away[self.successor] + self.length_m[self.successor])
+            if (nearer == away).all():
+                break
+            away = nearer
+        return away
 
     @cached_property
     def cells(self) -> Cells:

@@ -22,12 +22,15 @@ from mmpf.joint.ghosts import (
     regularity_log_odds,
     shadow_wrong_after,
     speed_log_odds,
+    waiting_shares,
     with_log_odds,
 )
 from mmpf.joint_options import JointFalseObjects, JointGhosts, JointOptions, JointRegularity
+from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
-from mmpf.state import SPEED
+from mmpf.state import LAT, LON, SPEED
+from tests.mmpf.lanes.scenes import graph_of
 from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
@@ -86,28 +89,47 @@ def test_of_the_first_scan_nothing_is_known_beforehand() -> None:
 
 
 def test_one_that_stands_among_flowing_traffic_is_no_vehicle_and_one_that_flows_may_be() -> None:
-    standing, flowing = speed_log_odds(moving([0.0, 20.0]), FLOW, FALSE, 40.0)
+    standing, flowing = speed_log_odds(moving([0.0, 20.0]), FLOW, FALSE, 40.0, 0.0)
     assert standing < -4.0
     assert flowing == pytest.approx(-np.log(1.0 - FALSE.standing_share), abs=1e-3)
 
 
 def test_where_roads_meet_vehicles_wait_and_standing_says_little() -> None:
     crossing = replace(FLOW, lat_m=np.array([0.0, 5.0, -5.0]))
-    standing, flowing = speed_log_odds(moving([0.0, 20.0]), crossing, FALSE, 40.0)
+    standing, flowing = speed_log_odds(moving([0.0, 20.0]), crossing, FALSE, 40.0, FALSE.waiting_share)
     assert standing == pytest.approx(np.log(FALSE.waiting_share / FALSE.standing_share), abs=1e-2)
     assert flowing == pytest.approx(np.log((1.0 - FALSE.waiting_share) / (1.0 - FALSE.standing_share)), abs=1e-2)
 
 
+def test_vehicles_wait_before_stop_lines_rather_than_elsewhere() -> None:
+    """Two lanes lead to a line where way must be given, the first 60 m and the second 30 m long; one leads on."""
+    graph = graph_of(
+        {"far": [(0.0, 0.0), (60.0, 0.0)], "near": [(60.0, 0.0), (90.0, 0.0)], "on": [(90.0, 0.0), (200.0, 0.0)]},
+        links=[("far", "near"), ("near", "on")],
+    )
+    none = np.full(2, NO_SIGNAL)
+    control = LinkControl(np.array([FREE, YIELD]), none, (), np.zeros(0, dtype=np.int64), np.zeros(3, dtype=np.int64))
+    graph = replace(graph, control=control)
+    np.testing.assert_allclose(graph.to_stop_line_m, [30.0, 0.0, np.inf])
+    moments = replace(moving([0.0] * 5), direction_rad=np.zeros(5))
+    moments.mean[LON] = [30.0, 50.0, 85.0, 95.0, 50.0]
+    moments.mean[LAT] = [0.0, 0.0, 0.0, 0.0, 40.0]
+    options = JointFalseObjects(waiting_share_elsewhere=0.1, waiting_share_at_line=0.6, line_m=50.0)
+    np.testing.assert_array_equal(waiting_shares(moments, graph, options), [0.1, 0.6, 0.6, 0.1, 0.1])
+    assert waiting_shares(moments, None, options) == 0.0
+    assert waiting_shares(moments, replace(graph, control=None), options) == options.waiting_share
+
+
 def test_where_all_stand_standing_says_little() -> None:
     jam = replace(FLOW, speed_mps=np.zeros(3))
-    assert -1.5 < speed_log_odds(moving([0.0]), jam, FALSE, 40.0)[0] < 0.0
+    assert -1.5 < speed_log_odds(moving([0.0]), jam, FALSE, 40.0, 0.0)[0] < 0.0
 
 
 @given(st.floats(0.0, 40.0), st.floats(0.1, 8.0))
 def test_a_speed_never_says_more_for_a_vehicle_than_that_it_is_none_of_those_that_stand(
     speed_mps: float, std_mps: float
 ) -> None:
-    found = speed_log_odds(moving([speed_mps], std_mps), FLOW, FALSE, 40.0)[0]
+    found = speed_log_odds(moving([speed_mps], std_mps), FLOW, FALSE, 40.0, 0.0)[0]
     assert found <= -np.log(1.0 - FALSE.standing_share) + 1e-9
 
 
