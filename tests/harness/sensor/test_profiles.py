@@ -20,6 +20,7 @@ def test_the_profiles_exist_and_explain_their_figures():
             "kitti-pointrcnn",
             "lidar",
             "lidar-independent",
+            "lidar-real",
             "radar",
             "v2v4real-pointpillars",
         )
@@ -47,7 +48,7 @@ def test_a_number_given_as_text_counts_as_a_number():
         (
             "sonar",
             {},
-            "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, radar, v2v4real-pointpillars",
+            "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, lidar-real, radar, v2v4real-",
         ),
         ("lidar", {"reach": 3}, "sensor.reach"),
         ("lidar", {"range_m": -1}, "sensor.range_m"),
