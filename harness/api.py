@@ -16,6 +16,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from harness.closedloop.options import DriveOptions
+from harness.closedloop.options import request_of as drive_request_of
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
 from harness.errors import InputError
 from harness.grid.options import GridOptions, request_of
@@ -24,6 +26,7 @@ from mmpf.registry import UnknownNameError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from harness.closedloop.drive import FinishedDrives
     from harness.config.model import RunConfig
     from harness.grid.making import RunCells, Telling
     from harness.grid.stress import FinishedGrid
@@ -273,6 +276,21 @@ def _run_config(values: Mapping[str, Any]) -> RunConfig:
         chosen["tracker"] = f"{factory.__module__}:{getattr(factory, '__qualname__', type(factory).__name__)}"
     config = resolve_run_config(values["config"], chosen, setting_words(values["settings"]))
     return config if factory is None else config.tracked_by(factory)
+
+
+def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
+    """Do what ``drive`` does; arguments as for ``make_run``."""
+    with _input_errors():
+        values = checked(DriveOptions, options, "drive")
+        request = drive_request_of(values)
+        from harness.closedloop.drive import Execution, run_drives  # noqa: PLC0415
+        from harness.report.drivepages import write_drive_pages  # noqa: PLC0415
+
+        workers = values["workers"] or os.cpu_count() or 1
+        how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
+        finished = run_drives(request, Path(values["out"]), how, _telling(quiet, workers), command)
+        write_drive_pages(finished, quiet)
+        return finished
 
 
 def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> FinishedGrid:

@@ -63,6 +63,7 @@ COMMANDS = (
     CommandEntry("export", "Turn a run into another program's format."),
     CommandEntry("compare", "Tell whether one run is better or worse than another.", "Compare"),
     CommandEntry("stress", "Run many densities, models and seeds.", "Compare"),
+    CommandEntry("drive", "Let the ego drive by what trackers tell it; count collisions and conflicts.", "Compare"),
     CommandEntry("study", "Repeat the published cases; ask whether the models carry over to real roads.", "Compare"),
     CommandEntry("bench", "Measure how long trackers take.", "Compare"),
     CommandEntry("reference", "Make a reference table from a clean tree, or check one.", "Compare"),

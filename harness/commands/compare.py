@@ -23,7 +23,7 @@ class Options(TypedDict):
     folders: Annotated[
         list[str] | None,
         Option(
-            "Folders of runs or stress tests; one tracker of a grid as FOLDER@LABEL.",
+            "Folders of runs, stress tests or drives; one tracker of a grid as FOLDER@LABEL.",
             metavar="A [B]",
             is_argument=True,
         ),
@@ -45,7 +45,8 @@ class Options(TypedDict):
         str | None,
         Option(
             "Metrics that get a verdict, with commas between; the others are described. "
-            "(default: mot.hota,hidden.hidden_cost_m,occlusion.same_id_percent)"
+            "(default: mot.hota,hidden.hidden_cost_m,occlusion.same_id_percent; of drives by belief "
+            "drive.collided_percent,drive.ttc_below_1_5_percent,drive.hard_brakes_per_km)"
         ),
     ]
     allow_undecided: Annotated[bool, Option("Exit code 0, not 3, where it stays undecided.", default=False)]
@@ -66,7 +67,8 @@ def command(options: Options) -> int:
     for the number of verdicts; "no worse" where the whole 95 % interval lies
     within the tolerance; else "undecided", with how many more seeds would
     decide it. Other metrics are described. Runs are paired by seed and
-    setting; two single runs, by vehicle.
+    setting; two single runs, by vehicle; drives by belief ('drive') by
+    episode, on collisions, short times to collision and hard brakes.
     Exit code 0: no worse. 1: worse. 3: undecided, or values are missing.
 
     Examples:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from harness.comparison.single import FOLLOWED, compare_runs, notes_of
 from harness.comparison.sources import SETTING, Source
 from harness.comparison.verdicts import (
     NO_WORSE,
+    PRIMARY,
     STEP_TIME,
     UNDECIDED,
     UNTESTED,
@@ -27,6 +28,7 @@ from harness.comparison.verdicts import (
 from harness.comparison.why import Why
 from harness.errors import InputError
 from harness.grid.rows import column_of
+from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 
@@ -125,8 +127,9 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
     Raises:
         InputError: They have no tracker or no setting in common, or are single runs on different traffic.
     """
-    rules = rules or Rules()
-    _check_primary(rules)
+    closed_loop = _are_closed_loops(a, b)
+    rules = _rules_for(closed_loop, rules or Rules())
+    _check_primary(rules, closed_loop)
     notes = [f"{side.failed} failed runs of {side.name} are left out." for side in (a, b) if side.failed]
     for side in (a, b):
         if not len(side.rows):
@@ -146,7 +149,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         matched = rows_a.iloc[pairing.of_a], rows_b.iloc[pairing.of_b]
         values = {
             quantity: [column_of(rows, quantity.key) for rows in matched]
-            for quantity in compared_quantities(rules.primary)
+            for quantity in compared_quantities(rules.primary, closed_loop)
         }
         if _in_one_run(a, b) and pairing.layout.paired and all(STEP_TIME.key in rows for rows in matched):
             values[STEP_TIME] = _step_times(*matched)
@@ -157,12 +160,26 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         )
     measured = [measure(arm) for arm in arms]
     verdicts = tuple(judge(measured, rules))
-    told = (*notes, *_pairing_notes(arms), *_time_notes(a, b), *_survivor_notes(verdicts))
+    told = (*notes, *_pairing_notes(arms), *([] if closed_loop else _time_notes(a, b)), *_survivor_notes(verdicts))
     return Comparison(a.name, b.name, verdicts, told, rules, units, tuple(wanting))
 
 
-def _check_primary(rules: Rules) -> None:
-    known = [quantity.key for quantity in compared_quantities()]
+def _are_closed_loops(a: Source, b: Source) -> bool:
+    if a.is_closed_loop != b.is_closed_loop:
+        drives, other = (a, b) if a.is_closed_loop else (b, a)
+        raise InputError(
+            f"compare: {drives.name} holds drives by belief, {other.name} runs in which SUMO drives; compare two alike"
+        )
+    return a.is_closed_loop
+
+
+def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
+    """Return the rules, those of a closed loop naming its own metrics unless the user has named some."""
+    return replace(rules, primary=DRIVEN) if closed_loop and rules.primary == PRIMARY else rules
+
+
+def _check_primary(rules: Rules, closed_loop: bool) -> None:
+    known = [quantity.key for quantity in compared_quantities(closed_loop=closed_loop)]
     for key in rules.primary:
         if key not in known:
             raise InputError(f"`primary` {key}: no such metric is compared; choose of {', '.join(known)}")

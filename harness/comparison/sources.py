@@ -14,6 +14,7 @@ from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.rows import flattened
 from harness.grid.summary import labelled
 from harness.runfolder import folder as runfolder
+from harness.scoring.closedloop import COLLIDED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +48,11 @@ class Source:
     def labels(self) -> list[str]:
         """The trackers, with their settings and models."""
         return list(dict.fromkeys(self.rows["label"]))
+
+    @property
+    def is_closed_loop(self) -> bool:
+        """Whether its runs are drives by belief (``harness.closedloop``)."""
+        return COLLIDED in self.rows
 
 
 def open_source(text: str, parameter: str) -> Source:
@@ -89,7 +95,8 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
 
     if not len(table):
         raise InputError(f"`{parameter}`: {path} has no rows; make the grid again")
-    numbers = ("seed", *(quantity.key for quantity in compared_quantities() if quantity.key in table))
+    known = (*compared_quantities(), *compared_quantities(closed_loop=True))
+    numbers = ("seed", *(quantity.key for quantity in known if quantity.key in table))
     texts = [name for name in numbers if not is_numeric_dtype(table[name]) and table[name].notna().any()]
     if texts:
         raise InputError(f"`{parameter}`: {path}: {texts[0]} holds no numbers; make the grid again")

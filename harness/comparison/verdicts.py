@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.comparison.effects import LEVEL, Effect
+from harness.scoring import closedloop
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
 from mmpf.compute.arrays import FloatArray
@@ -48,16 +49,23 @@ class Rules:
         return (self.time_tolerance if quantity.key == STEP_TIME.key else self.tolerance) * abs(a)
 
 
-def compared_quantities(primary: Sequence[str] = PRIMARY) -> list[Quantity]:
-    """Return what is compared: what gets a verdict, then hidden vehicles, errors, what becomes of tracks, the rest."""
-    every = [quantity for quantity in quantities("hidden", "mae", "hidden_outcomes", "occlusion") if quantity.compared]
+def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = False) -> list[Quantity]:
+    """Return what is compared: what gets a verdict, then hidden vehicles, errors, what becomes of tracks, the rest.
+
+    Args:
+        primary: Keys of what gets a verdict.
+        closed_loop: Whether drives by belief are compared, which have metrics of their own.
+    """
+    of_runs = ("hidden", "mae", "hidden_outcomes", "occlusion")
+    known = closedloop.QUANTITIES if closed_loop else quantities(*of_runs)
+    every = [quantity for quantity in known if quantity.compared]
     order = {key: place for place, key in enumerate(primary)}
     return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))
 
 
 def quantity_of(metric: str) -> Quantity:
     """Return the compared metric of a key."""
-    return next(each for each in (*compared_quantities(), STEP_TIME) if each.key == metric)
+    return next(each for each in (*compared_quantities(), *closedloop.QUANTITIES, STEP_TIME) if each.key == metric)
 
 
 def name_of(metric: str) -> str:

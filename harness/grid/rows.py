@@ -22,6 +22,8 @@ Row = dict[str, Any]
 TEXT_COLUMNS = (
     *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error", MISMATCH),
     *(f"recording.{name}" for name in ("file", "format", "ego")),
+    *(f"episode.{name}" for name in ("kind", "ego", "provoked")),
+    *(f"drive.{name}" for name in ("ended", "collided_with")),
 )
 FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")
 OUTCOME_COLUMNS = ("succeeded", "error", "total_s")

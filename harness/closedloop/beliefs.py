@@ -1,0 +1,170 @@
+"""What the ego's driver takes for real at a moment: the truth, a tracker's tracks, or what a human perceives."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from harness.decisions.belief import Belief
+from harness.decisions.bodies import Bodies, Egos
+from harness.scoring.pairs import GATE_SIMILARITY, similarity
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.observation import HIDDEN, OUT, Look
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.truth.frame import Frame
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.scan import Detections
+from mmpf.tracks import TENTATIVE, Tracks
+
+TRUTH, DRIVERSTATE = "truth", "driverstate"
+WITHOUT_TRACKER = (TRUTH, DRIVERSTATE)
+"""Beliefs that no tracker's output enters."""
+
+
+class Perception(Protocol):
+    """Makes bodies that the driver believes in of each look; asked once a look, in order."""
+
+    def bodies(self, look: Look, tracks: Tracks) -> Bodies:
+        """Return what is believed of the vehicles around the ego, all of step 0."""
+        ...
+
+
+class TruePerception:
+    """Every vehicle as it is, hidden or never seen."""
+
+    def bodies(self, look: Look, tracks: Tracks) -> Bodies:  # noqa: ARG002
+        """Return the vehicles; see ``Perception``."""
+        return true_bodies(look.frame)
+
+
+@dataclass
+class TrackedPerception:
+    """The reported tracks with an existence of one half or more, as large as detections on them measured so far.
+
+    The same bodies as ``harness.scoring.believed`` makes of a finished run's tables, a step at a time.
+
+    Attributes:
+        settings: Gate and existence.
+    """
+
+    settings: ScoringSettings = field(default_factory=ScoringSettings)
+    _measured: dict[int, FloatArray] = field(default_factory=lambda: defaultdict(lambda: np.zeros(3)))
+
+    def bodies(self, look: Look, tracks: Tracks) -> Bodies:
+        """Return the tracks; see ``Perception``."""
+        reported = np.flatnonzero(tracks.state != TENTATIVE)
+        self._measure(tracks, reported, look.observation.scan.detections)
+        kept = reported[tracks.existence[reported] >= self.settings.driver_existence]
+        sizes = np.array([self._size(int(number)) for number in tracks.track_id[kept]]).reshape(-1, 2)
+        speed = tracks.speed_mps[kept]
+        ego_mps = look.frame.speed_mps[look.frame.ego]
+        return Bodies(
+            step=np.zeros(len(kept), dtype=np.int64),
+            lon_m=tracks.lon_m[kept],
+            lat_m=tracks.lat_m[kept],
+            speed_mps=np.where(np.isfinite(speed), speed, ego_mps),
+            direction_rad=np.zeros(len(kept)),
+            length_m=sizes[:, 0],
+            width_m=sizes[:, 1],
+        )
+
+    def _measure(self, tracks: Tracks, reported: np.ndarray[tuple[int], np.dtype[np.int64]], found: Detections) -> None:
+        """Add what the detection nearest to each reported track measures of its size."""
+        sizes = found.sizes
+        if sizes is None or not len(reported):
+            return
+        whole = np.flatnonzero(np.isfinite(sizes.length_m + sizes.width_m))
+        if not len(whole):
+            return
+        lon_m = found.lon_m[whole, None] - tracks.lon_m[reported]
+        lat_m = found.lat_m[whole, None] - tracks.lat_m[reported]
+        alike = similarity(lon_m, lat_m, self.settings)
+        nearest = alike.argmax(axis=0)
+        for place, row in enumerate(nearest):
+            if alike[row, place] >= GATE_SIMILARITY:
+                size = sizes.length_m[whole[row]], sizes.width_m[whole[row]], 1.0
+                self._measured[int(tracks.track_id[reported[place]])] += size
+
+    def _size(self, track_id: int) -> tuple[float, float]:
+        length, width, count = self._measured.get(track_id, np.zeros(3))
+        return (length / count, width / count) if count else (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
+
+
+@dataclass
+class HumanPerception:
+    """What a human driver perceives: vehicles in sight alone, with errors of gap and speed that drift.
+
+    SUMO's ``device.driverstate`` can't be attached to a vehicle that is on its way, so this is its error process: an
+    Ornstein-Uhlenbeck process e of time scale 100 s times the awareness A and noise intensity 0.2 (1 - A). A gap g is
+    perceived as g (1 + 0.75 e), a difference of speed as it is plus 0.15 e g. Its thresholds of perception are left
+    out.
+
+    Attributes:
+        rng: Its own stream.
+        step_s: Time between looks.
+        awareness: SUMO's measure of attention, in (0, 1]; there is no error at 1.
+    """
+
+    rng: np.random.Generator
+    step_s: float
+    awareness: float = 0.5
+    _error: float = 0.0
+
+    def bodies(self, look: Look, tracks: Tracks) -> Bodies:  # noqa: ARG002
+        """Return the vehicles in sight; see ``Perception``."""
+        share = self.step_s / (100.0 * self.awareness)
+        noise = 0.2 * (1.0 - self.awareness) * np.sqrt(2.0 * share)
+        self._error = float(np.exp(-share) * self._error + noise * self.rng.standard_normal())
+        frame = look.frame
+        seen = ~np.isin(look.observation.state, (HIDDEN, OUT))
+        bodies = true_bodies(frame, seen)
+        away = bodies.lon_m - frame.lon_m[frame.ego]
+        gap = np.maximum(np.abs(away) - 0.5 * (bodies.length_m + frame.length_m[frame.ego]), 0.0)
+        shift = 0.75 * self._error * gap
+        return replace(
+            bodies, lon_m=bodies.lon_m + np.sign(away) * shift, speed_mps=bodies.speed_mps + 0.15 * self._error * gap
+        )
+
+
+def true_bodies(frame: Frame, chosen: BoolArray | None = None) -> Bodies:
+    """Return the vehicles of a frame, or the chosen ones, without the ego."""
+    others = np.arange(len(frame)) != frame.ego
+    kept = np.flatnonzero(others if chosen is None else others & chosen)
+    return Bodies(
+        step=np.zeros(len(kept), dtype=np.int64),
+        lon_m=frame.lon_m[kept],
+        lat_m=frame.lat_m[kept],
+        speed_mps=frame.speed_mps[kept],
+        direction_rad=np.zeros(len(kept)),
+        length_m=frame.length_m[kept],
+        width_m=frame.width_m[kept],
+    )
+
+
+def ego_of(frame: Frame) -> Egos:
+    """Return the ego of a frame as a single step."""
+    at = slice(frame.ego, frame.ego + 1)
+    return Egos(
+        episode=np.zeros(1, dtype=np.int64),
+        lon_m=frame.lon_m[at],
+        lat_m=frame.lat_m[at],
+        speed_mps=frame.speed_mps[at],
+        lane=frame.lane[at],
+        length_m=frame.length_m[at],
+        width_m=frame.width_m[at],
+    )
+
+
+def biased(belief: Belief, bias_m: float) -> Belief:
+    """Return a belief in which every gap ahead is longer than it seemed."""
+    if bias_m == 0.0:
+        return belief
+    ahead = belief.leaders
+    left, right = (
+        replace(side, leader=replace(side.leader, gap_m=side.leader.gap_m + bias_m))
+        for side in (belief.left, belief.right)
+    )
+    return replace(belief, leaders=replace(ahead, gap_m=ahead.gap_m + bias_m), left=left, right=right)

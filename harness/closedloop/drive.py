@@ -1,0 +1,174 @@
+"""A closed loop from request to finished folder, which an interrupted one takes up again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from harness.closedloop.figure import drives_figure
+from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, plan_drives
+from harness.closedloop.summary import as_markdown, as_values, scores
+from harness.errors import InputError
+from harness.grid.cells import Cell, Grid
+from harness.grid.gridfolder import KEPT, RUNS
+from harness.grid.making import SUMMARY, TABLE, Making, Telling, make_rows
+from harness.grid.pool import OnRow, run_cells
+from harness.grid.rows import Row, assemble, column_of
+from harness.grid.stress import check_grid
+from harness.runfolder import ownership
+from harness.scoring.closedloop import COLLIDED, IMPACT, WITH
+from harness.writing.files import save_figure, write_text
+from harness.writing.numbers import without_nan
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FIGURES, FIGURE = "figures", "drives.png"
+WORKER = "harness.closedloop.worker"
+PAGES_OF_EACH = 3
+"""Of each belief and bias so many collisions, the hardest, get a page with a replay; the others keep their folders."""
+BEFORE_S = 3.0
+REPLAY = "replay"
+
+
+@dataclass(frozen=True)
+class FinishedDrives:
+    """A closed loop that ended.
+
+    Attributes:
+        folder: Where its files lie.
+        text: Its tables in Markdown.
+        summary: Content of its ``summary.json``.
+        shown: Keys of the collisions whose pages its tables lead to.
+    """
+
+    folder: Path
+    text: str
+    summary: dict[str, Any]
+    shown: tuple[str, ...]
+
+    @property
+    def failures(self) -> list[str]:
+        """One line for each drive that failed."""
+        return [f"{failure['key']}: {failure['error']}" for failure in self.summary["failures"]]
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How drives are made.
+
+    Attributes:
+        workers: Number of processes.
+        timeout_s: Longest time for a seed's traffic, and for a drive; None for no limit.
+        resume: Whether drives that the folder already holds are kept.
+        retry_failed: Whether those of them that failed are made again.
+    """
+
+    workers: int
+    timeout_s: float | None = None
+    resume: bool = False
+    retry_failed: bool = False
+
+
+def run_drives(
+    request: DriveRequest,
+    out: Path,
+    how: Execution,
+    user: Telling | None = None,
+    command: str = "",
+) -> FinishedDrives:
+    """Drive every episode by every belief and write the folder.
+
+    Args:
+        request: Episodes and beliefs.
+        out: The folder.
+        how: How they are made.
+        user: How the user is told of what goes on; None for not at all.
+        command: What the user typed, for the manifest.
+
+    Raises:
+        InputError: The request or the folder is wrong; nothing was driven.
+        RunInterruptedError: The user stopped it; finished drives are kept.
+        RunError: The disk is full or the like; finished drives are kept.
+    """
+    user = user or Telling()
+    grid = plan_drives(request)
+    _check(grid, user)
+
+    def execute(cells: list[Cell], on_row: OnRow) -> None:
+        keep_in = (out / KEPT).resolve()
+        run_cells([replace(cell, keep_in=keep_in) for cell in cells], how.workers, how.timeout_s, on_row, WORKER)
+
+    return make_rows(
+        Making(grid, request.as_table(), command, ownership.DRIVE),
+        out,
+        execute,
+        partial(_write_outcome, grid, request, out),
+        resume=how.resume or how.retry_failed,
+        retry_failed=how.retry_failed,
+        user=user,
+    )
+
+
+def _check(grid: Grid, user: Telling) -> None:
+    """Find a wrong network, sensor, tracker or driver before anything is driven.
+
+    Raises:
+        InputError: Something is wrong.
+    """
+    from harness.truth.network.network import load_network  # noqa: PLC0415
+
+    network = load_network(grid.cells[0].config.traffic.net)
+    if network.plane is not None or network.configuration is not None:
+        raise InputError(
+            f"`net`: {network.name} has no main road, and an ego is driven along one alone; for example `net` us101"
+        )
+    check_grid(grid, user.tell)
+
+
+def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[str, Row]) -> FinishedDrives:
+    from harness.runfolder.tables import write_table  # noqa: PLC0415
+
+    table = assemble(grid, rows)
+    failures = [
+        {"key": run.key, "error": rows[run.key]["error"]} for run in grid.runs if not rows[run.key]["succeeded"]
+    ]
+    found = scores(table)
+    shown = _hardest(grid, table)
+    links = [
+        _link(run.key, row) if run.key in shown else ""
+        for run, (_, row) in zip(grid.runs, table.iterrows(), strict=True)
+    ]
+    title = f"Driving by belief on {request.net}"
+    text = as_markdown(
+        title, found, table.assign(**{REPLAY: links}), [f"{each['key']}: {each['error']}" for each in failures]
+    )
+    (out / FIGURES).mkdir(exist_ok=True)
+    save_figure(drives_figure(found, title), out / FIGURES / FIGURE)
+    about = {"drive": request.as_table(), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
+    summary: dict[str, Any] = without_nan(about | {"scores": as_values(found)})
+    write_text(out / TABLE, text)
+    write_text(out / SUMMARY, json.dumps(summary, indent=2) + "\n")
+    write_table(table, out / RUNS)
+    return FinishedDrives(out, text, summary, tuple(shown))
+
+
+def _hardest(grid: Grid, table: pd.DataFrame) -> list[str]:
+    """Return the keys of the collisions that get a page."""
+    collided = column_of(table, COLLIDED) > 0.0
+    keyed = table.assign(key=[run.key for run in grid.runs])[collided]
+    if not len(keyed):
+        return []
+    hard = keyed.sort_values(IMPACT, ascending=False, kind="stable").groupby(["variant", BIAS], sort=False)
+    return [str(key) for key in hard.head(PAGES_OF_EACH)["key"]]
+
+
+def _link(key: str, row: Any) -> str:  # noqa: ANN401  a row of pandas
+    """Return the address of a collision's replay, some seconds before it."""
+    begin_s = max(0.0, TRACKED_S + float(row["drive.collision_time_s"]) - BEFORE_S)
+    return f"{KEPT}/{key}/report.html#t={begin_s:.1f}&vehicle={quote(str(row[WITH]), safe='')}"

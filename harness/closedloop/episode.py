@@ -1,0 +1,191 @@
+"""One episode: five seconds of tracking while SUMO drives the ego, then a drive by what is believed.
+
+The loop that hands looks to the tracker is the one of every run (``harness.running.follow``): it asks for the next look
+only when the tracks of the last have been watched, and by then the driver has acted on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from harness.closedloop.beliefs import (
+    DRIVERSTATE,
+    TRUTH,
+    HumanPerception,
+    Perception,
+    TrackedPerception,
+    TruePerception,
+    biased,
+    ego_of,
+    true_bodies,
+)
+from harness.closedloop.handover import HandOver, Traffic, with_ego
+from harness.closedloop.plan import DRIVEN_S, KINDS, TRACKED_S, PlannedDrive
+from harness.closedloop.steering import Steering
+from harness.decisions.belief import believe
+from harness.decisions.decide import decide_by, driver_of
+from harness.decisions.drivers.protocol import Driver
+from harness.runfolder.tables import ColumnRecorder, RunTables
+from harness.running.follow import StageTimes, follow
+from harness.running.looks import Looks
+from harness.running.open import as_believed, tracker_builder
+from harness.scoring.closedloop import BY_COLLISION, IN_TIME, OFF_THE_ROAD, Contact, Driven, score_drive
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.detector import build_sensor
+from harness.sensor.observation import Look, Sensor
+from harness.sensor.profiles import sensor_settings
+from harness.trackers.protocol import AnyTracker
+from harness.truth.frame import Frame
+from harness.truth.sumo.session import sumo_errors_in_words
+from mmpf.tracks import Tracks
+
+SENSOR, TRACKER, HUMAN = range(3)
+"""Streams of an episode's randomness; none depends on the belief."""
+# As far as the road is known beyond the section, less what a driver looks ahead.
+BEYOND_SECTION_M = 30.0
+
+
+@dataclass(frozen=True)
+class Drove:
+    """An episode that ended.
+
+    Attributes:
+        table: The tables ``episode`` and ``drive`` of its row.
+        tables: What was recorded, tracking seconds included.
+        times: Wall times of its steps; no part of its results.
+    """
+
+    table: dict[str, dict[str, Any]]
+    tables: RunTables
+    times: StageTimes
+
+    @property
+    def collided(self) -> bool:
+        """Whether it ended in a collision."""
+        return bool(self.table["drive"]["ended"] == BY_COLLISION)
+
+
+def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
+    """Drive an episode from its hand-over on; the simulation is used up.
+
+    Args:
+        traffic: The simulation, as it stands at the hand-over.
+        at: The hand-over.
+        planned: By what belief.
+    """
+    config, seed = planned.config, planned.config.seed
+    stream = np.random.SeedSequence(seed, spawn_key=(KINDS.index(at.kind),))
+    sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+    loop = _Loop(
+        traffic=traffic,
+        at=at,
+        planned=planned,
+        driver=driver_of(config.decisions.driver),
+        perception=_perception(planned.variant, np.random.default_rng(_child(stream, HUMAN)), traffic.step_s),
+        sensor=sensor,
+        noise=_child(stream, SENSOR),
+    )
+    road = traffic.network.road
+    looks = Looks(
+        road=road,
+        step_s=traffic.step_s,
+        expected_steps=round((TRACKED_S + DRIVEN_S) / traffic.step_s) + 1,
+        sensor=sensor.model(road),
+        stream=loop.looks(),
+    )
+    recorder, times, build = ColumnRecorder(), StageTimes(), tracker_builder(config)
+    follow(as_believed(looks, config), build, recorder, _child(stream, TRACKER), (loop.watch,), times)
+    drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
+    episode = {
+        "ego": at.ego,
+        "provoked": at.provoked or None,
+        "candidates": at.candidates,
+        "looked_through": at.looked_through,
+    }
+    return Drove({"episode": episode, "drive": drove}, recorder.tables(), times)
+
+
+def _perception(belief: str, rng: np.random.Generator, step_s: float) -> Perception:
+    if belief == TRUTH:
+        return TruePerception()
+    return HumanPerception(rng, step_s) if belief == DRIVERSTATE else TrackedPerception()
+
+
+@dataclass
+class _Loop:
+    """The ego and its traffic, step by step: looks go out, tracks come in, and what the driver does is done."""
+
+    traffic: Traffic
+    at: HandOver
+    planned: PlannedDrive
+    driver: Driver
+    perception: Perception
+    sensor: Sensor
+    noise: np.random.SeedSequence
+    ended: str = IN_TIME
+    contact: Contact | None = None
+    _steps: list[tuple[float, ...]] = field(default_factory=list)
+    _demand: float = 0.0
+
+    def looks(self) -> Iterator[Look]:
+        """Yield the tracking seconds, then what comes of the driver's commands, until the episode is over."""
+        for frame in self.at.frames:
+            yield self._look(frame)
+        steering = Steering(self.traffic.running.sumo, self.at)
+        steering.take_over()
+        first = len(self.at.frames)
+        for step in range(first, first + round(DRIVEN_S / self.traffic.step_s)):
+            with sumo_errors_in_words(self.traffic.running.sumo):
+                steering.act(self._demand, float(self._frame.speed_mps[self._frame.ego]), self.traffic.step_s)
+            frame = self.traffic.advance()
+            if self.at.ego not in frame.vehicle_id:
+                self.ended = OFF_THE_ROAD
+                return
+            frame = with_ego(frame, self.at.ego, step, self.traffic.step_s)
+            self.contact = steering.contact(frame, round((step - first + 1) * self.traffic.step_s, 6))
+            yield self._look(frame)
+            if self.contact is not None:
+                self.ended = BY_COLLISION
+                return
+            if self._frame.lon_m[self._frame.ego] > self.traffic.network.section_m[1] + BEYOND_SECTION_M:
+                self.ended = OFF_THE_ROAD
+                return
+
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+        """Let the driver decide by the tracks, and note what it would do by the truth."""
+        bodies = self.perception.bodies(look, tracks)
+        if look.frame.step < len(self.at.frames) - 1:
+            return
+        ego, road = ego_of(look.frame), self.traffic.network.road
+        told = decide_by(self.driver, biased(believe(bodies, ego, road), self.planned.gap_bias_m)).command
+        real = decide_by(self.driver, believe(true_bodies(look.frame), ego, road))
+        leader = real.belief.leader
+        self._demand = float(told.accel_mps2[0])
+        self._steps.append(
+            (
+                float(ego.speed_mps[0]),
+                float(leader.gap_m[0]),
+                float(leader.speed_mps[0]),
+                self._demand,
+                float(real.command.accel_mps2[0]),
+            )
+        )
+
+    def driven(self) -> Driven:
+        """Return the steps from the hand-over on."""
+        speed, gap, leader, demanded, needed = np.array(self._steps).T
+        return Driven(speed, gap, leader, demanded, needed, self.traffic.step_s)
+
+    def _look(self, frame: Frame) -> Look:
+        """Let the sensor look; what it draws depends on the episode and the step alone, whatever was drawn before."""
+        self._frame = frame
+        rng = np.random.default_rng(_child(self.noise, frame.step))
+        return Look(frame, self.sensor.observe(frame, self.traffic.network.road, rng))
+
+
+def _child(stream: np.random.SeedSequence, number: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(stream.entropy, spawn_key=(*stream.spawn_key, number))

@@ -1,0 +1,92 @@
+"""The options of a closed loop, each declared once, and the request that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+
+from harness.config.options import Option, setting_words
+
+if TYPE_CHECKING:
+    from harness.closedloop.plan import DriveRequest
+
+DRIVES, RESULT = "The drives", "How it is run"
+
+
+class DriveOptions(TypedDict, total=False):
+    """The keywords of ``harness.drive``."""
+
+    net: Annotated[str | Path, Option("Network with one main road, by name or folder.", panel=DRIVES, default="us101")]
+    density: Annotated[float | None, Option("Vehicles per km and main lane, in place of --demand.", panel=DRIVES)]
+    demand: Annotated[str | None, Option("Named demand of the network; see 'nets'.", panel=DRIVES)]
+    beliefs: Annotated[
+        str,
+        Option(
+            "What the ego drives by: truth, detections, driverstate (a human's perception), trackers as in 'stress'. "
+            "The truth is added where it is missing.",
+            panel=DRIVES,
+            default="truth,mmpf,detections",
+        ),
+    ]
+    episodes: Annotated[
+        int,
+        Option(
+            "Episodes by each belief; every second one is provoked.", panel=DRIVES, default=40, least=1, most=10_000
+        ),
+    ]
+    provoke: Annotated[
+        str,
+        Option(
+            "Provocations, in turns: brake (the hidden leader's leader brakes hard).", panel=DRIVES, default="brake"
+        ),
+    ]
+    driver: Annotated[
+        str | None, Option("Who drives: hdm, idm, mobil, or module:factory. (default: hdm)", panel=DRIVES)
+    ]
+    gap_bias: Annotated[
+        str,
+        Option(
+            "Metres by which believed gaps are too long, a list: a check that collisions grow.",
+            panel=DRIVES,
+            default="0",
+        ),
+    ]
+    sensor: Annotated[
+        str | None, Option("Profile: lidar, radar, camera, ..., or module:profile. (default: lidar)", panel=DRIVES)
+    ]
+    seed: Annotated[
+        int, Option("Seed of the first two episodes; each pair has its own.", panel=DRIVES, default=0, least=0)
+    ]
+    settings: Annotated[
+        list[str] | Mapping[str, object] | None,
+        Option("Any setting of config.toml for all drives.", panel=DRIVES, flag="--set", metavar="KEY=VALUE"),
+    ]
+    out: Annotated[Path | str, Option("Folder to write.", panel=RESULT, default=Path("results/drive"))]
+    resume: Annotated[bool, Option("Keep the drives that --out holds, make the others.", panel=RESULT, default=False)]
+    retry_failed: Annotated[bool, Option("Like --resume, and make failed drives again.", panel=RESULT, default=False)]
+    workers: Annotated[int | None, Option("Worker processes. (default: one per core)", panel=RESULT, least=1)]
+    timeout_per_run: Annotated[
+        float | None, Option("Seconds after which a drive is given up.", panel=RESULT, least=0.1)
+    ]
+
+
+def request_of(values: Mapping[str, Any]) -> DriveRequest:
+    """Return what checked options ask for."""
+    from harness.closedloop.plan import DriveRequest, with_truth  # noqa: PLC0415
+
+    return with_truth(
+        DriveRequest(
+            beliefs=values["beliefs"],
+            episodes=values["episodes"],
+            seed=values["seed"],
+            net=str(values["net"]),
+            density=values["density"],
+            demand=values["demand"],
+            driver=values["driver"],
+            sensor=values["sensor"],
+            provoke=values["provoke"],
+            gap_bias=values["gap_bias"],
+            settings=tuple(setting_words(values["settings"])),
+        )
+    )

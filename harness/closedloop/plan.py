@@ -1,0 +1,156 @@
+"""From the lists that a user writes to the episodes and beliefs of a closed loop: a grid, whose cells are seeds.
+
+Two episodes come from each seed's traffic, one that goes on as it would and one that is provoked. A cell is a seed's
+traffic; its runs are drives by each belief with each bias.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from harness.closedloop.beliefs import TRUTH, WITHOUT_TRACKER
+from harness.config.lists import MOST_SEED, names, numbers
+from harness.config.model import RunConfig
+from harness.errors import InputError
+from harness.grid.cells import Cell, Grid, PlannedRun
+from harness.grid.grid import GridRequest, plan_grid
+
+FREE, BRAKE, GAP = "free", "brake", "gap"
+PROVOKED = (BRAKE,)
+KINDS = (FREE, BRAKE, GAP)
+KIND, BIAS = "episode.kind", "gap_bias_m"
+AXES = (KIND, BIAS)
+TRACKED_S, DRIVEN_S = 5.0, 20.0
+BELIEFS_EXAMPLE = "truth,oracle-kalman,mmpf,detections"
+STAND_IN = "detections"
+"""Tracker of a belief that needs none: it costs next to nothing, and a kept episode has tracks to look at."""
+MOST_EPISODES = 10_000
+
+
+@dataclass(frozen=True)
+class DriveRequest:
+    """A closed loop as the user wrote it.
+
+    Attributes:
+        beliefs: What the ego drives by, a list.
+        episodes: How many, half of them provoked.
+        seed: Seed of the first two; each pair has its own.
+        net: Network by name or path.
+        density: Vehicles per km and lane; None with ``demand``, or for the network's default.
+        demand: Named demand.
+        driver: Driver by name, or module:factory.
+        sensor: Sensor profile.
+        provoke: Kinds of provocation, a list, in turns.
+        gap_bias: Metres by which believed gaps are too long, a list.
+        settings: ``KEY=VALUE`` words that hold for all.
+    """
+
+    beliefs: str
+    episodes: int
+    seed: int = 0
+    net: str = "us101"
+    density: float | None = None
+    demand: str | None = None
+    driver: str | None = None
+    sensor: str | None = None
+    provoke: str = BRAKE
+    gap_bias: str = "0"
+    settings: tuple[str, ...] = ()
+
+    def as_table(self) -> dict[str, Any]:
+        """Return it as plain values, with the axes by which ``compare`` tells its rows apart."""
+        return asdict(self) | {"vary": list(AXES)}
+
+
+@dataclass(frozen=True)
+class PlannedDrive(PlannedRun):
+    """One episode driven by one belief; ``variant`` is the belief.
+
+    Attributes:
+        kind: ``free``, or how it is provoked.
+        gap_bias_m: By how much believed gaps are too long.
+    """
+
+    kind: str = FREE
+    gap_bias_m: float = 0.0
+
+    @property
+    def key(self) -> str:
+        """Name of its result file."""
+        content = json.dumps([self.config.as_table(), self.variant, self.kind, self.gap_bias_m], sort_keys=True)
+        readable = f"s{self.config.seed}-{self.kind}-{self.variant}"
+        if self.gap_bias_m:
+            readable += f"-bias-{self.gap_bias_m:g}"
+        readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[:80]
+        return f"{readable}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
+
+    def identity(self) -> dict[str, Any]:
+        """Return the columns that tell this drive from the others; ``variant`` alone names the belief."""
+        tracker = None if self.variant in WITHOUT_TRACKER else self.config.tracker.name
+        own = {"tracker": tracker, "model": None, "update": None, KIND: self.kind, BIAS: self.gap_bias_m}
+        return super().identity() | own
+
+
+def plan_drives(request: DriveRequest) -> Grid:
+    """Turn what the user wrote into drives, each with a checked configuration.
+
+    Raises:
+        InputError: A list is wrong, or a name is unknown.
+    """
+    beliefs = names(request.beliefs, "beliefs", BELIEFS_EXAMPLE)
+    biases = numbers(request.gap_bias, "gap_bias", "0,2,5,10")
+    kinds = names(request.provoke, "provoke", BRAKE)
+    for kind in kinds:
+        if kind not in PROVOKED:
+            raise InputError(f"`provoke` {kind}: choose of {', '.join(PROVOKED)}")
+    if request.seed + (request.episodes + 1) // 2 > MOST_SEED:
+        raise InputError(f"`seed` {request.seed}: {request.episodes} episodes need more seeds than there are")
+    configs = _configs(request, beliefs)
+    cells = []
+    for pair in range((request.episodes + 1) // 2):
+        both = (FREE, kinds[pair % len(kinds)])[: request.episodes - 2 * pair]
+        drives = (
+            PlannedDrive(
+                config=configs[belief].model_copy(update={"seed": request.seed + pair}),
+                variant=belief,
+                kind=kind,
+                gap_bias_m=bias,
+            )
+            for kind in both
+            for bias in biases
+            for belief in beliefs
+        )
+        cells.append(Cell(tuple(drives)))
+    return Grid(tuple(cells), AXES)
+
+
+def with_truth(request: DriveRequest) -> DriveRequest:
+    """Return the request with the truth among its beliefs: the others are held against it."""
+    beliefs = [word.strip() for word in request.beliefs.split(",")]
+    return request if TRUTH in beliefs else replace(request, beliefs=",".join([TRUTH, *beliefs]))
+
+
+def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, RunConfig]:
+    """Return each belief's configuration, as a stress test on the same lists would have it."""
+    trackers = dict.fromkeys(STAND_IN if belief in WITHOUT_TRACKER else belief for belief in beliefs)
+    words = [] if request.driver is None else [f"decisions.driver={request.driver}"]
+    grid = GridRequest(
+        net=request.net,
+        densities=None if request.density is None else f"{request.density:g}",
+        demands=request.demand,
+        trackers=",".join(trackers),
+        seeds=f"{request.seed}:{request.seed + 1}",
+        duration_s=TRACKED_S + DRIVEN_S,
+        sensor=request.sensor,
+        settings=(*request.settings, *words),
+    )
+    try:
+        configs = {run.variant: run.config for run in plan_grid(grid).runs}
+    except InputError as error:
+        told = str(error).replace("`trackers`", "`beliefs`").replace("`densities`", "`density`")
+        raise InputError(told) from None
+    return {belief: configs[STAND_IN if belief in WITHOUT_TRACKER else belief] for belief in beliefs}

@@ -1,0 +1,212 @@
+"""What a closed loop tells: each belief's scores, and how far they are from those of the truth, episode by episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harness.closedloop.beliefs import TRUTH
+from harness.closedloop.plan import BIAS, FREE, KIND
+from harness.comparison.effects import paired_effect
+from harness.grid.rows import column_of
+from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, QUANTITIES
+from harness.scoring.quantity import Quantity
+from harness.scoring.statistics import few_groups_ci
+from harness.writing.markdown import markdown_table
+from mmpf.compute.arrays import FloatArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ALL, PROVOKED_ONES, FREE_ONES = "all", "provoked", "free"
+UNPAIRED = (IMPACT,)
+"""What only some episodes have, other ones with each belief, so that no pairs are left."""
+WORST_LISTED = 60
+
+
+@dataclass(frozen=True)
+class Score:
+    """A belief's mean of one quantity.
+
+    Attributes:
+        belief: The belief.
+        gap_bias_m: By how much its gaps are too long.
+        episodes: ``all``, ``free`` or ``provoked``.
+        metric: Key of the quantity.
+        n: Episodes with a value.
+        mean: Mean over them; None without any.
+        ci95: Student's interval over seeds; None with fewer than two.
+        excess: Mean difference from the truth in the same episodes; None where there is no pair.
+        excess_ci95: Student's interval of that over seeds; None with fewer than two.
+    """
+
+    belief: str
+    gap_bias_m: float
+    episodes: str
+    metric: str
+    n: int
+    mean: float | None
+    ci95: tuple[float, float] | None
+    excess: float | None
+    excess_ci95: tuple[float, float] | None
+
+
+def scores(table: pd.DataFrame) -> list[Score]:
+    """Score every belief, bias and kind of episode.
+
+    Args:
+        table: The rows of ``runs.parquet``.
+    """
+    done = table[table["succeeded"].astype(bool)]
+    done = done[done[ENDED] != NO_CANDIDATE]
+    found = []
+    for name, episodes in _groups(done):
+        truth = episodes[(episodes["variant"] == TRUTH) & (episodes[BIAS] == 0.0)]
+        for belief, bias in dict.fromkeys(zip(episodes["variant"], episodes[BIAS], strict=True)):
+            rows = episodes[(episodes["variant"] == belief) & (episodes[BIAS] == bias)]
+            found += [_score(belief, bias, name, quantity, rows, truth) for quantity in QUANTITIES]
+    return found
+
+
+def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failures: Sequence[str]) -> str:
+    """Return the tables: means with intervals, what is in excess of the truth's, and the collisions."""
+    lines = [f"# {title}", "", *_about(table), ""]
+    for name in dict.fromkeys(score.episodes for score in found):
+        part = [score for score in found if score.episodes == name]
+        lines += [f"## {_heading(name, part)}", "", *_means(part), ""]
+        if any(score.excess is not None for score in part):
+            lines += ["In excess of driving by the truth in the same episodes:", "", *_excesses(part), ""]
+    lines += [*_collisions(table), EXPLANATION, ""]
+    if failures:
+        lines += ["## Failed drives", "", *(f"- {failure}" for failure in failures), ""]
+    return "\n".join(lines)
+
+
+EXPLANATION = (
+    "Means over episodes with Student's 95 % intervals over seeds, two episodes each. Everything is measured by the "
+    "truth until the episode ends: after 20 s, with a collision, or where the road does. A *missed* braking is one "
+    "that the truth would have demanded for half a second or longer (-2 m/s² or less) while the belief demanded more "
+    "than -1 m/s²; a *phantom* is the other way round. Impact speed is the mean over collisions."
+)
+
+
+def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    yield ALL, done
+    free = done[KIND] == FREE
+    if free.any() and not free.all():
+        yield FREE_ONES, done[free]
+        yield PROVOKED_ONES, done[~free]
+
+
+def _score(
+    belief: str, bias: float, episodes: str, quantity: Quantity, rows: pd.DataFrame, truth: pd.DataFrame
+) -> Score:
+    values = column_of(rows, quantity.key)
+    known = np.isfinite(values)
+    seeds = rows["seed"].to_numpy(dtype=np.int64)
+    mean = float(values[known].mean()) if known.any() else None
+    excess, interval = _excess(rows, truth, quantity)
+    return Score(belief, bias, episodes, quantity.key, int(known.sum()), mean, _ci(values, seeds), excess, interval)
+
+
+def _ci(values: FloatArray, seeds: np.ndarray[tuple[int], np.dtype[np.int64]]) -> tuple[float, float] | None:
+    known = np.isfinite(values)
+    place = np.unique(seeds[known], return_inverse=True)[1]
+    sums = np.bincount(place, weights=values[known]).astype(np.float64)
+    interval = few_groups_ci(sums, np.bincount(place).astype(np.float64))
+    return (interval.low, interval.high) if np.isfinite(interval.low) else None
+
+
+def _excess(
+    rows: pd.DataFrame, truth: pd.DataFrame, quantity: Quantity
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Return the mean difference from the truth and its interval, seeds being independent and kinds apart."""
+    if quantity.key in UNPAIRED or not len(truth):
+        return None, None
+    keys = ["seed", KIND]
+    columns = [*keys, quantity.key]
+    if quantity.key not in rows:
+        return None, None
+    pairs = truth[columns].merge(rows[columns], on=keys, suffixes=("_truth", "")).dropna()
+    a, b = (pairs[name].to_numpy(dtype=np.float64) for name in (f"{quantity.key}_truth", quantity.key))
+    if not len(a):
+        return None, None
+    stratum = np.unique(pairs[KIND].astype(str), return_inverse=True)[1].astype(np.int64)
+    effect = paired_effect(a, b, stratum, pairs["seed"].to_numpy(dtype=np.int64))
+    low, high = effect.ci95
+    return effect.difference, (low, high) if np.isfinite(low) else None
+
+
+def _about(table: pd.DataFrame) -> list[str]:
+    """Return how many episodes there are, and what was looked through to find them."""
+    done = table[table["succeeded"].astype(bool)].drop_duplicates(["seed", KIND])
+    lines = []
+    for kind, episodes in done.groupby(KIND, sort=False):
+        none = int((episodes[ENDED] == NO_CANDIDATE).sum())
+        looked = column_of(episodes, "episode.looked_through")
+        line = f"{len(episodes) - none} episodes {kind}"
+        if kind != FREE:
+            line += f", found among {int(np.nansum(looked))} cars that were looked through"
+            line += f"; {none} more have no candidate" if none else ""
+        lines.append(line)
+    return [f"{'; '.join(lines)}."]
+
+
+def _heading(name: str, part: Sequence[Score]) -> str:
+    episodes = max((score.n for score in part), default=0)
+    return f"{name.capitalize()} episodes, {episodes}"
+
+
+def _means(part: Sequence[Score]) -> list[str]:
+    return _laid_out(part, lambda score, decimals: _cell(score.mean, score.ci95, decimals, ""))
+
+
+def _excesses(part: Sequence[Score]) -> list[str]:
+    others = [score for score in part if score.excess is not None and (score.belief, score.gap_bias_m) != (TRUTH, 0.0)]
+    return _laid_out(others, lambda score, decimals: _cell(score.excess, score.excess_ci95, decimals, "+"))
+
+
+def _laid_out(part: Sequence[Score], cell_of: Callable[[Score, int], str]) -> list[str]:
+    shown = [quantity for quantity in QUANTITIES if any(score.metric == quantity.key for score in part)]
+    biases = len({score.gap_bias_m for score in part}) > 1 or any(score.gap_bias_m for score in part)
+    rows = []
+    for belief, bias in dict.fromkeys((score.belief, score.gap_bias_m) for score in part):
+        own = {score.metric: score for score in part if (score.belief, score.gap_bias_m) == (belief, bias)}
+        cells = [cell_of(own[each.key], each.decimals) if each.key in own else "-" for each in shown]
+        rows.append([belief, *([f"{bias:g}"] if biases else []), *cells])
+    headings = ["belief", *(["gap bias m"] if biases else []), *(each.heading for each in shown)]
+    return markdown_table(headings, rows)
+
+
+def _cell(value: float | None, ci95: tuple[float, float] | None, decimals: int, sign: str) -> str:
+    if value is None:
+        return "-"
+    text = f"{value:{sign}.{decimals}f}"
+    return text if ci95 is None else f"{text} [{ci95[0]:{sign}.{decimals}f}, {ci95[1]:{sign}.{decimals}f}]"
+
+
+def _collisions(table: pd.DataFrame) -> list[str]:
+    """Return the list of collisions, the hardest first, each with what it leads to."""
+    collided = table[column_of(table, COLLIDED) > 0.0]
+    if not len(collided):
+        return []
+    collided = collided.sort_values([IMPACT, "seed", "variant"], ascending=[False, True, True], kind="stable")
+    headings = ("impact m/s", "belief", "gap bias m", "seed", "episode", "after s", "with", "replay")
+    rows = [
+        [
+            f"{row[IMPACT]:.1f}", row["variant"], f"{row[BIAS]:g}", str(row["seed"]), row[KIND],
+            f"{row['drive.collision_time_s']:.1f}", row["drive.collided_with"],
+            f"[look]({row['replay']})" if row.get("replay") else "-",
+        ]
+        for _, row in collided.head(WORST_LISTED).iterrows()
+    ]  # fmt: skip
+    more = f" (the {WORST_LISTED} hardest of {len(collided)})" if len(collided) > WORST_LISTED else ""
+    return [f"## Episodes that ended in a collision{more}", "", *markdown_table(headings, rows), ""]
+
+
+def as_values(found: Sequence[Score]) -> list[dict[str, Any]]:
+    """Return scores as plain values."""
+    return [asdict(score) for score in found]

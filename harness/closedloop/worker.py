@@ -1,0 +1,185 @@
+"""One worker process: lets a seed's traffic run to its hand-overs, and drives each by every belief in a fork of itself.
+
+A fork holds the very simulation that stands at the hand-over, drivers' memories and random numbers included, so every
+belief begins with the same bytes. SUMO's saved states do not: what ``saveState`` wrote and ``loadState`` read goes on
+otherwise each time, since the drivers' own estimates are not in it, nor what was set of them at run time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from typing import TypeVar, cast
+
+import numpy as np
+
+from harness.closedloop.episode import drive
+from harness.closedloop.handover import HandOver, Traffic, hand_overs
+from harness.closedloop.kept import keep_drive
+from harness.closedloop.plan import PlannedDrive
+from harness.errors import InputError, RunError
+from harness.grid.cells import Cell
+from harness.grid.rows import Row, failed_row, finished_row
+from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
+from harness.running.follow import track
+from harness.running.looks import Looks, Streams
+from harness.running.open import tracker_builder
+from harness.scoring.closedloop import NO_CANDIDATE
+from harness.sensor.detector import build_sensor
+from harness.sensor.observation import Look
+from harness.sensor.profiles import sensor_settings
+from harness.truth.network.network import load_network
+from harness.truth.sumo.simulation import SumoTruth, open_traffic
+
+T = TypeVar("T")
+DIES_WITH_PARENT = 1
+"""Linux' PR_SET_PDEATHSIG."""
+REHEARSED_STEPS = 3
+CHOICES = 9
+"""Stream of the choices between candidates."""
+
+
+def work_on_cell(cell: Cell, report: Report) -> None:
+    """Drive all episodes of a seed by all beliefs; failures are rows.
+
+    Args:
+        cell: The drives.
+        report: Called with what happens, in order.
+    """
+    report(Started(CELL))
+    begin = perf_counter()
+    left = {run.key: run for run in cell.runs if isinstance(run, PlannedDrive)}
+    try:
+        with opened(cell) as traffic:
+            for at in _episodes(traffic, cell):
+                kind = at if isinstance(at, str) else at.kind
+                for run in [each for each in left.values() if each.kind == kind]:
+                    report(Started(RUN, run.key))
+                    row = _no_candidate(run) if isinstance(at, str) else _driven(traffic, at, run, cell.keep_in, report)
+                    report(Finished(run.key, row))
+                    del left[run.key]
+    except Exception as error:
+        for run in left.values():
+            report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
+    report(CellDone())
+
+
+@contextmanager
+def opened(cell: Cell) -> Iterator[Traffic]:
+    """Yield the warmed-up traffic of a cell, and end it.
+
+    Raises:
+        InputError: The network has no main road.
+    """
+    config = cell.config
+    network = load_network(config.traffic.net)
+    truth = open_traffic(
+        network,
+        demand=config.traffic.density if config.traffic.demand is None else config.traffic.demand,
+        duration_s=0.0,
+        seed=Streams.from_seed(config.seed).truth,
+        ego=False,
+    )
+    try:
+        if not isinstance(truth, SumoTruth):
+            raise InputError(f"`net`: {network.name} has no main road; drive on one that has, such as us101")
+        yield Traffic(truth.running, network, truth.step_s)
+    finally:
+        truth.close()
+
+
+def in_fork(work: Callable[[], T]) -> T:
+    """Return what work returns that is done in a fork of this process; nothing that it does is seen here.
+
+    Raises:
+        RunError: It fails.
+    """
+    reading, writing = os.pipe()
+    child = os.fork()
+    if not child:
+        _answer(work, reading, writing)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as answers:
+        answer = answers.read()
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if not answer:
+        raise RunError(f"the fork that drove it died (exit code {status})")
+    succeeded, result = pickle.loads(answer)
+    if not succeeded:
+        raise RunError(result)
+    return cast("T", result)
+
+
+def main() -> None:
+    """Work on cells of a closed loop; see ``harness.grid.worker.serve``."""
+    serve(work_on_cell)
+
+
+def _answer(work: Callable[[], object], reading: int, writing: int) -> None:
+    """Do the work of a fork and end it, whatever comes."""
+    code = 1
+    try:
+        os.close(reading)
+        # An owner that is killed must not leave forks behind.
+        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+        try:
+            answer = pickle.dumps((True, work()))
+        except Exception as error:
+            answer = pickle.dumps((False, _reason(error)))
+        with os.fdopen(writing, "wb") as pipe:
+            pipe.write(answer)
+        code = 0
+    finally:
+        os._exit(code)
+
+
+def _episodes(traffic: Traffic, cell: Cell) -> Iterator[HandOver | str]:
+    kinds = list(dict.fromkeys(run.kind for run in cell.runs if isinstance(run, PlannedDrive)))
+    sensor = cell.config.sensor
+    rng = np.random.default_rng(np.random.SeedSequence(cell.config.seed, spawn_key=(CHOICES,)))
+    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), rng)
+
+
+def _driven(traffic: Traffic, at: HandOver, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:
+    """Return the row of one drive; of one that ends in a collision a run folder is kept."""
+    begin = perf_counter()
+    try:
+        _rehearse(traffic, at, run)
+        report(Started(STEPPING, run.key))
+        drove = in_fork(lambda: drive(traffic, at, run))
+        if drove.collided and keep_in is not None:
+            keep_drive(keep_in / run.key, run, traffic.network.road, drove)
+        # What took how long would make every table another.
+        return finished_row(run, drove.table, 0.0) | {"total_s": None}
+    except Exception as error:
+        return failed_row(run, _reason(error), perf_counter() - begin)
+
+
+def _no_candidate(run: PlannedDrive) -> Row:
+    return finished_row(run, {"drive": {"ended": NO_CANDIDATE}}, 0.0) | {"total_s": None}
+
+
+_REHEARSED: set[str] = set()
+
+
+def _rehearse(traffic: Traffic, at: HandOver, run: PlannedDrive) -> None:
+    """Load and compile here what a tracker needs, once for all forks."""
+    config = run.config
+    name = config.tracker.model_dump_json()
+    if name in _REHEARSED:
+        return
+    sensor, road = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides)), traffic.network.road
+    rng = np.random.default_rng(0)
+    looks = tuple(Look(frame, sensor.observe(frame, road, rng)) for frame in at.frames[:REHEARSED_STEPS])
+    track(Looks(road, traffic.step_s, len(looks), sensor.model(road), looks), tracker_builder(config), 0)
+    _REHEARSED.add(name)
+
+
+def _reason(error: Exception) -> str:
+    return str(error) if isinstance(error, RunError) else f"{type(error).__name__}: {error}"

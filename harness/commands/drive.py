@@ -1,0 +1,58 @@
+"""``drive``: let the ego drive by what trackers tell it, and see what becomes of it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from typing import Annotated
+
+import typer
+
+from harness.closedloop.options import RESULT, DriveOptions
+from harness.config.options import Option
+
+
+class Options(DriveOptions, total=False):
+    """The options of ``drive``."""
+
+    json: Annotated[bool, Option("Print summary.json on stdout, nothing else there.", panel=RESULT, default=False)]
+    quiet: Annotated[bool, Option("No progress bar and no tables.", panel=RESULT, default=False)]
+
+
+def command(options: Options) -> None:
+    """Let the ego drive by what each belief tells it; count what it costs.
+
+    Each episode follows a car for 5 s while SUMO drives it, then hands it
+    over for 20 s to a driver that knows only the belief; the others react.
+    All beliefs begin with the same traffic and the same sensor. In every
+    second episode the leader's leader, hidden from the sensor at that moment
+    but seen before, brakes at 5 m/s2.
+    Leaves runs.parquet (one row per episode and belief), table.md,
+    summary.json, a figure, the folders of episodes that ended in a collision
+    and a page that leads to their replays. 'compare' takes such folders.
+    Exit code 3 if a drive failed.
+
+    Examples:
+      python -m harness drive --density 45 --beliefs truth,mmpf,detections
+      python -m harness drive --beliefs truth --gap-bias 0,2,5,10 --episodes 20
+      python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
+      python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
+    """
+    from harness.api import make_drives  # noqa: PLC0415
+    from harness.errors import RunError  # noqa: PLC0415
+
+    as_json, quiet = options.pop("json"), options.pop("quiet")
+    finished = make_drives(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
+    if not quiet:
+        from harness.writing.markdown import show_markdown  # noqa: PLC0415
+
+        show_markdown(finished.text, on_stderr=True)
+        sys.stderr.write(f"{finished.folder}\n")
+    if as_json:
+        typer.echo(json.dumps(finished.summary, indent=2))
+    if finished.failures:
+        raise RunError(
+            f"{len(finished.failures)} of {finished.summary['runs']} drives failed, the first: "
+            f"{finished.failures[0]}; all rows are in {finished.folder}"
+        )

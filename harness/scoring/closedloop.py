@@ -1,0 +1,141 @@
+"""What a drive by a belief amounts to: collisions, conflicts, comfort, and brakings that the belief missed or made up.
+
+The rows are a closed loop's (``harness.closedloop``): the ego really did what its driver demanded, and the others
+reacted. Everything is measured by the truth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.brakings import stretches
+from harness.scoring.conflicts import HARD_DRAC_MPS2, SHORT_TTC_S, deceleration_to_avoid, time_to_collision
+from harness.scoring.quantity import Quantity
+from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from mmpf.compute.arrays import BoolArray, FloatArray
+
+HARD_BRAKE_MPS2 = -3.0
+TABLE = "drive"
+COLLIDED, TTC = f"{TABLE}.collided_percent", f"{TABLE}.ttc_below_1_5_percent"
+DRAC, HARD_BRAKES = f"{TABLE}.drac_above_3_4_percent", f"{TABLE}.hard_brakes_per_km"
+IMPACT, ENDED, WITH = f"{TABLE}.impact_mps", f"{TABLE}.ended", f"{TABLE}.collided_with"
+KM = f"{TABLE}.km"
+IN_TIME, BY_COLLISION, OFF_THE_ROAD, NO_CANDIDATE = "in time", "collision", "left the road", "no candidate"
+
+QUANTITIES = (
+    Quantity(COLLIDED, "episodes with a collision, %", decimals=1, heading="collided %", compared=True),
+    Quantity(IMPACT, "impact speed, m/s", decimals=1, heading="impact m/s"),
+    Quantity(TTC, "time with TTC below 1.5 s, %", decimals=2, heading="TTC < 1.5 s %", compared=True),
+    Quantity(DRAC, "time with DRAC above 3.4 m/s², %", decimals=2, heading="DRAC > 3.4 %", compared=True),
+    Quantity(HARD_BRAKES, "hard brakes (below -3 m/s²) a km", decimals=2, heading="hard brakes a km", compared=True),
+    Quantity(
+        f"{TABLE}.missed_per_km", "missed brakings a km", decimals=2, heading="missed brakings a km", compared=True
+    ),
+    Quantity(
+        f"{TABLE}.phantom_per_km", "phantom brakings a km", decimals=2, heading="phantom brakings a km", compared=True
+    ),
+    Quantity(
+        f"{TABLE}.mean_speed_mps", "mean speed, m/s",
+        higher_is_better=True, decimals=2, heading="speed m/s", compared=True,
+    ),
+    Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2, heading="jerk m/s³", compared=True),
+)  # fmt: skip
+PRIMARY = (COLLIDED, TTC, HARD_BRAKES)
+"""What ``compare`` judges of a closed loop unless asked otherwise."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What the ego did by its belief, and what it had before it; by the truth, at each of n steps, shape (n,).
+
+    Attributes:
+        speed_mps: Its speed.
+        gap_m: Clear distance to whoever is right ahead, infinite for nobody.
+        leader_mps: Speed of that vehicle, 0 for nobody.
+        demanded_mps2: Acceleration that the driver demands by the belief.
+        needed_mps2: What it would demand by the truth.
+        step_s: Time between steps.
+    """
+
+    speed_mps: FloatArray
+    gap_m: FloatArray
+    leader_mps: FloatArray
+    demanded_mps2: FloatArray
+    needed_mps2: FloatArray
+    step_s: float
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The first moment at which the ego's body and another's overlap.
+
+    Attributes:
+        vehicle_id: The other.
+        time_s: When, since the hand-over.
+        impact_mps: Difference of their speeds along the road, not negative.
+        into: Whether the ego ran into the other; else it was run into.
+    """
+
+    vehicle_id: str
+    time_s: float
+    impact_mps: float
+    into: bool
+
+
+def score_drive(driven: Driven, ended: str, contact: Contact | None, settings: ScoringSettings) -> dict[str, object]:
+    """Score an episode's drive.
+
+    Args:
+        driven: The steps from the hand-over on, at least two.
+        ended: Why it ended: one of the words of this module.
+        contact: Its collision; None for none.
+        settings: What a missed and a phantom braking is.
+
+    Returns:
+        The table ``drive`` of its row. Shares are of the time that it drove; what there is none of is None.
+    """
+    step_s = driven.step_s
+    accel = np.diff(driven.speed_mps) / step_s
+    jerk = np.diff(accel) / step_s
+    drives_s = step_s * len(accel)
+    km = float(0.5 * (driven.speed_mps[1:] + driven.speed_mps[:-1]).sum()) * step_s / 1e3
+    ttc = time_to_collision(driven.gap_m, driven.speed_mps, driven.leader_mps)
+    drac = deceleration_to_avoid(driven.gap_m, driven.speed_mps, driven.leader_mps)
+    hard = _times(accel < HARD_BRAKE_MPS2, 0.0, step_s)
+    needed = driven.needed_mps2, driven.demanded_mps2
+    missed, phantom = (
+        _times((brakes <= settings.brakes_mps2) & (rolls > settings.rolls_mps2), settings.decision_s, step_s)
+        for brakes, rolls in (needed, needed[::-1])
+    )
+    return {
+        "ended": ended,
+        "drives_s": round(drives_s, 6),
+        "km": km,
+        "collided_percent": 0.0 if contact is None else 100.0,
+        "collided_with": None if contact is None else contact.vehicle_id,
+        "ran_into": None if contact is None else float(contact.into),
+        "collision_time_s": None if contact is None else contact.time_s,
+        "impact_mps": None if contact is None else contact.impact_mps,
+        "ttc_below_1_5_percent": 100.0 * float((ttc < SHORT_TTC_S[0]).mean()),
+        "drac_above_3_4_percent": 100.0 * float((drac > HARD_DRAC_MPS2).mean()),
+        "hard_brakes": hard,
+        "hard_brakes_per_km": _per(hard, km),
+        "missed": missed,
+        "missed_per_km": _per(missed, km),
+        "phantom": phantom,
+        "phantom_per_km": _per(phantom, km),
+        "mean_speed_mps": 1e3 * km / drives_s,
+        "jerk_mps3": float(np.sqrt((jerk**2).mean())) if len(jerk) else None,
+    }
+
+
+def _times(holds: BoolArray, lasting_s: float, step_s: float) -> int:
+    """Return how many unbroken stretches of at least a time there are."""
+    first, last = stretches(holds, np.zeros(len(holds), dtype=np.int64))
+    return int(((last - first + 1) * step_s >= lasting_s - TIME_TOLERANCE_S).sum())
+
+
+def _per(count: int, km: float) -> float | None:
+    return count / km if km > 0.0 else None

@@ -1,0 +1,104 @@
+"""What the driver takes for real."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.closedloop.beliefs import HumanPerception, TrackedPerception, biased, ego_of, true_bodies
+from harness.decisions.belief import believe
+from harness.runfolder.tables import ColumnRecorder
+from harness.scoring.believed import egos_of, tracked_bodies
+from harness.scoring.rows import read_run
+from harness.scoring.settings import ScoringSettings
+from harness.sensor.detector import build_sensor
+from harness.sensor.observation import HIDDEN, VISIBLE, Look
+from harness.sensor.profiles import sensor_settings
+from mmpf.road import highway
+from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
+from tests.harness.closedloop.frames import frame_of
+
+ROAD = highway()
+
+
+def tracks_at(lon, lat, speed=8.0, state=CONFIRMED, existence=1.0, first=0):
+    count = len(lon)
+    ones = np.ones(count)
+    return Tracks(
+        track_id=first + np.arange(count),
+        lon_m=np.asarray(lon, dtype=np.float64),
+        lat_m=np.asarray(lat, dtype=np.float64),
+        speed_mps=speed * ones,
+        lat_speed_mps=0.0 * ones,
+        accel_mps2=0.0 * ones,
+        std_lon_m=ones,
+        std_lat_m=ones,
+        std_speed_mps=ones,
+        existence=np.broadcast_to(existence, (count,)).astype(np.float64),
+        state=np.broadcast_to(state, (count,)).astype(np.int8),
+    )
+
+
+def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished_run():
+    rng = np.random.default_rng(5)
+    settings = sensor_settings("lidar", {})
+    sensor, recorder, perception = build_sensor(settings), ColumnRecorder(), TrackedPerception()
+    found = []
+    for step in range(25):
+        lon = np.array([0.0, 18.0, 30.0, -20.0, 45.0]) + 0.8 * step
+        frame = frame_of(lon, [1.8, 1.8, 5.4, 5.4, 9.0], step=step, length_m=[4.5, 4.0, 5.5, 4.2, 9.0])
+        look = Look(frame, sensor.observe(frame, ROAD, rng))
+        tracks = tracks_at(
+            lon[1:] + rng.normal(0.0, 0.3, 4), frame.lat_m[1:],
+            speed=np.nan if step % 7 == 0 else 8.0, existence=[0.9, 0.4, 0.8, 1.0],
+            state=[CONFIRMED, CONFIRMED, TENTATIVE, CONFIRMED],
+        )  # fmt: skip
+        recorder.add(look, tracks)
+        found.append(perception.bodies(look, tracks))
+    tables, scoring = recorder.tables(), ScoringSettings()
+    rows = read_run(tables.truth, tables.detections, tables.tracks)
+    egos, _ = egos_of(tables.truth, rows)
+    whole = tracked_bodies(tables.detections, rows, egos, scoring)
+    kept = tables.tracks["existence"].to_numpy()[rows.tracks.table_row] >= scoring.driver_existence
+    for name in ("lon_m", "lat_m", "speed_mps", "length_m", "width_m"):
+        expected = pd.Series(getattr(whole, name)[kept]).groupby(whole.step[kept]).apply(sorted)
+        for step, bodies in enumerate(found):
+            assert sorted(getattr(bodies, name)) == pytest.approx(expected[step], abs=2e-4), name  # as recorded
+
+
+def test_a_bias_makes_every_gap_ahead_longer_and_none_behind():
+    frame = frame_of([0.0, 20.0, -15.0, 30.0], [1.8, 1.8, 1.8, 5.4])
+    frame.lane[:] = ROAD.lane_number_at(frame.lon_m, frame.lat_m)
+    belief = believe(true_bodies(frame), ego_of(frame), ROAD)
+    longer = biased(belief, 5.0)
+    assert longer.leader.gap_m[0] == pytest.approx(belief.leader.gap_m[0] + 5.0)
+    assert longer.follower.gap_m[0] == belief.follower.gap_m[0]
+    assert np.isinf(longer.leaders.gap_m[0, 2])
+    gaps = [
+        (getattr(belief, side).leader.gap_m[0], getattr(longer, side).leader.gap_m[0]) for side in ("left", "right")
+    ]
+    assert [after - before for before, after in gaps if np.isfinite(before)] == [pytest.approx(5.0)]
+
+
+def test_a_human_sees_what_is_not_hidden_and_errs_as_an_ornstein_uhlenbeck_process_does():
+    frame = frame_of([0.0, 24.5, 60.0], [1.8, 1.8, 1.8], speed=[10.0, 10.0, 10.0])
+    look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE, HIDDEN])))
+    ends = []
+    for seed in range(250):
+        human = HumanPerception(np.random.default_rng(seed), step_s=2.0)
+        for _ in range(15):
+            bodies = human.bodies(look, Tracks.none())
+        assert len(bodies) == 1
+        ends.append(bodies.lon_m[0] - 24.5)
+    scale_s, noise = 100.0 * 0.5, 0.2 * 0.5
+    share, keep = 2.0 / scale_s, np.exp(-2.0 / scale_s)
+    variance = noise**2 * 2.0 * share * (1.0 - keep**30) / (1.0 - keep**2)
+    assert np.std(ends) == pytest.approx(0.75 * 20.0 * np.sqrt(variance), rel=0.15)
+    assert abs(np.mean(ends)) < 3.0 * np.std(ends) / np.sqrt(250)
+
+
+def test_an_awake_human_sees_gaps_as_they_are():
+    frame = frame_of([0.0, 24.5], [1.8, 1.8])
+    look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE])))
+    assert HumanPerception(np.random.default_rng(0), 0.1, awareness=1.0).bodies(look, Tracks.none()).lon_m[0] == 24.5

@@ -1,0 +1,121 @@
+"""Whole closed loops: the same beginning for every belief, the same bytes again, and gaps that seem too long."""
+
+import pytest
+
+from harness.api import make_drives
+from harness.closedloop import worker
+from harness.closedloop.episode import drive
+from harness.closedloop.plan import BRAKE, FREE, DriveRequest, plan_drives
+from harness.errors import InputError, RunError
+from harness.grid.worker import Finished
+from harness.runfolder.folder import read_table
+from harness.scoring.closedloop import COLLIDED
+
+LAST_TRACKED = 50
+SMALL = {"density": 15.0, "beliefs": "truth,detections", "episodes": 2, "seed": 100, "workers": 1}
+
+
+def rows_of(**request):
+    rows = []
+    for cell in plan_drives(DriveRequest(seed=100, **request)).cells:
+        worker.work_on_cell(cell, lambda message: rows.append(message.row) if isinstance(message, Finished) else None)
+    assert not [row["error"] for row in rows if not row["succeeded"]]
+    return rows
+
+
+def made(out, **options):
+    return make_drives({"out": out, **SMALL, **options}, "test", quiet=True).folder
+
+
+@pytest.mark.slow
+def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_its_own_way():
+    cell = plan_drives(DriveRequest("truth,detections,driverstate", 1, seed=100, density=30.0)).cells[0]
+    tables = {}
+    with worker.opened(cell) as traffic:
+        at = next(worker._episodes(traffic, cell))
+        for run in cell.runs:
+            tables[run.variant] = worker.in_fork(lambda run=run: drive(traffic, at, run)).tables
+    whole = tables["truth"].truth
+    assert whole["step"].max() > LAST_TRACKED
+    for name, other in tables.items():
+        for kind in ("truth", "detections"):
+            mine, theirs = (getattr(each, kind) for each in (tables["truth"], other))
+            mine, theirs = (each[each["step"] <= LAST_TRACKED].reset_index(drop=True) for each in (mine, theirs))
+            assert mine.equals(theirs), (name, kind)
+        assert name == "truth" or not whole.equals(other.truth)
+
+
+@pytest.mark.slow
+def test_the_same_command_leaves_the_same_bytes_and_so_does_one_that_was_killed_and_taken_up(tmp_path):
+    first, second = made(tmp_path / "first"), made(tmp_path / "second")
+    names = ("runs.parquet", "table.md", "summary.json")
+    whole = {name: (first / name).read_bytes() for name in names}
+    assert {name: (second / name).read_bytes() for name in names} == whole
+    rows = sorted((second / "runs").iterdir())
+    for path in (*rows[::2], *(second / name for name in names)):
+        path.unlink()
+    rows[1].with_name(".half.tmp").write_text("{")
+    made(second, resume=True)
+    assert {name: (second / name).read_bytes() for name in names} == whole
+    truth = read_table(first, "runs.parquet", "folder", ()).query("variant == 'truth'")
+    assert set(truth["episode.kind"]) == {FREE, BRAKE}
+
+
+@pytest.mark.slow
+def test_collisions_grow_with_the_bias_of_the_gaps():
+    rows = rows_of(beliefs="truth", episodes=4, density=45.0, gap_bias="0,5,10")
+    collided = [sum(row[COLLIDED] for row in rows if row["gap_bias_m"] == bias) for bias in (0.0, 5.0, 10.0)]
+    assert collided[0] == 0.0
+    assert collided == sorted(collided)
+    assert collided[-1] > 0.0
+
+
+def test_what_a_fork_does_is_seen_by_nobody_and_what_it_returns_comes_back():
+    kept = []
+    assert worker.in_fork(lambda: [kept.append(1), len(kept)]) == [None, 1]
+    assert not kept
+
+
+def test_a_fork_that_fails_says_why_and_one_that_dies_says_that():
+    with pytest.raises(RunError, match="ZeroDivisionError"):
+        worker.in_fork(lambda: 1 / 0)
+    with pytest.raises(RunError, match=r"died \(exit code -9\)"):
+        worker.in_fork(lambda: __import__("os").kill(__import__("os").getpid(), 9))
+
+
+def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row():
+    cell = plan_drives(DriveRequest("truth,detections", 2, net="junction")).cells[0]
+    rows = []
+    worker.work_on_cell(cell, lambda message: rows.append(message.row) if isinstance(message, Finished) else None)
+    assert len(rows) == len(cell.runs)
+    assert all("no main road" in row["error"] for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"beliefs": "truth,nosuch"}, "nosuch"),
+        ({"driver": "nosuch"}, "`driver` nosuch"),
+        ({"net": "junction"}, "`net`: junction has no main road"),
+        ({"net": "nowhere"}, "nowhere"),
+        ({"density": 500.0}, "`density`"),
+        ({"demand": "rush"}, "rush"),
+        ({"episodes": 0}, "`episodes`"),
+        ({"gap_bias": "x"}, "`gap_bias`"),
+    ],
+)
+def test_wrong_input_is_one_line_that_names_the_option_and_leaves_nothing(tmp_path, options, said):
+    given = {"beliefs": "truth", "out": tmp_path / "out"} | options
+    with pytest.raises(InputError, match=said) as error:
+        make_drives(given, "test", quiet=True)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("x")
+    with pytest.raises(InputError, match="`out`"):
+        make_drives({"out": tmp_path / "mine", "resume": True, "beliefs": "truth"}, "test", quiet=True)
+    with pytest.raises(InputError, match="`out`"):
+        make_drives({"out": tmp_path / "mine", "beliefs": "truth"}, "test", quiet=True)

@@ -1,0 +1,53 @@
+"""Which episodes there are, by which beliefs."""
+
+import pytest
+
+from harness.closedloop.plan import BRAKE, FREE, DriveRequest, plan_drives, with_truth
+from harness.errors import InputError
+
+
+def request(**changes):
+    return DriveRequest(**({"beliefs": "truth,mmpf,driverstate", "episodes": 5, "seed": 7} | changes))
+
+
+def test_every_second_episode_is_provoked_and_each_pair_has_a_seed_of_its_own():
+    grid = plan_drives(request())
+    episodes = list(dict.fromkeys((run.config.seed, run.kind) for run in grid.runs))
+    assert episodes == [(7, FREE), (7, BRAKE), (8, FREE), (8, BRAKE), (9, FREE)]
+
+
+def test_every_belief_and_bias_drives_every_episode():
+    grid = plan_drives(request(gap_bias="0,5"))
+    assert len(grid.runs) == 5 * 3 * 2
+    assert len({run.key for run in grid.runs}) == len(grid.runs)
+
+
+def test_a_belief_is_one_row_of_its_name_whatever_stands_in_for_its_tracker():
+    rows = {run.variant: run.identity() for run in plan_drives(request()).cells[0].runs}
+    assert [rows[name]["tracker"] for name in ("truth", "mmpf", "driverstate")] == [None, "mmpf", None]
+    assert all(row["model"] is None for row in rows.values())
+
+
+def test_the_driver_is_part_of_what_a_drive_is_known_by():
+    usual, other = (plan_drives(request(driver=driver)).runs[0].key for driver in (None, "idm"))
+    assert usual != other
+
+
+def test_the_truth_is_added_where_it_is_missing():
+    assert with_truth(request(beliefs="mmpf")).beliefs == "truth,mmpf"
+    assert with_truth(request(beliefs="mmpf,truth")).beliefs == "mmpf,truth"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"beliefs": "truth,"}, "`beliefs`"),
+        ({"gap_bias": "0,two"}, "`gap_bias`"),
+        ({"provoke": "fog"}, "`provoke` fog"),
+        ({"density": 500.0}, "`density`"),
+        ({"beliefs": "truth,mmpf+nonsense"}, "`beliefs`"),
+    ],
+)
+def test_wrong_lists_are_told_by_their_option(changes, said):
+    with pytest.raises(InputError, match=said):
+        plan_drives(request(**changes))

@@ -1,0 +1,97 @@
+"""Contacts of bodies, and how a provoked vehicle brakes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from harness.closedloop.handover import HandOver
+from harness.closedloop.plan import BRAKE
+from harness.closedloop.steering import STANDS_S, Steering, overlaps
+from tests.harness.closedloop.frames import frame_of
+
+STEP_S = 0.1
+
+
+class VehicleApi:
+    """Does at once what it is told to."""
+
+    def __init__(self, speeds):
+        self.speeds, self.freed = dict(speeds), []
+
+    def getIDList(self):  # noqa: N802
+        return tuple(self.speeds)
+
+    def getSpeed(self, name):  # noqa: N802
+        return self.speeds[name]
+
+    def setSpeed(self, name, speed):  # noqa: N802
+        if speed < 0.0:
+            self.freed.append(name)
+        else:
+            self.speeds[name] = speed
+
+    def setSpeedMode(self, name, mode):  # noqa: N802
+        pass
+
+    setLaneChangeMode = setSpeedMode  # noqa: N815
+
+
+def steering(collisions=(), **speeds):
+    vehicle = VehicleApi(speeds)
+    sumo = SimpleNamespace(vehicle=vehicle, simulation=SimpleNamespace(getCollisions=lambda: collisions))
+    return vehicle, Steering(sumo, HandOver(BRAKE, "ego", "other", 1, 1, ()))
+
+
+def test_a_provoked_vehicle_stands_after_its_speed_over_five_seconds_and_is_let_go_after_one_more():
+    vehicle, hands = steering(ego=10.0, other=12.0)
+    hands.take_over()
+    speeds = []
+    while not vehicle.freed:
+        hands.act(0.0, 10.0, STEP_S)
+        speeds.append(vehicle.speeds["other"])
+    stands = next(step for step, speed in enumerate(speeds) if speed == 0.0)
+    assert (stands + 1) * STEP_S == pytest.approx(12.0 / 5.0, abs=STEP_S)
+    assert np.diff(speeds[:stands]) == pytest.approx(-5.0 * STEP_S)
+    assert (len(speeds) - stands) * STEP_S == pytest.approx(STANDS_S, abs=2.1 * STEP_S)
+
+
+def test_the_ego_does_what_is_demanded_and_never_drives_backwards():
+    vehicle, hands = steering(ego=1.0, other=5.0)
+    hands.act(2.0, 1.0, STEP_S)
+    assert vehicle.speeds["ego"] == pytest.approx(1.2)
+    hands.act(-9.0, 0.5, STEP_S)
+    assert vehicle.speeds["ego"] == 0.0
+
+
+def test_bodies_overlap_where_a_plain_loop_over_corners_finds_a_common_point():
+    rng = np.random.default_rng(4)
+    frame = frame_of(lon=rng.uniform(-8.0, 8.0, 300), lat=rng.uniform(-4.0, 4.0, 300))
+    found = overlaps(frame)
+    for k in range(300):
+        lon, lat = frame.lon_m[k] - frame.lon_m[0], frame.lat_m[k] - frame.lat_m[0]
+        covers = all(
+            max(-0.5 * own, off - 0.5 * other) < min(0.5 * own, off + 0.5 * other)
+            for off, own, other in (
+                (lon, frame.length_m[0], frame.length_m[k]),
+                (lat, frame.width_m[0], frame.width_m[k]),
+            )
+        )
+        assert found[k] == (covers and k != 0)
+
+
+def test_a_contact_tells_with_whom_how_hard_and_who_ran_into_whom():
+    _, hands = steering(ego=0.0, other=0.0)
+    ahead = frame_of(lon=[0.0, 4.0], lat=[0.0, 0.5], speed=[9.0, 2.0])
+    contact = hands.contact(ahead, 1.5)
+    assert (contact.vehicle_id, contact.time_s, contact.impact_mps, contact.into) == ("v1", 1.5, 7.0, True)
+    behind = frame_of(lon=[0.0, -4.0], lat=[0.0, 0.5], speed=[2.0, 9.0])
+    assert not hands.contact(behind, 1.5).into
+    assert hands.contact(frame_of(lon=[0.0, 6.0], lat=[0.0, 0.0]), 1.5) is None
+
+
+def test_what_sumo_reports_is_a_contact_though_the_bodies_seem_apart():
+    collision = SimpleNamespace(collider="v0", victim="v1")
+    _, hands = steering((collision,), v0=0.0)
+    hands._at = HandOver(BRAKE, "v0", "v1", 1, 1, ())
+    assert hands.contact(frame_of(lon=[0.0, 5.0], lat=[0.0, 0.0]), 1.0).vehicle_id == "v1"

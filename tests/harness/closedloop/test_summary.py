@@ -1,0 +1,74 @@
+"""What a closed loop tells, from tables of rows that are made up."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from harness.closedloop.plan import BIAS, BRAKE, FREE, KIND
+from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, as_markdown, scores
+from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
+
+
+def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):
+    rng = np.random.default_rng(1)
+    rows = [
+        {"seed": seed, KIND: kind, "variant": belief, BIAS: 0.0, "succeeded": True, "error": None, ENDED: IN_TIME}
+        | {quantity.key: float(rng.uniform(0.0, 5.0)) for quantity in QUANTITIES}
+        | {COLLIDED: 0.0, IMPACT: np.nan, "episode.looked_through": 3.0}
+        for seed in range(seeds)
+        for kind in kinds
+        for belief in beliefs
+    ]
+    return pd.DataFrame(rows)
+
+
+def one(found, belief, metric, episodes=ALL):
+    return next(score for score in found if (score.belief, score.metric, score.episodes) == (belief, metric, episodes))
+
+
+def test_the_truth_is_in_excess_of_itself_by_nothing():
+    found = scores(table_of())
+    for quantity in QUANTITIES:
+        score = one(found, "truth", quantity.key)
+        assert score.excess in (0.0, None)
+        assert score.excess_ci95 in ((0.0, 0.0), None)
+
+
+def test_an_excess_is_the_mean_of_pairs_with_students_interval_over_seeds():
+    table = table_of(kinds=(FREE,))
+    by = table.pivot_table(index="seed", columns="variant", values=TTC)
+    difference = (by["mmpf"] - by["truth"]).to_numpy()
+    score = one(scores(table), "mmpf", TTC)
+    assert score.excess == pytest.approx(difference.mean())
+    expected = stats.t.interval(0.95, 5, difference.mean(), stats.sem(difference))
+    assert score.excess_ci95 == pytest.approx(expected)
+
+
+def test_the_order_of_rows_changes_nothing():
+    table = table_of()
+    mixed = table.sample(frac=1.0, random_state=3)
+    for metric in (TTC, COLLIDED):
+        whole, shuffled = (one(scores(each), "mmpf", metric) for each in (table, mixed))
+        assert whole.excess == pytest.approx(shuffled.excess)
+        assert whole.ci95 == pytest.approx(shuffled.ci95)
+
+
+def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left_out():
+    table = table_of()
+    table.loc[(table["seed"] == 0) & (table[KIND] == BRAKE), ENDED] = NO_CANDIDATE
+    found = scores(table)
+    assert [one(found, "mmpf", TTC, name).n for name in (ALL, FREE_ONES, PROVOKED_ONES)] == [11, 6, 5]
+    assert "1 more have no candidate" in as_markdown("t", found, table, [])
+
+
+def test_collisions_are_listed_the_hardest_first_with_their_replays():
+    table = table_of().assign(replay="")
+    for row, impact in ((3, 2.0), (5, 7.0)):
+        table.loc[row, [COLLIDED, IMPACT]] = 100.0, impact
+        table.loc[row, "drive.collision_time_s"] = 4.0
+        table.loc[row, "drive.collided_with"] = f"car{row}"
+        table.loc[row, "replay"] = f"kept/{row}/report.html"
+    text = as_markdown("t", scores(table), table, ["a: failed"])
+    assert text.index("kept/5/report.html") < text.index("kept/3/report.html")
+    assert "- a: failed" in text

@@ -1,0 +1,72 @@
+"""The scores of a drive against closed forms: a car that brakes steadily behind one that stands."""
+
+import numpy as np
+import pytest
+
+from harness.scoring.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, score_drive
+from harness.scoring.settings import ScoringSettings
+
+STEP_S, STEPS = 0.1, 201
+SETTINGS = ScoringSettings()
+
+
+def stop_behind(gap_m, speed_mps, braking_mps2):
+    """Return a car that brakes steadily to a stop, first ``gap_m`` behind one that stands."""
+    time_s = STEP_S * np.arange(STEPS)
+    speed = np.maximum(speed_mps - braking_mps2 * time_s, 0.0)
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * STEP_S)])
+    demanded = np.where(speed > 0.0, -braking_mps2, 0.0)
+    return Driven(speed, gap_m - way, np.zeros(STEPS), demanded, demanded, STEP_S)
+
+
+def test_a_steady_stop_drives_half_its_squared_speed_over_its_braking():
+    scored = score_drive(stop_behind(60.0, 20.0, 4.0), IN_TIME, None, SETTINGS)
+    assert 1e3 * scored["km"] == pytest.approx(20.0**2 / (2.0 * 4.0), rel=1e-6)
+    assert scored["mean_speed_mps"] == pytest.approx(50.0 / 20.0, rel=1e-6)
+    assert (scored["hard_brakes"], scored["hard_brakes_per_km"]) == (1, pytest.approx(1.0 / 0.05))
+
+
+def test_braking_of_less_than_three_is_not_hard():
+    assert score_drive(stop_behind(200.0, 20.0, 2.9), IN_TIME, None, SETTINGS)["hard_brakes"] == 0
+
+
+def test_the_time_with_a_short_time_to_collision_is_that_of_the_closed_form():
+    """Speed v - b t over gap g - v t + b t² / 2 is 1 / 1.5 s where the two roots of a parabola lie."""
+    gap, speed, braking = 41.0, 20.0, 5.0
+    first, last = sorted(np.roots([0.5 * braking, -speed + 1.5 * braking, gap - 1.5 * speed]))
+    scored = score_drive(stop_behind(gap, speed, braking), IN_TIME, None, SETTINGS)
+    assert scored["ttc_below_1_5_percent"] == pytest.approx(100.0 * (last - first) / (STEP_S * STEPS), abs=0.6)
+
+
+def test_a_stop_that_just_avoids_the_collision_needs_its_own_braking_throughout():
+    gap = 20.0**2 / (2.0 * 3.3)
+    assert score_drive(stop_behind(gap, 20.0, 3.3), IN_TIME, None, SETTINGS)["drac_above_3_4_percent"] == 0.0
+    harder = score_drive(stop_behind(20.0**2 / (2.0 * 3.5), 20.0, 3.5), IN_TIME, None, SETTINGS)
+    moving_s = 20.0 / 3.5
+    assert harder["drac_above_3_4_percent"] == pytest.approx(100.0 * moving_s / (STEP_S * STEPS), abs=1.5)
+
+
+def test_a_braking_that_the_belief_does_not_demand_is_missed_and_one_that_the_truth_does_not_is_a_phantom():
+    rolls = np.zeros(STEPS)
+    needed, made_up = rolls.copy(), rolls.copy()
+    needed[20:25], needed[50:54] = -2.5, -9.0  # the second lasts 0.4 s
+    made_up[100:130], made_up[150:160] = -3.0, -2.0
+    driven = Driven(rolls + 10.0, rolls + np.inf, rolls, made_up, needed, STEP_S)
+    scored = score_drive(driven, IN_TIME, None, SETTINGS)
+    assert (scored["missed"], scored["phantom"]) == (1, 2)
+    assert scored["phantom_per_km"] == pytest.approx(2 / 0.2)
+
+
+def test_the_jerk_of_a_sine_is_its_amplitude_times_its_square_frequency_over_root_two():
+    time_s, frequency = STEP_S * np.arange(STEPS), np.pi / 5.0
+    speed = 10.0 + np.sin(frequency * time_s)
+    nothing = np.zeros(STEPS)
+    scored = score_drive(Driven(speed, nothing + np.inf, nothing, nothing, nothing, STEP_S), IN_TIME, None, SETTINGS)
+    assert scored["jerk_mps3"] == pytest.approx(frequency**2 / np.sqrt(2.0), rel=0.02)
+
+
+def test_a_collision_is_a_whole_percentage_of_its_episode():
+    contact = Contact("v1", 2.0, 3.5, into=True)
+    scored = score_drive(stop_behind(5.0, 20.0, 4.0), BY_COLLISION, contact, SETTINGS)
+    assert (scored["collided_percent"], scored["impact_mps"], scored["collided_with"]) == (100.0, 3.5, "v1")
+    assert score_drive(stop_behind(60.0, 20.0, 4.0), IN_TIME, None, SETTINGS)["impact_mps"] is None
