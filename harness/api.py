@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,8 +15,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from harness.closedloop.options import DriveOptions
-from harness.closedloop.options import request_of as drive_request_of
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
 from harness.errors import InputError
 from harness.grid.options import GridOptions, request_of
@@ -26,9 +23,8 @@ from mmpf.registry import UnknownNameError
 if TYPE_CHECKING:
     import pandas as pd
 
-    from harness.closedloop.drive import FinishedDrives
     from harness.config.model import RunConfig
-    from harness.grid.making import RunCells, Telling
+    from harness.grid.making import RunCells
     from harness.grid.stress import FinishedGrid
     from harness.running.run import FinishedRun
 
@@ -278,21 +274,6 @@ def _run_config(values: Mapping[str, Any]) -> RunConfig:
     return config if factory is None else config.tracked_by(factory)
 
 
-def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
-    """Do what ``drive`` does; arguments as for ``make_run``."""
-    with _input_errors():
-        values = checked(DriveOptions, options, "drive")
-        request = drive_request_of(values)
-        from harness.closedloop.drive import Execution, run_drives  # noqa: PLC0415
-        from harness.report.drivepages import write_drive_pages  # noqa: PLC0415
-
-        workers = values["workers"] or os.cpu_count() or 1
-        how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
-        finished = run_drives(request, Path(values["out"]), how, _telling(quiet, workers), command)
-        write_drive_pages(finished, quiet)
-        return finished
-
-
 def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> FinishedGrid:
     """Do what ``stress`` does; arguments as for ``make_run``."""
     with _input_errors():
@@ -305,6 +286,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
         if values["scheduler"] is not None and values["keep"] is not None:
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
         from harness.grid.kept import keeping  # noqa: PLC0415
+        from harness.grid.making import on_stderr  # noqa: PLC0415
         from harness.grid.stress import run_stress  # noqa: PLC0415
         from harness.report.folderpage import write_page  # noqa: PLC0415
 
@@ -315,7 +297,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 execute if values["keep"] is None else keeping(execute, Path(values["out"])),
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                user=_telling(
+                user=on_stderr(
                     quiet, None if values["scheduler"] is not None else values["workers"] or os.cpu_count() or 1
                 ),
                 command=command,
@@ -326,18 +308,6 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             write_kept_pages(finished.folder, quiet)
         write_page(finished.folder)
         return finished
-
-
-def _telling(quiet: bool, workers: int | None) -> Telling:
-    """Return what tells the user on stderr."""
-    from harness.grid.making import Telling  # noqa: PLC0415
-
-    return Telling(
-        quiet,
-        warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
-        tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
-        workers=workers,
-    )
 
 
 @contextmanager

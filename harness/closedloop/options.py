@@ -15,7 +15,7 @@ DRIVES, RESULT = "The drives", "How it is run"
 
 
 class DriveOptions(TypedDict, total=False):
-    """The keywords of ``harness.drive``."""
+    """What a closed loop can be asked for."""
 
     net: Annotated[str | Path, Option("Network with one main road, by name or folder.", panel=DRIVES, default="us101")]
     density: Annotated[float | None, Option("Vehicles per km and main lane, in place of --demand.", panel=DRIVES)]
@@ -62,7 +62,7 @@ class DriveOptions(TypedDict, total=False):
         list[str] | Mapping[str, object] | None,
         Option("Any setting of config.toml for all drives.", panel=DRIVES, flag="--set", metavar="KEY=VALUE"),
     ]
-    out: Annotated[Path | str, Option("Folder to write.", panel=RESULT, default=Path("results/drive"))]
+    out: Annotated[Path, Option("Folder to write.", panel=RESULT, default=Path("results/drive"))]
     resume: Annotated[bool, Option("Keep the drives that --out holds, make the others.", panel=RESULT, default=False)]
     retry_failed: Annotated[bool, Option("Like --resume, and make failed drives again.", panel=RESULT, default=False)]
     workers: Annotated[int | None, Option("Worker processes. (default: one per core)", panel=RESULT, least=1)]

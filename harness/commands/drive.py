@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import sys
-from typing import Annotated
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.closedloop.options import RESULT, DriveOptions
-from harness.config.options import Option
+from harness.closedloop.options import RESULT, DriveOptions, request_of
+from harness.config.options import Option, checked
+
+if TYPE_CHECKING:
+    from harness.closedloop.drive import FinishedDrives
 
 
 class Options(DriveOptions, total=False):
@@ -39,7 +44,6 @@ def command(options: Options) -> None:
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """
-    from harness.api import make_drives  # noqa: PLC0415
     from harness.errors import RunError  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
@@ -56,3 +60,28 @@ def command(options: Options) -> None:
             f"{len(finished.failures)} of {finished.summary['runs']} drives failed, the first: "
             f"{finished.failures[0]}; all rows are in {finished.folder}"
         )
+
+
+def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
+    """Drive, and write the folder and its pages.
+
+    Args:
+        options: Options by name, as ``DriveOptions`` has them.
+        command: What the manifest says of how it was called.
+        quiet: Whether to leave out the progress bar.
+
+    Raises:
+        InputError: An option or the folder is wrong; nothing was driven.
+    """
+    values = checked(DriveOptions, options, "drive")
+    request = request_of(values)
+    # Only now: what is wrong with the input is told before anything heavy is imported.
+    from harness.closedloop.drive import Execution, run_drives  # noqa: PLC0415
+    from harness.grid.making import on_stderr  # noqa: PLC0415
+    from harness.report.drivepages import write_drive_pages  # noqa: PLC0415
+
+    workers = values["workers"] or os.cpu_count() or 1
+    how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
+    finished = run_drives(request, values["out"], how, on_stderr(quiet, workers), command)
+    write_drive_pages(finished, quiet)
+    return finished

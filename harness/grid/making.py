@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,6 +45,16 @@ class Telling:
     warn: Callable[[str], object] = str
     tell: Callable[[str], object] = str
     workers: int | None = None
+
+
+def on_stderr(quiet: bool, workers: int | None) -> Telling:
+    """Return what tells the user on stderr: warnings always, the rest unless quiet."""
+    return Telling(
+        quiet,
+        warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
+        tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+        workers=workers,
+    )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Starts ``run``, ``stress`` and ``reference``, ends them by a signal at a random moment, and looks at what is left."""
+"""Starts ``run``, ``stress``, ``reference`` and ``drive``, ends them at a random moment, and looks at what is left."""
 
 from __future__ import annotations
 
@@ -29,6 +29,10 @@ RUN = ("run", "--duration", "2", "--particles", "20", "--seed", "3", "--quiet")
 STRESS = (
     *("stress", "--densities", "20,40", "--seeds", "1", "--models", "cvm,cam", "--particles", "20"),
     *("--duration", "1", "--quiet", "--resume"),
+)
+DRIVE = (
+    *("drive", "--density", "15", "--beliefs", "truth,detections", "--episodes", "4", "--seed", "100"),
+    *("--quiet", "--resume"),
 )
 WORKERS = ("--workers", "2")
 REFERENCE = "small-grid"
@@ -79,14 +83,20 @@ def kill_often(
         seed: Root of the moments and signals.
         folder: An empty folder.
         tell: Called after each kill.
-        dask: Whether every fourth is a grid on a cluster.
+        dask: Whether every fourth of five is a grid on a cluster.
     """
     draw = random.Random(seed)
     with cluster(folder) if dask else nullcontext() as scheduler:
-        grid = _KilledGrid(folder, "stress", WORKERS)
-        targets = [_KilledRun(folder), grid, _KilledReference(folder, grid)]
+        grid = _KilledGrid(folder, "stress", (*STRESS, *WORKERS))
+        makers: list[Callable[[], _Killed]] = [
+            lambda: _KilledRun(folder),
+            lambda: grid,
+            lambda: _KilledReference(folder, grid),
+            lambda: _KilledGrid(folder, "drive", (*DRIVE, *WORKERS)),
+        ]
         if scheduler is not None:
-            targets.append(_KilledGrid(folder, "dask", ("--scheduler", scheduler)))
+            makers.insert(3, lambda: _KilledGrid(folder, "dask", (*STRESS, "--scheduler", scheduler)))
+        targets = [make() for make in makers[:kills]]
         done: list[Kill] = []
         for number in range(kills):
             target = targets[number % len(targets)]
@@ -212,8 +222,8 @@ class _KilledRun(_Killed):
 
 
 class _KilledGrid(_Killed):
-    def __init__(self, folder: Path, name: str, workers: tuple[str, str]) -> None:
-        super().__init__(folder, name, (*STRESS, *workers))
+    def __init__(self, folder: Path, name: str, command: tuple[str, ...]) -> None:
+        super().__init__(folder, name, command)
         self.rows = {path.name: row_of(path) for path in (self.whole / "runs").glob("*.json")}
         self.kills = 0
 
