@@ -1,5 +1,7 @@
 """Whole closed loops: the same beginning for every belief, the same bytes again, and gaps that seem too long."""
 
+import re
+
 import pytest
 
 from harness.closedloop import worker
@@ -14,14 +16,6 @@ from mmpf.registry import UnknownNameError
 
 LAST_TRACKED = 50
 SMALL = {"density": 15.0, "beliefs": "truth,detections", "episodes": 2, "seed": 100, "workers": 1}
-
-
-def rows_of(**request):
-    rows = []
-    for cell in plan_drives(DriveRequest(seed=100, **request)).cells:
-        worker.work_on_cell(cell, lambda message: rows.append(message.row) if isinstance(message, Finished) else None)
-    assert not [row["error"] for row in rows if not row["succeeded"]]
-    return rows
 
 
 def made(out, **options):
@@ -63,12 +57,17 @@ def test_the_same_command_leaves_the_same_bytes_and_so_does_one_that_was_killed_
 
 
 @pytest.mark.slow
-def test_collisions_grow_with_the_bias_of_the_gaps():
-    rows = rows_of(beliefs="truth", episodes=4, density=45.0, gap_bias="0,5,10")
-    collided = [sum(row[COLLIDED] for row in rows if row["gap_bias_m"] == bias) for bias in (0.0, 5.0, 10.0)]
+def test_collisions_grow_with_the_bias_of_the_gaps_and_the_page_leads_to_replays_of_them(tmp_path):
+    folder = made(tmp_path / "out", density=45.0, beliefs="truth", episodes=4, gap_bias="0,5,10", workers=2)
+    rows = read_table(folder, "runs.parquet", "folder", ())
+    collided = [rows[COLLIDED][rows["gap_bias_m"] == bias].sum() for bias in (0.0, 5.0, 10.0)]
     assert collided[0] == 0.0
     assert collided == sorted(collided)
     assert collided[-1] > 0.0
+    pages = set(re.findall(r"\((kept/[^#)]*)#", (folder / "table.md").read_text()))
+    assert pages
+    assert all((folder / page).is_file() for page in pages)
+    assert all(page in (folder / "report.html").read_text() for page in pages)
 
 
 def test_what_a_fork_does_is_seen_by_nobody_and_what_it_returns_comes_back():
