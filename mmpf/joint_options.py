@@ -104,11 +104,9 @@ class JointFalseObjects(Settings):
     none does.
     """
     waiting_share_at_line: Probability = 0.6
-    """The same where a signal or right of way may hold vehicles at most ``line_m`` ahead."""
+    """The same where a signal or right of way may hold vehicles a little ahead."""
     waiting_share_elsewhere: Probability = 0.15
     """The same where stop lines are known and none is ahead."""
-    line_m: Positive = 50.0
-    """See ``waiting_share_at_line``."""
 
 
 class JointRegularity(Settings):

@@ -26,6 +26,8 @@ from mmpf.state import LAT, LON, SPEED
 from mmpf.update import Situation
 
 LARGEST_LOG_ODDS = 6.0
+# Vehicles queue so far before a stop line.
+QUEUE_M = 50.0
 
 
 @dataclass(frozen=True)
@@ -174,7 +176,7 @@ def waiting_shares(moments: Moments, graph: LaneGraph | None, options: JointFals
     lane = graph.lane_at(x, y, moments.heading_rad)
     along, _, _ = graph.on_lane(lane, x, y)
     to_line = np.where(lane >= 0, graph.length_m[lane] - along + graph.to_stop_line_m[lane], np.inf)
-    return np.where(to_line < options.line_m, options.waiting_share_at_line, options.waiting_share_elsewhere)
+    return np.where(to_line < QUEUE_M, options.waiting_share_at_line, options.waiting_share_elsewhere)
 
 
 def speed_log_odds(

@@ -114,7 +114,7 @@ def test_vehicles_wait_before_stop_lines_rather_than_elsewhere() -> None:
     moments = replace(moving([0.0] * 5), direction_rad=np.zeros(5))
     moments.mean[LON] = [30.0, 50.0, 85.0, 95.0, 50.0]
     moments.mean[LAT] = [0.0, 0.0, 0.0, 0.0, 40.0]
-    options = JointFalseObjects(waiting_share_elsewhere=0.1, waiting_share_at_line=0.6, line_m=50.0)
+    options = JointFalseObjects(waiting_share_elsewhere=0.1, waiting_share_at_line=0.6)
     np.testing.assert_array_equal(waiting_shares(moments, graph, options), [0.1, 0.6, 0.6, 0.1, 0.1])
     assert waiting_shares(moments, None, options) == 0.0
     assert waiting_shares(moments, replace(graph, control=None), options) == options.waiting_share
