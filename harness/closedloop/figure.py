@@ -10,6 +10,7 @@ from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, Score
 from harness.scoring.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
 from harness.writing.plots import strip
 
+LEAST_AXIS = 1.0
 SHOWN = (COLLIDED, TTC, HARD_BRAKES)
 # Of Okabe and Ito's palette, told apart by their marks too.
 STYLES = {ALL: ("#000000", "o"), FREE_ONES: ("#0072B2", "s"), PROVOKED_ONES: ("#D55E00", "^")}
@@ -35,6 +36,9 @@ def drives_figure(found: Sequence[Score], title: str) -> Figure:
                     panel.plot(score.ci95, (height, height), color=colour, linewidth=1.5)
         panel.set_xlabel(next(quantity.label for quantity in QUANTITIES if quantity.key == metric))
         panel.axvline(0.0, color="0.85", linewidth=0.8, zorder=0)
+        # None of these is below zero, whatever an interval says; nor is a hundredth of a collision worth an axis.
+        furthest = max(panel.get_xlim()[1], LEAST_AXIS)
+        panel.set_xlim(-0.03 * furthest, furthest)
         strip(panel)
     panels[0].set_yticks(range(len(rows)), [f"{name} +{bias:g} m" if bias else name for name, bias in rows])
     panels[0].invert_yaxis()
