@@ -23,6 +23,6 @@ def test_nothing_finished_is_lost_by_a_kill_and_what_is_taken_up_ends_as_if_it_n
 @pytest.mark.slow
 @pytest.mark.skipif(not can_mount(), reason="no disks can be mounted here")
 def test_nothing_finished_is_lost_on_a_full_disk_and_what_is_taken_up_ends_as_if_there_had_been_room(tmp_path):
-    words = [sys.executable, "-m", "tests.kill", "--full-disks", "4", "--seed", "7"]
+    words = [sys.executable, "-m", "tests.kill", "--full-disks", "2", "--seed", "7"]
     ended = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
