@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
@@ -24,6 +24,9 @@ from harness.writing.files import write_text
 from harness.writing.numbers import as_json
 from mmpf.road import Road
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 OnRow = Callable[[str, Row], None]
 
 
@@ -36,12 +39,14 @@ class Outcome:
         scored: Its errors and occlusion events.
         metrics: Its scores.
         steps: Number of steps.
+        unseen: What was expected where there was no track; None where nobody watched.
     """
 
     tables: RunTables
     scored: ScoredRun
     metrics: Mapping[str, Any]
     steps: int
+    unseen: pd.DataFrame | None = None
 
 
 def keeping(execute: Callable[[list[Cell], OnRow], None], out: Path) -> Callable[[list[Cell], OnRow], None]:
@@ -70,6 +75,7 @@ def keep_run(folder: Path, config: RunConfig, road: Road, outcome: Outcome, comm
         (runfolder.TRUTH, tables.truth),
         (runfolder.DETECTIONS, tables.detections),
         (runfolder.TRACKS, tables.tracks),
+        *(() if outcome.unseen is None else ((runfolder.UNSEEN, outcome.unseen),)),
         *tables_of(scored).items(),
     ):
         write_table(table, folder / name)

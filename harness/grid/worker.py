@@ -27,6 +27,7 @@ from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.open import OpenLooks, as_believed, driven_on, open_looks, tracker_builder
 from harness.running.remembered import RememberedTraffic
+from harness.running.unseen import UnseenKeeper
 from harness.scoring import score_run
 from harness.scoring.scarce import check_scored
 
@@ -109,16 +110,19 @@ def _run_over(
 
     try:
         told = as_believed(looks, run.config)
-        tables = track(told, tracker_builder(run.config), run.config.seed, (watch,), times)
+        keeper = UnseenKeeper(told.road, told.sensor)
+        tables = track(told, tracker_builder(run.config), run.config.seed, (watch, keeper.watch), times)
+        unseen = keeper.table()
         driven = driven_on(looks.road, run.config)
-        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed, driven, tables.unseen)
+        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed, driven, unseen)
         check_scored(scored.metrics, len(times.tracker_s))
         total_s = perf_counter() - begin
         scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}
         timing = timing_table(times, looks.step_s, total_s)
         metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, looks.road))
         if keep_in is not None:
-            keep_run(keep_in / run.key, run.config, looks.road, Outcome(tables, scored, metrics, len(times.tracker_s)))
+            outcome = Outcome(tables, scored, metrics, len(times.tracker_s), unseen)
+            keep_run(keep_in / run.key, run.config, looks.road, outcome)
         return finished_row(run, metrics, total_s)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)

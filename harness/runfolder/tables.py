@@ -25,15 +25,13 @@ from harness.truth.frame import (
     Frame,
 )
 from harness.writing.files import replacing
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES, Tracks
-from mmpf.unseen.traffic import Unseen
 
 Columns = dict[str, npt.NDArray[np.generic]]
 
 TRACK_DECIMALS = 4
-UNSEEN_EVERY_S, UNSEEN_DECIMALS, TIME_TOLERANCE_S = 0.5, 6, 1e-6
 STRETCH_ROWS = 300_000
 """Rows of the truth after which a run's next episode begins a new stretch."""
 
@@ -73,14 +71,11 @@ class RunTables:
         truth: One row per vehicle and step.
         detections: One row per detection; ``truth_id`` is empty for clutter.
         tracks: One row per track and step.
-        unseen: Twice a second one row per stretch of lane within range, with the vehicles that are expected there
-            although no track stands for them; None where it was not asked for.
     """
 
     truth: pd.DataFrame
     detections: pd.DataFrame
     tracks: pd.DataFrame
-    unseen: pd.DataFrame | None = None
 
 
 @dataclass
@@ -105,23 +100,16 @@ class ColumnRecorder:
     _truth: list[Columns] = field(default_factory=list)
     _detections: list[Columns] = field(default_factory=list)
     _tracks: list[Columns] = field(default_factory=list)
-    _unseen: list[Columns] = field(default_factory=list)
-    _unseen_from_s: float = -np.inf
 
-    def add(self, look: Look, tracks: Tracks, unseen: Unseen | None = None) -> None:
+    def add(self, look: Look, tracks: Tracks) -> None:
         """Record one step."""
         new_episode = self._episode is not None and look.frame.episode != self._episode
         if self.end_stretch is not None and new_episode and self._rows >= self.stretch_rows:
             self.end_stretch()
-        if new_episode:
-            self._unseen_from_s = -np.inf
         self._episode = look.frame.episode
         self._truth.append(_truth_columns(look))
         self._detections.append(_detection_columns(look))
         self._tracks.append(_track_columns(look.frame, tracks))
-        if unseen is not None and look.frame.time_s >= self._unseen_from_s:
-            self._unseen.append(_unseen_columns(look.frame, unseen))
-            self._unseen_from_s = look.frame.time_s + UNSEEN_EVERY_S - TIME_TOLERANCE_S
         self._rows += len(look.frame)
         self.steps += 1
 
@@ -132,21 +120,16 @@ class ColumnRecorder:
 
     def tables(self) -> RunTables:
         """Return what is kept; an interrupt in the middle of a step leaves that step out."""
-        truth = _joined(self._truth[: self.kept])
-        unseen = _joined(self._unseen) if self._unseen else None
-        if unseen is not None and len(truth):
-            unseen = unseen[unseen["step"] <= truth["step"].iloc[-1]].reset_index(drop=True)
         return RunTables(
-            truth=truth,
+            truth=_joined(self._truth[: self.kept]),
             detections=_joined(self._detections[: self.kept]),
             tracks=_joined(self._tracks[: self.kept]),
-            unseen=unseen,
         )
 
     def forget(self) -> None:
         """Let go of what is kept."""
         self._forgotten, self._rows = self.steps, 0
-        for columns in (self._truth, self._detections, self._tracks, self._unseen):
+        for columns in (self._truth, self._detections, self._tracks):
             columns.clear()
 
 
@@ -279,30 +262,6 @@ def _track_columns(frame: Frame, tracks: Tracks) -> Columns:
         "track_id": tracks.track_id,
         **{name: np.round(getattr(tracks, name), TRACK_DECIMALS) for name in TRACK_NUMBERS},
         "state": _named(TRACK_STATES, tracks.state),
-    }
-
-
-def _unseen_columns(frame: Frame, unseen: Unseen) -> Columns:
-    """Return the stretches of lane that lie within range from end to end, as straight lines between their ends."""
-    cells = unseen.cells
-    _, first, cell = np.unique(cells.stretch, return_index=True, return_inverse=True)
-    count = np.bincount(cell, minlength=len(first))
-    whole = count == cells.in_stretch[first]
-    ends = (first, -0.5), (first + count - 1, 0.5)
-
-    def place(end: tuple[IntArray, float]) -> tuple[FloatArray, FloatArray]:
-        at, share = end[0][whole], end[1]
-        reach, heading = share * cells.length_m[at], cells.heading_rad[at]
-        return cells.lon_m[at] + reach * np.cos(heading), cells.lat_m[at] + reach * np.sin(heading)
-
-    (from_lon, from_lat), (to_lon, to_lat) = map(place, ends)
-    places = {"from_lon_m": from_lon, "from_lat_m": from_lat, "to_lon_m": to_lon, "to_lat_m": to_lat}
-    expected = np.bincount(cell, unseen.expected, minlength=len(first))[whole]
-    return {
-        **_when(frame, int(whole.sum())),
-        "stretch": cells.stretch[first][whole],
-        **{name: np.round(values, TRACK_DECIMALS) for name, values in places.items()},
-        "expected": np.round(expected, UNSEEN_DECIMALS),
     }
 
 

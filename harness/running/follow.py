@@ -15,12 +15,11 @@ from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.looks import Looks, Streams
 from harness.running.memory import keep_freed_memory
 from harness.sensor.observation import Look
-from harness.trackers.protocol import AnyTracker, TellsUnseen, TrackerSetting, step_tracker
+from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
 from harness.trackers.wellformed import fault_of
 from harness.truth.frame import OPEN
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
-from mmpf.unseen.traffic import Unseen, UnseenTraffic
 
 TrackerBuilder = Callable[[TrackerSetting], AnyTracker]
 Watch = Callable[[Look, Tracks, AnyTracker], object]
@@ -78,7 +77,7 @@ def follow(
             begin = perf_counter()
             tracks = episodes.step(look)
             tracker_s = perf_counter() - begin
-            recorder.add(look, tracks, episodes.unseen(look, tracks))
+            recorder.add(look, tracks)
             times.truth_s.append(look.truth_s)
             times.sensor_s.append(look.sensor_s)
             times.tracker_s.append(tracker_s)
@@ -95,7 +94,6 @@ class _EpisodeTrackers:
     stream: np.random.SeedSequence
     episode: int | None = None
     tracker: AnyTracker = field(init=False)
-    unseen_traffic: UnseenTraffic = field(init=False)
     first_free_id: int = 0
     id_offset: int = 0
 
@@ -108,7 +106,6 @@ class _EpisodeTrackers:
         self.episode = look.frame.episode
         self.id_offset = self.first_free_id
         self.tracker = self._fresh_tracker(self.stream.spawn(1)[0])
-        self.unseen_traffic = UnseenTraffic(self.looks.road, self.looks.sensor)
 
     def step(self, look: Look) -> Tracks:
         """Give the tracker one scan and make its identities unique over the run."""
@@ -120,12 +117,6 @@ class _EpisodeTrackers:
         unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
         self.first_free_id = max(self.first_free_id, int(unique.track_id.max()) + 1)
         return unique
-
-    def unseen(self, look: Look, tracks: Tracks) -> Unseen:
-        """Return how many vehicles are expected where there is no track."""
-        if isinstance(self.tracker, TellsUnseen):
-            return self.tracker.unseen
-        return self.unseen_traffic.step(look.observation.scan, tracks)
 
     def _told(self, look: Look) -> Scan:
         """Return what the tracker is told of a look."""

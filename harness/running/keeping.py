@@ -14,6 +14,7 @@ from harness.runfolder import folder as runfolder
 from harness.runfolder.growing import GrowingTables, sampled_rows
 from harness.runfolder.tables import STRETCH_ROWS, ColumnRecorder, RunTables
 from harness.running.metrics import TrafficSums
+from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.scoring import RunScorer, ScoredRun, ScoredStretch
 from harness.scoring.scarce import check_scored
@@ -37,18 +38,20 @@ class RunKeeper:
         recorder: Takes in every finished step.
         diagnostics: Watches what the tracker tells of itself.
         particles: Watches its particles.
+        unseen: Watches what is expected where it has no track.
     """
 
-    def __init__(self, folder: Path, driven: Driven, seed: int, timed: Timed) -> None:
+    def __init__(self, folder: Path, driven: Driven, unseen: UnseenKeeper, seed: int, timed: Timed) -> None:
         """Begin.
 
         Args:
             folder: Where the tables go.
             driven: The road, and the driver that is asked on it.
+            unseen: Keeps what is expected where the tracker has no track.
             seed: Seed of the run.
             timed: Times a phase of the run, ``score`` or ``write``.
         """
-        self.diagnostics, self.particles = DiagnosticsKeeper(), ParticleKeeper()
+        self.diagnostics, self.particles, self.unseen = DiagnosticsKeeper(), ParticleKeeper(), unseen
         self._folder, self._road, self._timed = folder, driven.road, timed
         self._scorer = RunScorer(seed, driven)
         self._tables = GrowingTables(folder)
@@ -109,12 +112,12 @@ class RunKeeper:
     def _end_stretch(self) -> None:
         tables = self.recorder.tables()
         with self._timed("score"):
-            scored = self._scorer.add(tables.truth, tables.detections, tables.tracks, tables.unseen)
+            scored = self._scorer.add(tables.truth, tables.detections, tables.tracks, self.unseen.table())
         with self._timed("write"), signals_held():
             self._traffic.add(tables.truth, self._road)
             self._tables.append(self._stretch, self._with_watched(tables) | tables_of(scored))
             self._stretch += 1
-            for keeper in (self.recorder, self.diagnostics, self.particles):
+            for keeper in (self.recorder, self.diagnostics, self.particles, self.unseen):
                 keeper.forget()
 
     def _with_watched(self, tables: RunTables) -> dict[str, pd.DataFrame]:
@@ -122,14 +125,13 @@ class RunKeeper:
         watched = {
             runfolder.DIAGNOSTICS: self.diagnostics.table(),
             runfolder.PARTICLES: self.particles.table(),
+            runfolder.UNSEEN: self.unseen.table(),
         }
-        expected = {} if tables.unseen is None else {runfolder.UNSEEN: tables.unseen}
         return {
-            **expected,
+            **{name: table for name, table in watched.items() if table is not None},
             runfolder.TRUTH: tables.truth,
             runfolder.DETECTIONS: tables.detections,
             runfolder.TRACKS: tables.tracks,
-            **{name: table for name, table in watched.items() if table is not None},
         }
 
 

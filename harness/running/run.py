@@ -35,6 +35,7 @@ from harness.running.open import (
     open_looks,
     tracker_builder,
 )
+from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import Moment, MomentKeeper
 from harness.writing.files import write_text
 from harness.writing.numbers import as_json
@@ -225,9 +226,16 @@ class _Attempt:
         expected_s = LOADING_S + expected_traffic_s(self.config) + expected_tracking_s(self.config)
         say_roughly(say, expected_s, "this run")
         runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
-        keeper = self.keeper = RunKeeper(self.folder, driven_on(looks.road, self.config), self.config.seed, self._timed)
+        told = as_believed(looks, self.config)
+        keeper = self.keeper = RunKeeper(
+            self.folder,
+            driven_on(looks.road, self.config),
+            UnseenKeeper(told.road, told.sensor),
+            self.config.seed,
+            self._timed,
+        )
         with self._timed("loop"):
-            self._loop(looks, keeper, quiet)
+            self._loop(told, keeper, quiet)
         # What was scored and written between two steps is in their own phases.
         self.wall_s["loop"] -= self.wall_s.get("score", 0.0) + self.wall_s.get("write", 0.0)
         with working("scoring", quiet):
@@ -274,11 +282,11 @@ class _Attempt:
         if self.looks is not None:
             self.looks.close()
 
-    def _loop(self, looks: Looks, keeper: RunKeeper, quiet: bool) -> None:
+    def _loop(self, told: Looks, keeper: RunKeeper, quiet: bool) -> None:
         stream = Streams.from_seed(self.config.seed).tracker
-        with progress_bar("tracking", looks.expected_steps, quiet, before="loading the tracker") as advance:
-            watchers = (self.moment.watch, keeper.diagnostics.watch, keeper.particles.watch, lambda *_: advance())
-            told = as_believed(looks, self.config)
+        with progress_bar("tracking", told.expected_steps, quiet, before="loading the tracker") as advance:
+            kept = (self.moment, keeper.diagnostics, keeper.particles, keeper.unseen)
+            watchers = (*(each.watch for each in kept), lambda *_: advance())
             follow(told, tracker_builder(self.config), keeper.recorder, stream, watchers, self.times)
         if not self.steps:
             raise InputError(

@@ -3,15 +3,30 @@
 import numpy as np
 import pytest
 
-from harness.truth.network.network import load_network
 from mmpf.lanes.graph import without_map
 from mmpf.road import Lane, Road, highway
 from mmpf.unseen.cells import BEYOND_SECTION_M, CELL_M, cells_of
+from tests.mmpf.lanes.scenes import arc, graph_of
+
+BEND = arc(30.0, np.pi / 2)
+LEFT_OUT = BEND[-1] + [0.0, 40.0]
+FORK = graph_of(
+    {
+        "in": [(-60.0, 0.0), (0.0, 0.0)],
+        "ahead": [(0.0, 0.0), (20.0, 0.0)],
+        "left": BEND,
+        "out": [(20.0, 0.0), (83.0, 0.0)],
+        "left out": [BEND[-1], LEFT_OUT],
+        "alone": [(0.0, -50.0), (3.0, -50.0)],
+    },
+    links=[("in", "ahead"), ("in", "left"), ("ahead", "out"), ("left", "left out")],
+    in_junction=("ahead", "left"),
+)
 
 
-@pytest.fixture(scope="module", params=["highway", "roundabout", "interchange"])
+@pytest.fixture(scope="module", params=["highway", "fork"])
 def road(request):
-    return highway() if request.param == "highway" else load_network(request.param).road
+    return highway() if request.param == "highway" else Road(lanes=(), graph=FORK)
 
 
 def test_the_cells_of_a_lane_are_as_long_as_the_lane(road):
@@ -42,17 +57,14 @@ def test_linked_cells_touch(road):
 
 
 def test_ways_across_a_junction_share_the_traffic_of_the_lane_before_them():
-    graph = load_network("roundabout").road.graph
-    cells, _ = cells_of(load_network("roundabout").road)
-    of_lane = dict(zip(cells.lane - 1, cells.share, strict=True))
-    ways = np.diff(graph.first_successor)
-    forks = [lane for lane in range(len(graph)) if ways[lane] > 1 and not graph.in_junction[lane]]
-    assert forks
-    for lane in forks:
-        following = graph.successor[graph.first_successor[lane] : graph.first_successor[lane + 1]]
-        across = [way for way in following if graph.in_junction[way]]
-        assert all(of_lane[way] <= 1.0 for way in across)
-        assert min(of_lane[way] for way in across) == pytest.approx(1.0 / ways[lane])
+    cells, _ = cells_of(Road(lanes=(), graph=FORK))
+    shares = {FORK.name[lane - 1]: share for lane, share in zip(cells.lane, cells.share, strict=True)}
+    assert shares == {"in": 1.0, "ahead": 0.5, "left": 0.5, "out": 1.0, "left out": 1.0, "alone": 1.0}
+
+
+def test_traffic_from_beyond_the_map_begins_where_no_lane_leads():
+    cells, _ = cells_of(Road(lanes=(), graph=FORK))
+    assert [FORK.name[lane - 1] for lane in cells.lane[cells.entry]] == ["in", "alone"]
 
 
 def test_a_lane_with_a_beginning_and_an_end_is_no_longer_than_that():

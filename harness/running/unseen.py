@@ -1,0 +1,93 @@
+"""What is expected where there is no track, kept of a run twice a second."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from harness.scoring.settings import TIME_TOLERANCE_S
+from harness.sensor.observation import Look
+from harness.trackers.protocol import AnyTracker, TellsUnseen
+from harness.truth.frame import Frame
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import Road
+from mmpf.scan import SensorModel
+from mmpf.tracks import Tracks
+from mmpf.unseen.traffic import Unseen, UnseenTraffic
+
+EVERY_S = 0.5
+PLACE_DECIMALS, EXPECTED_DECIMALS = 4, 6
+
+
+class UnseenKeeper:
+    """Works out, scan by scan, where unseen vehicles are to be expected, and collects it by stretches of lane.
+
+    A tracker that tells it itself is taken at its word.
+    """
+
+    def __init__(self, road: Road, sensor: SensorModel) -> None:
+        """Begin.
+
+        Args:
+            road: The lanes, as trackers believe them to lie.
+            sensor: The sensor's data sheet, as trackers believe it.
+        """
+        self._road, self._sensor = road, sensor
+        self._episode: int | None = None
+        self._rows: list[pd.DataFrame] = []
+
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
+        """Look at one step."""
+        if look.frame.episode != self._episode:
+            self._episode, self._next_s = look.frame.episode, -np.inf
+            self._traffic = UnseenTraffic(self._road, self._sensor)
+        if isinstance(tracker, TellsUnseen):
+            unseen = tracker.unseen
+        else:
+            unseen = self._traffic.step(look.observation.scan, tracks)
+        if look.frame.time_s >= self._next_s:
+            self._rows.append(by_stretch(look.frame, unseen))
+            self._next_s = look.frame.time_s + EVERY_S - TIME_TOLERANCE_S
+
+    def table(self) -> pd.DataFrame | None:
+        """Return one row per moment and stretch, see ``by_stretch``; None before the first step."""
+        return pd.concat(self._rows, ignore_index=True) if self._rows else None
+
+    def forget(self) -> None:
+        """Let go of the rows."""
+        self._rows.clear()
+
+
+def by_stretch(frame: Frame, unseen: Unseen) -> pd.DataFrame:
+    """Return the stretches of lane that lie within range from end to end, as straight lines between their ends.
+
+    Args:
+        frame: The moment.
+        unseen: What is expected then in each piece of lane.
+
+    Returns:
+        Columns ``step``, ``time_s``, ``episode``, ``stretch`` (its number), ``from_lon_m``, ``from_lat_m``,
+        ``to_lon_m``, ``to_lat_m`` and ``expected`` (vehicles).
+    """
+    cells = unseen.cells
+    _, first, cell = np.unique(cells.stretch, return_index=True, return_inverse=True)
+    count = np.bincount(cell, minlength=len(first))
+    whole = count == cells.in_stretch[first]
+
+    def place(at: IntArray, share: float) -> tuple[FloatArray, FloatArray]:
+        reach, heading = share * cells.length_m[at], cells.heading_rad[at]
+        return cells.lon_m[at] + reach * np.cos(heading), cells.lat_m[at] + reach * np.sin(heading)
+
+    from_lon, from_lat = place(first[whole], -0.5)
+    to_lon, to_lat = place((first + count - 1)[whole], 0.5)
+    places = {"from_lon_m": from_lon, "from_lat_m": from_lat, "to_lon_m": to_lon, "to_lat_m": to_lat}
+    expected = np.bincount(cell, unseen.expected, minlength=len(first))[whole]
+    when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
+    return pd.DataFrame(
+        {
+            **{name: np.full(len(expected), value) for name, value in when.items()},
+            "stretch": cells.stretch[first][whole],
+            **{name: np.round(values, PLACE_DECIMALS) for name, values in places.items()},
+            "expected": np.round(expected, EXPECTED_DECIMALS),
+        }
+    )
