@@ -186,6 +186,11 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
     )
     reported = std
     std = resolvable_std(std, moments.std[[LON, LAT, SPEED]][:, component], sizes)
+    correlation = np.zeros(len(component))
+    if detections.correlation is not None:
+        # What a floor adds along one axis has nothing to do with the other.
+        share = reported[0] * reported[1] / (std[0] * std[1])
+        correlation = share * detections.correlation[detection]
     starts = np.concatenate([[0], np.cumsum(sizes)])
     values = np.empty(starts[-1])
     _evaluate(
@@ -195,23 +200,10 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         detection,
         np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),
         std,
+        correlation,
         starts,
         values,
     )
-    if detections.correlation is not None:
-        # What a floor adds along one axis has nothing to do with the other.
-        share = reported[0] * reported[1] / (std[0] * std[1])
-        _correlate(
-            mixture.cloud.state,
-            mixture.starts,
-            component,
-            detection,
-            np.stack([detections.lon_m, detections.lat_m]),
-            std,
-            share * detections.correlation[detection],
-            starts,
-            values,
-        )
     np.exp(values, out=values)
     if detections.headings is not None and mixture.has_headings:
         _weigh_headings(mixture, component, detections.headings.take(detection), starts, values)
@@ -260,6 +252,7 @@ def _evaluate(
     detection: IntArray,
     measured: FloatArray,
     std: FloatArray,
+    correlation: FloatArray,
     starts: IntArray,
     values: FloatArray,
 ) -> None:
@@ -269,40 +262,18 @@ def _evaluate(
         j = detection[p]
         has_speed = np.isfinite(measured[2, j])
         std_lon, std_lat, std_speed = std[0, p], std[1, p], std[2, p]
-        log_normaliser = -np.log(2.0 * np.pi * std_lon * std_lat)
+        twice, rest = 2.0 * correlation[p], 1.0 - correlation[p] * correlation[p]
+        half = 0.5 / rest
+        log_normaliser = -np.log(2.0 * np.pi * std_lon * std_lat) - 0.5 * np.log(rest)
         if has_speed:
             log_normaliser -= np.log(np.sqrt(2.0 * np.pi) * std_speed)
         own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
         for n in range(len(own)):
             lon = (own_lon[n] - measured[0, j]) / std_lon
             lat = (own_lat[n] - measured[1, j]) / std_lat
-            own[n] = log_normaliser - 0.5 * (lon * lon + lat * lat)
+            own[n] = log_normaliser - half * (lon * lon + lat * lat - twice * lon * lat)
         if has_speed:
             own_speed = state[SPEED, begin:end]
             for n in range(len(own)):
                 speed = (own_speed[n] - measured[2, j]) / std_speed
                 own[n] -= 0.5 * speed * speed
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _correlate(
-    state: FloatArray,
-    particle_starts: IntArray,
-    component: IntArray,
-    detection: IntArray,
-    measured: FloatArray,
-    std: FloatArray,
-    correlation: FloatArray,
-    starts: IntArray,
-    values: FloatArray,
-) -> None:
-    """Add, in place, what the logarithms lack where the noises of both positions are correlated."""
-    for p in range(len(component)):
-        begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
-        j, rho, std_lon, std_lat = detection[p], correlation[p], std[0, p], std[1, p]
-        rest = 1.0 - rho * rho
-        own_lon, own_lat, own = state[LON, begin:end], state[LAT, begin:end], values[starts[p] : starts[p + 1]]
-        for n in range(len(own)):
-            lon = (own_lon[n] - measured[0, j]) / std_lon
-            lat = (own_lat[n] - measured[1, j]) / std_lat
-            own[n] += (rho * lon * lat - 0.5 * rho * rho * (lon * lon + lat * lat)) / rest - 0.5 * np.log(rest)
