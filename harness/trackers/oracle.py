@@ -12,10 +12,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from harness.trackers.kalman import GaussianStates, newborn, predict_constant_velocity, tracks_of, updated
 from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import TrackerSetting, trackers
 from mmpf.compute.arrays import FloatArray, IntArray, StringArray, joined, taken
-from mmpf.scan import Detections, EgoPose, Scan, check_scan
+from mmpf.scan import Scan, check_scan
 from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
@@ -99,7 +100,7 @@ class OracleKalman:
         last_seen_s, detections = followed.last_seen_s.copy(), followed.detections.copy()
         last_seen_s[index] = scan.time_s
         detections[index] += 1
-        states = _update_states(followed.states, index, scan.detections, seen)
+        states = updated(followed.states, index, scan.detections, seen)
         self._followed = replace(followed, states=states, last_seen_s=last_seen_s, detections=detections)
 
     def _begin(self, scan: Scan, truth_id: StringArray, detection: IntArray) -> None:
@@ -109,7 +110,7 @@ class OracleKalman:
         begun = _Followed(
             truth_id[detection],
             self._next_track_id + np.arange(count),
-            _newborn_states(scan.detections, detection, scan.ego, self._options),
+            newborn(scan.detections, detection, scan.ego, self._options),
             np.full(count, scan.time_s),
             np.ones(count, dtype=np.int64),
         )
@@ -118,22 +119,10 @@ class OracleKalman:
 
     def _tracks(self, time_s: float) -> Tracks:
         followed, options = self._followed, self._options
-        mean, std = followed.states.mean, followed.states.std
         confirmed = followed.detections >= options.confirm_detections
         hidden = confirmed & (time_s - followed.last_seen_s > options.hidden_after_s)
-        return Tracks(
-            track_id=followed.track_id,
-            lon_m=mean[:, LON],
-            lat_m=mean[:, LAT],
-            speed_mps=mean[:, SPEED],
-            lat_speed_mps=mean[:, LAT_SPEED],
-            accel_mps2=np.zeros(len(mean)),
-            std_lon_m=std[:, LON],
-            std_lat_m=std[:, LAT],
-            std_speed_mps=std[:, SPEED],
-            existence=np.ones(len(mean)),
-            state=np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8),
-        )
+        state = np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8)
+        return tracks_of(followed.track_id, followed.states.mean, followed.states.std, state)
 
 
 @trackers.register("oracle-kalman")
@@ -154,91 +143,3 @@ def _rounds_without_repetition(truth_id: StringArray) -> list[IntArray]:
                 rounds.append([])
             rounds[nth].append(detection)
     return [np.array(members, dtype=np.int64) for members in rounds]
-
-
-def _update_states(
-    states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray
-) -> GaussianStates:
-    states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
-    states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
-    has_speed = np.isfinite(detections.speed_mps[detection])
-    measured, std = detections.speed_mps[detection], detections.std_speed_mps[detection]
-    return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
-
-
-def _newborn_states(
-    detections: Detections, detection: IntArray, ego: EgoPose, options: OracleOptions
-) -> GaussianStates:
-    count = len(detection)
-    has_speed = np.isfinite(detections.speed_mps[detection])
-    speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
-    std_speed = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
-    std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
-    mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
-    std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
-    return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
-
-
-LON, SPEED, LAT, LAT_SPEED = range(4)
-
-
-@dataclass(frozen=True)
-class GaussianStates:
-    """Gaussian beliefs of n vehicles.
-
-    Attributes:
-        mean: Longitudinal position and speed, lateral position and speed, shape (n, 4).
-        covariance: Shape (n, 4, 4).
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
-
-    @property
-    def std(self) -> FloatArray:
-        """Standard deviation of each state variable, shape (n, 4)."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-
-
-def predict_constant_velocity(
-    states: GaussianStates, interval_s: float, lon_noise: float, lat_noise: float
-) -> GaussianStates:
-    """Predict by the nearly-constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
-
-    Args:
-        states: Beliefs before.
-        interval_s: Time to predict over.
-        lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
-        lat_noise: The same laterally.
-    """
-    transition = np.eye(4)
-    transition[LON, SPEED] = transition[LAT, LAT_SPEED] = interval_s
-    unit_noise = np.array([[interval_s**3 / 3, interval_s**2 / 2], [interval_s**2 / 2, interval_s]])
-    noise = np.zeros((4, 4))
-    noise[:2, :2] = lon_noise * unit_noise
-    noise[2:, 2:] = lat_noise * unit_noise
-    return GaussianStates(states.mean @ transition.T, transition @ states.covariance @ transition.T + noise)
-
-
-def update_variable(
-    states: GaussianStates, index: IntArray, variable: int, measured: FloatArray, std: FloatArray
-) -> GaussianStates:
-    """Update some vehicles by a direct measurement of one state variable.
-
-    Measurements with independent errors may be taken in one after the other, so no matrix is inverted.
-
-    Args:
-        states: Beliefs before.
-        index: Which vehicles are measured, each at most once, shape (k,).
-        variable: ``LON``, ``SPEED``, ``LAT`` or ``LAT_SPEED``.
-        measured: Measured values, shape (k,).
-        std: Standard deviations of their errors, shape (k,).
-    """
-    prior = taken(states, index)
-    cross = prior.covariance[:, :, variable]
-    gain = cross / (cross[:, variable] + std**2)[:, None]
-    mean, covariance = states.mean.copy(), states.covariance.copy()
-    mean[index] = prior.mean + gain * (measured - prior.mean[:, variable])[:, None]
-    posterior = prior.covariance - gain[:, :, None] * cross[:, None, :]
-    covariance[index] = 0.5 * (posterior + posterior.transpose(0, 2, 1))
-    return replace(states, mean=mean, covariance=covariance)

@@ -15,11 +15,20 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from harness.trackers.oracle import LAT, LAT_SPEED, LON, SPEED, GaussianStates, predict_constant_velocity
+from harness.trackers.kalman import (
+    LAT,
+    LAT_SPEED,
+    LON,
+    SPEED,
+    GaussianStates,
+    newborn,
+    predict_constant_velocity,
+    updated,
+)
 from harness.trackers.plane import PlaneTracker, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.boxes import FlatBoxes, generalised_overlap
-from harness.trackers.rivals.gaussian import best_pairs, in_order, newborn, pairs_of, scaled, updated
+from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.lives import Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import RivalOptions, in_frame
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped

@@ -1,4 +1,4 @@
-"""Gaussian beliefs against detections: distances, likelihoods, updates and first beliefs, all pairs at once."""
+"""Gaussian beliefs against detections: distances, likelihoods and pairs, all at once."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from harness.trackers.oracle import LAT, LON, SPEED, GaussianStates, update_variable
-from harness.trackers.rivals.options import RivalOptions
+from harness.trackers.kalman import LAT, LON
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.scan import Detections, EgoPose
+from mmpf.scan import Detections
 
 _TWO_PI = 2.0 * np.pi
 
@@ -49,7 +48,7 @@ def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -
     """Compare beliefs and detections by position.
 
     Args:
-        mean: Means whose rows are those of ``oracle.LON`` and so on, shape (n, 4 or more).
+        mean: Means whose rows are those of ``kalman.LON`` and so on, shape (n, 4 or more).
         covariance: Covariances of the same order.
         detections: The detections, d of them.
     """
@@ -61,34 +60,6 @@ def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -
     determinant = lon_lon * lat_lat - lon_lat**2
     squared = (lat_lat * off_lon**2 - 2.0 * lon_lat * off_lon * off_lat + lon_lon * off_lat**2) / determinant
     return Pairs(squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI))
-
-
-def updated(states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray) -> GaussianStates:
-    """Return beliefs after a detection each of some of them: place, and speed where it is measured.
-
-    Args:
-        states: Beliefs before.
-        index: Whose detections they are, each at most once, shape (k,).
-        detections: All detections.
-        detection: Which of them, shape (k,).
-    """
-    states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
-    states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
-    has_speed = np.isfinite(detections.speed_mps[detection])
-    measured, std = detections.speed_mps[detection], detections.std_speed_mps[detection]
-    return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
-
-
-def newborn(detections: Detections, detection: IntArray, ego: EgoPose, options: RivalOptions) -> GaussianStates:
-    """Return first beliefs at some detections, shape (k,): as fast as the ego where speed is not measured."""
-    count = len(detection)
-    has_speed = np.isfinite(detections.speed_mps[detection])
-    speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
-    std_speed = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
-    std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
-    mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
-    std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
-    return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
 
 
 def best_pairs(gain: FloatArray, allowed: BoolArray) -> tuple[IntArray, IntArray]:

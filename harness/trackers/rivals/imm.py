@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.trackers.oracle import LAT, LAT_SPEED, LON, SPEED
+from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED
 from mmpf.compute.arrays import FloatArray, IntArray, taken
 from mmpf.scan import Detections
 

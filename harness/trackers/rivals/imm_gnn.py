@@ -12,10 +12,10 @@ from typing import Annotated
 
 import numpy as np
 
-from harness.trackers.oracle import LAT, LON
+from harness.trackers.kalman import LAT, LON, newborn
 from harness.trackers.plane import PlaneTracker, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
-from harness.trackers.rivals.gaussian import best_pairs, in_order, newborn, pairs_of, scaled
+from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.imm import (
     ACCEL,
     MODELS,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.trackers.oracle import LAT, LAT_SPEED, LON, SPEED
+from harness.trackers.kalman import tracks_of
 from harness.trackers.rivals.options import RivalOptions
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import EgoPose
@@ -94,16 +94,10 @@ def reported(
     std = np.maximum(np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)), SMALLEST_STD)
     confirmed = lives.confirmed(options)
     hidden = confirmed & (time_s - lives.last_seen_s > options.hidden_after_s + TIME_TOLERANCE_S)
-    return Tracks(
-        track_id=lives.track_id.astype(np.int64),
-        lon_m=mean[:, LON],
-        lat_m=mean[:, LAT],
-        speed_mps=mean[:, SPEED],
-        lat_speed_mps=mean[:, LAT_SPEED],
-        accel_mps2=np.zeros(len(mean)),
-        std_lon_m=std[:, LON],
-        std_lat_m=std[:, LAT],
-        std_speed_mps=std[:, SPEED],
-        existence=np.ones(len(mean)) if existence is None else np.clip(existence, 0.0, 1.0),
-        state=np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8),
+    return tracks_of(
+        lives.track_id.astype(np.int64),
+        mean,
+        std,
+        np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8),
+        None if existence is None else np.clip(existence, 0.0, 1.0),
     )

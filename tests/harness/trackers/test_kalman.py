@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.trackers.oracle import LAT, LON, SPEED, GaussianStates, predict_constant_velocity, update_variable
+from harness.trackers.kalman import LAT, LON, SPEED, GaussianStates, predict_constant_velocity, update_variable
 
 
 def random_states(count: int, rng: np.random.Generator) -> GaussianStates:

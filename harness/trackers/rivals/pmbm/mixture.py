@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.trackers.oracle import GaussianStates
-from harness.trackers.rivals.gaussian import pairs_of, updated
+from harness.trackers.kalman import GaussianStates, updated
+from harness.trackers.rivals.gaussian import pairs_of
 from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import (
     NO_TRACK,

@@ -14,10 +14,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from harness.trackers.oracle import LAT, LAT_SPEED, LON, SPEED, predict_constant_velocity
+from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict_constant_velocity
 from harness.trackers.plane import PlaneTracker, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
-from harness.trackers.rivals.gaussian import in_order, newborn, scaled
+from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import RivalOptions, in_frame
 from harness.trackers.rivals.pmbm.clusters import Limits

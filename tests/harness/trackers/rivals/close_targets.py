@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from harness.trackers.oracle import (
+from harness.trackers.kalman import (
     LAT,
     LON,
     GaussianStates,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from harness.trackers.oracle import (
+from harness.trackers.kalman import (
     LAT,
     LAT_SPEED,
     LON,

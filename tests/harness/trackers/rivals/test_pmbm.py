@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.trackers.oracle import LAT, LON, SPEED
+from harness.trackers.kalman import LAT, LON, SPEED
 from harness.trackers.rivals.pmbm.clusters import NO_TRACK, Cluster, Limits, merged, simplified, together, united
 from harness.trackers.rivals.pmbm.mixture import Mixture, Pruning
 from tests.harness.trackers.rivals import close_targets

@@ -1,0 +1,157 @@
+"""Kalman filters of many vehicles at once: nearly constant velocity, measured directly, reported as tracks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from mmpf.compute.arrays import FloatArray, IntArray, taken
+from mmpf.scan import Detections, EgoPose
+from mmpf.tracks import Tracks
+
+LON, SPEED, LAT, LAT_SPEED = range(4)
+
+
+@dataclass(frozen=True)
+class GaussianStates:
+    """Gaussian beliefs of n vehicles.
+
+    Attributes:
+        mean: Longitudinal position and speed, lateral position and speed, shape (n, 4).
+        covariance: Shape (n, 4, 4).
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviation of each state variable, shape (n, 4)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+class BirthSpread(Protocol):
+    """How widely the speeds of a new belief are spread; options of trackers are."""
+
+    @property
+    def birth_speed_std_mps(self) -> float:
+        """Deviation of the speed around the ego's, where speed is not measured, m/s."""
+        ...
+
+    @property
+    def birth_lat_speed_std_mps(self) -> float:
+        """Deviation of the lateral speed around zero, m/s."""
+        ...
+
+
+def predict_constant_velocity(
+    states: GaussianStates, interval_s: float, lon_noise: float, lat_noise: float
+) -> GaussianStates:
+    """Predict by the nearly-constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
+
+    Args:
+        states: Beliefs before.
+        interval_s: Time to predict over.
+        lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
+        lat_noise: The same laterally.
+    """
+    transition = np.eye(4)
+    transition[LON, SPEED] = transition[LAT, LAT_SPEED] = interval_s
+    unit_noise = np.array([[interval_s**3 / 3, interval_s**2 / 2], [interval_s**2 / 2, interval_s]])
+    noise = np.zeros((4, 4))
+    noise[:2, :2] = lon_noise * unit_noise
+    noise[2:, 2:] = lat_noise * unit_noise
+    return GaussianStates(states.mean @ transition.T, transition @ states.covariance @ transition.T + noise)
+
+
+def update_variable(
+    states: GaussianStates, index: IntArray, variable: int, measured: FloatArray, std: FloatArray
+) -> GaussianStates:
+    """Update some vehicles by a direct measurement of one state variable.
+
+    Measurements with independent errors may be taken in one after the other, so no matrix is inverted.
+
+    Args:
+        states: Beliefs before.
+        index: Which vehicles are measured, each at most once, shape (k,).
+        variable: ``LON``, ``SPEED``, ``LAT`` or ``LAT_SPEED``.
+        measured: Measured values, shape (k,).
+        std: Standard deviations of their errors, shape (k,).
+    """
+    prior = taken(states, index)
+    cross = prior.covariance[:, :, variable]
+    gain = cross / (cross[:, variable] + std**2)[:, None]
+    mean, covariance = states.mean.copy(), states.covariance.copy()
+    mean[index] = prior.mean + gain * (measured - prior.mean[:, variable])[:, None]
+    posterior = prior.covariance - gain[:, :, None] * cross[:, None, :]
+    covariance[index] = 0.5 * (posterior + posterior.transpose(0, 2, 1))
+    return replace(states, mean=mean, covariance=covariance)
+
+
+def updated(states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray) -> GaussianStates:
+    """Return beliefs after a detection each of some of them: place, and speed where it is measured.
+
+    Args:
+        states: Beliefs before.
+        index: Whose detections they are, each at most once, shape (k,).
+        detections: All detections.
+        detection: Which of them, shape (k,).
+    """
+    states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
+    states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
+    has_speed = np.isfinite(detections.speed_mps[detection])
+    measured, std = detections.speed_mps[detection], detections.std_speed_mps[detection]
+    return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
+
+
+def newborn(detections: Detections, detection: IntArray, ego: EgoPose, spread: BirthSpread) -> GaussianStates:
+    """Return first beliefs of k vehicles: as fast as the ego where speed is not measured.
+
+    Args:
+        detections: All detections.
+        detection: Which of them begin a belief, shape (k,).
+        ego: The sensor's vehicle.
+        spread: How widely speeds that are not measured are spread.
+    """
+    count = len(detection)
+    has_speed = np.isfinite(detections.speed_mps[detection])
+    speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
+    std_speed = np.where(has_speed, detections.std_speed_mps[detection], spread.birth_speed_std_mps)
+    std_lat_speed = np.full(count, spread.birth_lat_speed_std_mps)
+    mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
+    std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
+    return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
+
+
+def tracks_of(
+    track_id: IntArray,
+    mean: FloatArray,
+    std: FloatArray,
+    state: npt.NDArray[np.int8],
+    existence: FloatArray | None = None,
+) -> Tracks:
+    """Return beliefs as they are reported.
+
+    Args:
+        track_id: Identities, shape (n,).
+        mean: Means that begin with ``LON, SPEED, LAT, LAT_SPEED``, shape (n, 4 or more).
+        std: Deviations in the same order.
+        state: ``TENTATIVE``, ``CONFIRMED`` or ``HIDDEN``, shape (n,).
+        existence: Probability that each is a vehicle, shape (n,); one if None.
+    """
+    return Tracks(
+        track_id=track_id,
+        lon_m=mean[:, LON],
+        lat_m=mean[:, LAT],
+        speed_mps=mean[:, SPEED],
+        lat_speed_mps=mean[:, LAT_SPEED],
+        accel_mps2=np.zeros(len(mean)),
+        std_lon_m=std[:, LON],
+        std_lat_m=std[:, LAT],
+        std_speed_mps=std[:, SPEED],
+        existence=np.ones(len(mean)) if existence is None else existence,
+        state=state,
+    )
