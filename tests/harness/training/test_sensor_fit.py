@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import ks_2samp
 
 from harness.sensor.settings import SensorSettings
-from harness.training.sensor_fit import (
+from harness.training.sensor_figures import (
     Ghostly,
     area_under_curve,
     chances,
@@ -19,8 +19,8 @@ from harness.training.sensor_fit import (
     fit_drift,
     fit_ghosts,
     lives_drawn,
-    main,
 )
+from harness.training.sensor_fit import main
 from harness.training.sensor_records import (
     FalseObjects,
     Looks,
