@@ -15,7 +15,7 @@ from harness.scoring.settings import ScoringSettings
 from harness.sensor.observation import HIDDEN, OUT, Look
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import Detections
 from mmpf.tracks import TENTATIVE, Tracks
 
@@ -71,7 +71,7 @@ class TrackedPerception:
             width_m=sizes[:, 1],
         )
 
-    def _measure(self, tracks: Tracks, reported: np.ndarray[tuple[int], np.dtype[np.int64]], found: Detections) -> None:
+    def _measure(self, tracks: Tracks, reported: IntArray, found: Detections) -> None:
         """Add what the detection nearest to each reported track measures of its size."""
         sizes = found.sizes
         if sizes is None or not len(reported):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.errors import InputError
 from harness.grid.cells import Cell, Grid
 from harness.grid.gridfolder import KEPT, RUNS
+from harness.grid.kept import keeping
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, make_rows
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.rows import Row, assemble, column_of
@@ -101,13 +102,12 @@ def run_drives(
     _check(grid, user)
 
     def execute(cells: list[Cell], on_row: OnRow) -> None:
-        keep_in = (out / KEPT).resolve()
-        run_cells([replace(cell, keep_in=keep_in) for cell in cells], how.workers, how.timeout_s, on_row, WORKER)
+        run_cells(cells, how.workers, how.timeout_s, on_row, WORKER)
 
     return make_rows(
         Making(grid, request.as_table(), command, ownership.DRIVE),
         out,
-        execute,
+        keeping(execute, out),
         partial(_write_outcome, grid, request, out),
         resume=how.resume or how.retry_failed,
         retry_failed=how.retry_failed,

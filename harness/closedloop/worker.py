@@ -165,20 +165,13 @@ def _no_candidate(run: PlannedDrive) -> Row:
     return finished_row(run, {"drive": {"ended": NO_CANDIDATE}}, 0.0) | {"total_s": None}
 
 
-_REHEARSED: set[str] = set()
-
-
 def _rehearse(traffic: Traffic, at: HandOver, run: PlannedDrive) -> None:
-    """Load and compile here what a tracker needs, once for all forks."""
+    """Load and compile here what a tracker needs, for all forks to come."""
     config = run.config
-    name = config.tracker.model_dump_json()
-    if name in _REHEARSED:
-        return
     sensor, road = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides)), traffic.network.road
     rng = np.random.default_rng(0)
     looks = tuple(Look(frame, sensor.observe(frame, road, rng)) for frame in at.frames[:REHEARSED_STEPS])
     track(Looks(road, traffic.step_s, len(looks), sensor.model(road), looks), tracker_builder(config), 0)
-    _REHEARSED.add(name)
 
 
 def _reason(error: Exception) -> str:
