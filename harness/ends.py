@@ -18,6 +18,14 @@ CODES = {
 _received: list[signal.Signals] = []
 
 
+class _ToldToEndError(KeyboardInterrupt):
+    """Raised by a signal.
+
+    Python ends a program by SIGINT, whatever its exit code, if a ``KeyboardInterrupt`` of exactly that class ever left
+    code that ``exec`` runs, as dataclasses do while modules are read.
+    """
+
+
 @contextmanager
 def ends_like_ctrl_c() -> Iterator[None]:
     """Let SIGTERM and SIGHUP too raise ``KeyboardInterrupt`` in the block; what is ignored (nohup) stays so."""
@@ -57,4 +65,4 @@ def ignore_ends() -> None:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     _received.append(signal.Signals(number))
-    raise KeyboardInterrupt
+    raise _ToldToEndError

@@ -2,12 +2,27 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from harness import cli, exitcodes
 from harness.cli import run_command_line
 from harness.ends import code_of_end, ends_like_ctrl_c
+
+READS_A_DATACLASS = """
+import sys
+from harness.ends import code_of_end, ends_like_ctrl_c
+
+with ends_like_ctrl_c():
+    try:
+        exec("import os, signal, time; os.kill(os.getpid(), signal.{end}); time.sleep(9)")
+    except KeyboardInterrupt:
+        code = code_of_end()
+sys.exit(code)
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -24,6 +39,19 @@ def test_what_ends_a_process_from_outside_is_an_interrupt_with_a_code_of_its_own
     assert run_command_line(["nets"]) == code
     assert capsys.readouterr().err == "interrupted\n"
     assert signal.getsignal(end) is signal.SIG_DFL
+
+
+@pytest.mark.parametrize(("end", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_the_code_is_the_same_while_a_library_runs_code_that_it_wrote_itself(end, code, tmp_path):
+    (tmp_path / "told.py").write_text(READS_A_DATACLASS.format(end=end))
+    ended = subprocess.run(
+        [sys.executable, "-m", "told"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        check=False,
+    )
+    assert ended.returncode == code
 
 
 def test_an_error_that_a_library_makes_of_a_signal_is_an_interrupt(monkeypatch, capsys):
