@@ -46,15 +46,17 @@ class UnseenOptions(Settings):
     """The density is a mean over about this time."""
     density_within: Probability = 0.6
     """Vehicles within this share of the range tell the density."""
-    settled_s: NotNegative = 1.0
+    settled_s: NotNegative = 0.3
     """Looks thin the field for good from then on: before, there is not yet a track of everything that hides others."""
-    room_m: NotNegative = 8.0
-    """No other vehicle's middle is nearer than this to a known one's, along the lane."""
+    room_m: NotNegative = 6.0
+    """No other vehicle's middle is nearer than this to a known one's that stands, along the lane."""
+    headway_s: NotNegative = 0.8
+    """The room around a known vehicle that drives is longer by what it drives in this time."""
     flow_length_m: Positive = 30.0
     """The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
-    spread_m2_per_s: Annotated[NotNegative, in_unit("m²/s")] = 20.0
+    spread_m2_per_s: Annotated[NotNegative, in_unit("m²/s")] = 30.0
     """How fast the field spreads along a lane, since drivers differ in speed."""
-    mixing_s: Positive = 20.0
+    mixing_s: Positive = 3.0
     """Hidden traffic is back at the usual density after this time, where that is 30 vehicles per kilometre of lane: by
     drivers' own ways, and by tracks that are confused. The rate grows with the square of the density.
     """
@@ -128,7 +130,7 @@ class UnseenTraffic:
         left = self._field_m[near] * self._overlooked(cells, apart, plane)
         if self._watched_s >= self.options.settled_s:
             self._field_m[near] = left
-        expected = self._density_per_m * left * apart.free_share(self.options.room_m)
+        expected = self._density_per_m * left * apart.free_share(self.options.room_m, self.options.headway_s)
         if self._previous is not None:
             self._learn_density(cells, expected, apart, plane, scan.time_s - self._previous[0])
         self._previous = scan.time_s, tracks
@@ -255,19 +257,24 @@ class _Apart:
     def flow_mps(self, length_m: float) -> FloatArray:
         """Return the speed of the traffic around each cell, shape (n,)."""
         there = self._there
-        speeds = np.append(self.tracks.speed_mps, self.ego_speed_mps)[there]
+        speeds = self._speed_mps[there]
         weight = np.exp(-np.hypot(self.along_m[:, there], 3.0 * self.across_m[:, there]) / length_m)
         return np.asarray(np.maximum(weight @ speeds, 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
 
-    def free_share(self, room_m: float) -> FloatArray:
+    @property
+    def _speed_mps(self) -> FloatArray:
+        return np.append(self.tracks.speed_mps, self.ego_speed_mps)
+
+    def free_share(self, room_m: float, headway_s: float) -> FloatArray:
         """Return the probability that no known vehicle takes up the place, shape (n,)."""
+        room = room_m + headway_s * np.maximum(self._speed_mps, 0.0)
         std = np.append(np.maximum(self.tracks.std_lon_m, 0.1), 0.1)
         existence = np.append(self.tracks.existence, 1.0)
         in_lane = self._there & (np.abs(self.across_m) < BESIDE_LANE_M)
-        near = in_lane & (np.abs(self.along_m) < room_m + FARTHEST_STD * std)
+        near = in_lane & (np.abs(self.along_m) < room + FARTHEST_STD * std)
         cell, vehicle = np.nonzero(near)
-        along, spread = self.along_m[near], std[vehicle]
-        taken_up = existence[vehicle] * (ndtr((room_m - along) / spread) - ndtr((-room_m - along) / spread))
+        along, spread, reach = self.along_m[near], std[vehicle], room[vehicle]
+        taken_up = existence[vehicle] * (ndtr((reach - along) / spread) - ndtr((-reach - along) / spread))
         free = np.ones(len(self.along_m))
         np.multiply.at(free, cell, 1.0 - taken_up)
         return free

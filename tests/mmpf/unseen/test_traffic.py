@@ -53,9 +53,10 @@ def test_on_an_open_road_nobody_is_expected():
 def test_a_sensor_that_sees_nothing_expects_the_usual_traffic_everywhere_but_around_the_ego():
     told, ahead = driven([], sensor=SensorModel(detection_probability=0.0))
     per_m = told.expected / told.cells.length_m
-    away = (np.abs(ahead) > 15.0) | (told.cells.lane < 3)
+    room_m = OPTIONS.room_m + OPTIONS.headway_s * 20.0
+    away = (np.abs(ahead) > room_m + 5.0) | (told.cells.lane < 3)
     assert np.ptp(per_m[away]) < 1e-9
-    assert per_m[~away & (np.abs(ahead) < 6.0)].max() < 1e-9
+    assert per_m[~away & (np.abs(ahead) < room_m - 2.0)].max() < 1e-9
 
 
 def test_vehicles_are_expected_behind_one_that_hides_them_and_not_before_it():
@@ -102,6 +103,17 @@ def test_the_density_is_learned_from_the_traffic_that_is_known():
     assert unseen.density_per_km == pytest.approx(1e3 / 15.0, rel=0.15)
 
 
+@pytest.mark.parametrize(("speed_mps", "room_m"), [(0.0, 6.0), (10.0, 14.0), (25.0, 26.0)])
+def test_the_faster_a_vehicle_drives_the_farther_is_the_next_in_its_lane(speed_mps, room_m):
+    unseen = UnseenTraffic(ROAD, SensorModel(detection_probability=0.0), OPTIONS)
+    one = replace(tracks((1, 40.0, 5.4)), speed_mps=np.array([speed_mps]))
+    told = unseen.step(scan(0.0, speed_mps=0.0), one)
+    away = np.abs(told.cells.lon_m - 340.0)
+    in_lane = told.cells.lane == told.cells.lane[np.hypot(away, told.cells.lat_m - 5.4).argmin()]
+    assert away[in_lane & (told.expected < 0.01)].max() <= room_m + 2.5
+    assert away[in_lane & (told.expected > 0.05)].min() >= room_m - 2.5
+
+
 def test_the_order_of_the_tracks_means_nothing():
     vehicles = [(1, 12.0, 5.4), (2, 30.0, 1.8), (3, -20.0, 9.0)]
     one, _ = driven(vehicles)
@@ -126,11 +138,11 @@ def test_without_a_map_nothing_is_expected_anywhere():
         assert len(unseen.step(scan(time_s), tracks((1, 12.0, 5.4))).expected) == 0
 
 
-def test_what_is_hidden_in_the_first_second_is_not_forgotten_since_no_track_told_of_it_yet():
+def test_what_is_hidden_in_the_first_moments_is_not_forgotten_since_no_track_told_of_it_yet():
     """A tracker needs some scans before it has a track of the vehicle that hides others."""
     found_late = UnseenTraffic(ROAD, SENSOR, OPTIONS)
     for time_s in np.arange(12) / 10:
-        vehicles = [(1, 12.0, 5.4)] if time_s >= 0.5 else []
+        vehicles = [(1, 12.0, 5.4)] if time_s >= 0.3 else []
         late = found_late.step(scan(time_s), tracks(*vehicles, time_s=time_s))
     known, _ = driven([(1, 12.0, 5.4)], seconds=1.2)
     np.testing.assert_allclose(late.expected, known.expected, atol=0.01)
