@@ -15,7 +15,7 @@ from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.errors import InputError
 from harness.grid.cells import Cell, Grid
-from harness.grid.gridfolder import KEPT, RUNS
+from harness.grid.gridfolder import FIGURES, KEPT, RUNS
 from harness.grid.kept import keeping
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, make_rows
 from harness.grid.pool import OnRow, run_cells
@@ -29,7 +29,7 @@ from harness.writing.numbers import without_nan
 if TYPE_CHECKING:
     import pandas as pd
 
-FIGURES, FIGURE = "figures", "drives.png"
+FIGURE = "drives.png"
 WORKER = "harness.closedloop.worker"
 PAGES_OF_EACH = 3
 """Of each belief and bias so many collisions, the hardest, get a page with a replay; the others keep their folders."""

@@ -16,7 +16,7 @@ from harness.runfolder import ownership
 from harness.runfolder.lock import LOCK, lock_within
 from harness.writing.files import is_temporary
 
-ROWS, RUNS, GRID, KEPT = "runs", "runs.parquet", "grid.json", "kept"
+ROWS, RUNS, GRID, KEPT, FIGURES = "runs", "runs.parquet", "grid.json", "kept", "figures"
 
 
 @contextmanager
@@ -73,9 +73,10 @@ def _is_earlier_grid(out: Path) -> bool:
 
 def _clean(out: Path, rows: Path, kind: str) -> None:
     """Remove half-written files of a process that was killed."""
-    for path in (*out.iterdir(), *rows.iterdir()):
-        if is_temporary(path.name) and path.is_file():
-            path.unlink()
+    for folder in (out, rows, out / FIGURES, out / KEPT, *(out / KEPT).glob("*"), *(out / KEPT).glob(f"*/{FIGURES}")):
+        for path in folder.iterdir() if folder.is_dir() else ():
+            if is_temporary(path.name) and path.is_file():
+                path.unlink()
     for path in rows.iterdir():
         if not path.is_file():
             raise InputError(f"`out`: {path} is no file of a {ownership.plain(kind)}; move it away")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from harness.errors import InputError
 from harness.grid.cells import MISMATCH, RECORDING, Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
-from harness.grid.gridfolder import RUNS
+from harness.grid.gridfolder import FIGURES, RUNS
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.rows import Row, assemble
 from harness.grid.summary import Break, Point, breaks, curve_points
@@ -22,9 +22,6 @@ from harness.writing.numbers import without_nan
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-FIGURES = "figures"
 
 
 @dataclass(frozen=True)

@@ -142,9 +142,12 @@ def test_an_existing_folder_is_never_overwritten_without_asking(whole, tmp_path)
 
 
 def test_half_written_files_of_a_killed_grid_are_removed(finished):
-    (finished / "runs" / ".left.json.123.partial").write_text("{")
+    (finished / "kept" / "a run" / "figures").mkdir(parents=True)
+    (finished / "notes").mkdir()
+    for folder in (".", "runs", "figures", "kept", "kept/a run", "kept/a run/figures", "notes"):
+        (finished / folder / ".left.json.123.partial").write_text("{")
     grid(finished, resume=True)
-    assert not list(finished.rglob("*.partial"))
+    assert [path.parent.name for path in finished.rglob("*.partial")] == ["notes"]
 
 
 def test_a_failing_tracker_is_a_row_and_the_others_run_on(tmp_path):
