@@ -110,8 +110,7 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str]) -> str:
         "|---|---|---:|---:|---:|---:|---:|",
     ]
     for cost in found:
-        low, high = cost.hota_loss_ci95
-        loss = "" if cost.mismatch == AS_IS else f"{cost.hota_loss:.1f} [{low:.1f}, {high:.1f}]"
+        loss = "" if cost.mismatch == AS_IS else _with_interval(cost.hota_loss, cost.hota_loss_ci95)
         name = " ".join(word for word in (cost.variant, cost.model) if word)
         lines.append(
             f"| {name} | {cost.mismatch} | {cost.hota:.1f} | {loss} | {cost.id_switches:.1f} | "
@@ -132,6 +131,12 @@ def _interval(values: FloatArray) -> tuple[float, float]:
         return float("nan"), float("nan")
     interval = few_groups_ci(values, np.ones(len(values)))
     return interval.low, interval.high
+
+
+def _with_interval(loss: float, ends: tuple[float, float]) -> str:
+    if not np.isfinite(loss):
+        return "-"
+    return f"{loss:.1f} [{ends[0]:.1f}, {ends[1]:.1f}]" if np.isfinite(ends[0]) else f"{loss:.1f}"
 
 
 def _percent(share: float) -> str:

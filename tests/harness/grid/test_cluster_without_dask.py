@@ -1,0 +1,136 @@
+"""What is asked of a cluster and made of its answers; the cluster is one of this process."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from harness.errors import InputError, RunError
+from harness.grid import cluster
+from harness.grid.cluster import CONNECT_S, MEND, connect, run_cell, run_cells_on_cluster
+from harness.grid.grid import GridRequest, plan_grid
+
+CELLS = plan_grid(GridRequest(densities="20", seeds="3", trackers="mmpf,pmbm", duration_s=1.0)).cells
+
+
+class Task:
+    """A task of a cluster; ``error`` is what became of it."""
+
+    def __init__(self, cell, error: Exception | str | None) -> None:
+        self.cell, self.error, self.released, self.limits = cell, error, 0, []
+        self.status = error if isinstance(error, str) else "error" if error else "finished"
+
+    def exception(self, timeout: float) -> Exception | None:
+        self.limits.append(timeout)
+        if self.status == "lost":
+            raise TimeoutError
+        return None if isinstance(self.error, str) else self.error
+
+    def result(self, timeout: float) -> list:
+        self.limits.append(timeout)
+        return [(run.key, {"seed": run.config.seed}) for run in self.cell.runs]
+
+    def release(self) -> None:
+        self.released += 1
+
+    def done(self) -> bool:
+        return self.released > 0
+
+
+class Cluster:
+    """A cluster that ends its tasks backwards."""
+
+    loop = "the loop"
+
+    def __init__(self, *errors: Exception | str | None) -> None:
+        self.errors, self.asked, self.tasks, self.cancelled = list(errors), [], [], None
+
+    def submit(self, work, cell, timeout_s, **options) -> Task:
+        self.asked.append((work, cell, timeout_s, options))
+        self.tasks.append(Task(cell, self.errors.pop(0)))
+        return self.tasks[-1]
+
+    def cancel(self, tasks) -> None:
+        self.cancelled = tasks
+        raise OSError("gone")
+
+
+@pytest.fixture(autouse=True)
+def distributed(monkeypatch):
+    made = SimpleNamespace(as_completed=lambda tasks, loop: reversed(tasks) if loop == "the loop" else ())
+    monkeypatch.setitem(sys.modules, "distributed", made)
+    return made
+
+
+def test_each_cell_is_a_task_whose_rows_are_told_once():
+    client, rows = Cluster(None, None, None), {}
+    run_cells_on_cluster(client, CELLS, 30.0, rows.__setitem__)
+    assert client.asked == [(run_cell, cell, 30.0, {"pure": False, "retries": 3}) for cell in CELLS]
+    assert list(rows) == [run.key for cell in reversed(CELLS) for run in cell.runs]
+    assert [row["seed"] for row in rows.values()] == [2, 2, 1, 1, 0, 0]
+    assert [(task.released, task.limits) for task in client.tasks] == [(1, [CONNECT_S, CONNECT_S])] * 3
+    assert client.cancelled == []
+
+
+def test_a_cell_that_the_cluster_gives_up_is_failed_rows_with_its_reason():
+    client, rows = Cluster(None, ValueError("no\nway"), None), {}
+    run_cells_on_cluster(client, CELLS, None, rows.__setitem__)
+    failed = [row for row in rows.values() if row.get("succeeded") is False]
+    assert [row["seed"] for row in failed] == [1, 1]
+    assert {row["error"] for row in failed} == {"the cluster gave the task up: ValueError: no way"}
+    assert {row["total_s"] for row in failed} == {0.0}
+
+
+@pytest.mark.parametrize(("how", "word"), [("cancelled", ""), ("lost", " (TimeoutError)"), ("pending", "")])
+def test_a_lost_scheduler_ends_all_in_one_line_that_says_how_to_go_on(how, word):
+    client, rows = Cluster(None, how, None), {}
+    with pytest.raises(RunError) as caught:
+        run_cells_on_cluster(client, CELLS, None, rows.__setitem__)
+    assert str(caught.value) == f"the connection to the cluster's scheduler was lost{word}; {MEND}"
+    assert [row["seed"] for row in rows.values()] == [2, 2]
+    assert client.cancelled == client.tasks[:2]
+
+
+def test_a_task_runs_its_cell_in_one_process_of_its_own(monkeypatch):
+    asked = []
+
+    def run_cells(cells, workers, timeout_s, on_row) -> None:
+        asked.append((cells, workers, timeout_s))
+        for key in "ab":
+            on_row(key, {"of": key})
+
+    monkeypatch.setattr(cluster, "run_cells", run_cells)
+    assert run_cell(CELLS[1], 7.0) == [("a", {"of": "a"}), ("b", {"of": "b"})]
+    assert asked == [([CELLS[1]], 1, 7.0)]
+
+
+def test_a_connection_is_nobodys_default_and_its_log_is_silent(distributed):
+    distributed.Client = lambda address, **options: (address, options)
+    logging.getLogger("distributed.made.up").setLevel(logging.INFO)
+    logging.getLogger("other.made.up").setLevel(logging.INFO)
+    assert connect("tcp://h:1") == ("tcp://h:1", {"timeout": CONNECT_S, "set_as_default": False})
+    levels = [logging.getLogger(f"{name}.made.up").level for name in ("distributed", "other")]
+    assert levels == [logging.CRITICAL, logging.INFO]
+
+
+@pytest.mark.parametrize(("error", "told"), [(OSError("timed\n out"), "timed out"), (ValueError(), "ValueError")])
+def test_a_scheduler_that_does_not_answer_is_told_with_what_is_wrong(distributed, error, told):
+    def refuse(address, **options):
+        raise error
+
+    distributed.Client = refuse
+    with pytest.raises(InputError) as caught:
+        connect("tcp://h:1")
+    assert str(caught.value) == (
+        f"`scheduler` tcp://h:1: no scheduler answers ({told}); for example `scheduler` tcp://host:8786"
+    )
+
+
+def test_without_dask_it_is_told_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError) as caught:
+        connect("tcp://h:1")
+    assert str(caught.value) == "`scheduler` needs Dask, which is not installed: pip install '.[cluster]'"

@@ -1,0 +1,313 @@
+"""What a stress test says, keeps and writes, in files and words that are known beforehand; the runs are made up."""
+
+from __future__ import annotations
+
+import errno
+import json
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from harness.errors import InputError, RunError
+from harness.grid import making, stress
+from harness.grid.cells import Cell
+from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.making import Telling, on_stderr
+from harness.grid.rows import failed_row, finished_row
+from harness.grid.stress import run_stress
+from harness.runfolder import ownership
+
+REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
+METRICS = {"mot": {"hota": 80.0}, "occlusion": {"same_id": 30.0, "events": 40.0}, "run": {"left": "out"}}
+
+
+class MadeUp:
+    """Runs nothing: every run ends at once, those of one key badly; notes the order of the cells."""
+
+    def __init__(self, bad: str = "", stop_after: int = 1000) -> None:
+        self.bad, self.left, self.cells = bad, stop_after, []
+
+    def __call__(self, cells, on_row) -> None:
+        self.cells += cells
+        for run in (run for cell in cells for run in cell.runs):
+            if not self.left:
+                raise KeyboardInterrupt
+            self.left -= 1
+            broke = run.key == self.bad
+            on_row(run.key, failed_row(run, "it broke", 1.5) if broke else finished_row(run, METRICS, 2.5))
+
+
+@pytest.fixture(autouse=True)
+def drawn(monkeypatch) -> list:
+    """Let no figure be drawn: which of them are saved where, and of what, is noted."""
+    noted: list = []
+    monkeypatch.setattr(stress, "save_figure", lambda figure, path: noted.append((figure, path)))
+    for place in ("tables.curves_figure", "pooled_tables.hidden_figure"):
+        monkeypatch.setattr(f"harness.grid.{place}", lambda *words: words)
+    return noted
+
+
+def telling(said: list, workers: int | None = None) -> Telling:
+    return Telling(True, warn=lambda line: said.append(f"warned {line}"), tell=said.append, workers=workers)
+
+
+def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn):
+    bad = plan_grid(REQUEST).runs[3]
+    finished = run_stress(REQUEST, tmp_path / "out", MadeUp(bad.key), command="harness stress --seeds 2")
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert told == finished.summary
+    assert list(told) == ["grid", "runs", "failed", "failures", "breaks", "curves"]
+    assert told["grid"] == json.loads(json.dumps(REQUEST.as_table()))
+    words = "net us101, density 20.0, variant detections, seed 1"
+    assert (told["runs"], told["failed"]) == (8, 1)
+    assert told["failures"] == [{"key": bad.key, "run": words, "error": "it broke"}]
+    assert finished.failures == [f"{words}: it broke"]
+    assert told["breaks"][0] == {
+        "label": "mmpf cvm", "density": None, "ci95": None, "held_to": 40.0, "at_lowest": False,
+    }  # fmt: skip
+    assert {"label": "detections", "axis": "density", "value": 40.0, "metric": "mot.hota", "mean": 80.0,
+            "ci95": [80.0, 80.0], "seeds": 2, "n": 2} in told["curves"]  # fmt: skip
+    text = (tmp_path / "out" / "table.md").read_text()
+    assert text.startswith("# Stress test on us101\n\n")
+    assert text.endswith(f"\n## Runs that failed\n\n- {words}: it broke\n")
+    assert (finished.folder, finished.title) == (tmp_path / "out", "Stress test on us101")
+    assert [(of[1:], path) for of, path in drawn] == [
+        (("density", "Stress test on us101"), tmp_path / "out" / "figures" / "over_density.png")
+    ]
+    assert [point.metric for point in drawn[0][0][0]] == [point.metric for point in finished.points]
+    assert (tmp_path / "out" / "summary.json").read_text().startswith('{\n  "grid": {\n    "net": "us101",\n')
+    assert (tmp_path / "out" / "grid.json").read_text() == json.dumps(REQUEST.as_table(), indent=2) + "\n"
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert [manifest[key] for key in ("status", "command", "seed", "steps")] == [
+        "complete", "harness stress --seeds 2", 0, 8,
+    ]  # fmt: skip
+    assert ownership.kind_of(tmp_path / "out") == ownership.STRESS
+    runs = pd.read_parquet(tmp_path / "out" / "runs.parquet")
+    assert list(runs) == [
+        "net", "density", "demand", "tracker", "variant", "model", "update", "seed", "succeeded", "error", "total_s",
+        "mot.hota", "occlusion.events", "occlusion.same_id",
+    ]  # fmt: skip
+    assert runs["total_s"].tolist() == [2.5] * 3 + [1.5] + [2.5] * 4
+    assert runs["error"].dropna().to_dict() == {3: "it broke"}
+    assert runs["density"].dtype == runs["mot.hota"].dtype == "float64"
+
+
+def test_each_varied_axis_has_a_figure_and_a_failed_run_is_told_with_its_place_on_it(tmp_path, drawn):
+    request = GridRequest(
+        densities="20",
+        seeds="1",
+        trackers="mmpf",
+        models="cvm",
+        vary=("sensor.range_m=40,80.5", "tracker.particles=50,60"),
+    )
+    bad = plan_grid(request).runs[3]
+    finished = run_stress(request, tmp_path / "out", MadeUp(bad.key))
+    assert [path.name for _, path in drawn] == ["over_sensor_range_m.png", "over_tracker_particles.png"]
+    assert finished.failures == [
+        "net us101, density 20.0, variant mmpf, model cvm, seed 0, sensor.range_m=80.5, tracker.particles=60: it broke"
+    ]
+
+
+def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
+    request = GridRequest(densities="20", seeds="1", trackers="detections", mismatch=True)
+    bad = plan_grid(request).runs[1]
+    finished = run_stress(request, tmp_path / "out", MadeUp(bad.key))
+    words = "net us101, density 20.0, mismatch noise believed x 0.5, variant detections, seed 0: it broke"
+    assert (tmp_path / "out" / "table.md").read_text().endswith(f"\nFailed:\n\n- {words}\n")
+    assert list(finished.summary) == ["grid", "runs", "failed", "failures", "mismatches"]
+    assert finished.summary["mismatches"][0] == {
+        "variant": "detections", "model": "", "mismatch": "as is", "hota": 80.0, "hota_loss": 0.0,
+        "hota_loss_ci95": [None, None], "id_switches": None, "coverage95_lon": None, "runs": 1,
+    }  # fmt: skip
+    assert (drawn, finished.points, finished.breaks) == ([], (), ())
+
+
+def test_a_grid_over_recordings_leaves_one_figure_and_pooled_numbers(tmp_path, drawn, monkeypatch):
+    pooled = SimpleNamespace()
+    monkeypatch.setattr("harness.grid.pooled.pool_files", lambda table: pooled)
+    monkeypatch.setattr("harness.grid.pooled_tables.pooled_markdown", lambda *words: str(words[1]))
+    monkeypatch.setattr(stress, "asdict", lambda what: {"pooled": what is pooled})
+    told = stress._pooled(pd.DataFrame(), None, None, tmp_path, ["it broke"])
+    assert (told.numbers, told.text, told.points) == ({"pooled": True}, "['it broke']", ())
+    assert drawn == [((pooled,), tmp_path / "hidden.png")]
+
+
+def test_rows_go_into_files_of_their_own_and_the_longest_cells_are_run_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "work_s", lambda cell: cell.config.seed)
+    execute = MadeUp()
+    run_stress(REQUEST, tmp_path / "out", execute)
+    assert [(cell.config.seed, cell.config.traffic.density) for cell in execute.cells] == [
+        (1, 20.0), (1, 40.0), (0, 20.0), (0, 40.0),
+    ]  # fmt: skip
+    run = plan_grid(REQUEST).runs[0]
+    assert json.loads((tmp_path / "out" / "runs" / f"{run.key}.json").read_text()) == {
+        "net": "us101", "density": 20.0, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": "cvm",
+        "update": "joint", "seed": 0, "succeeded": True, "error": None, "total_s": 2.5, "mot.hota": 80.0,
+        "occlusion.same_id": 30.0, "occlusion.events": 40.0,
+    }  # fmt: skip
+
+
+def stopped(out, after: int) -> None:
+    with pytest.raises(
+        Exception, match=f"^interrupted after {after} of 8 runs; go on with the same command and `resume`$"
+    ):
+        run_stress(REQUEST, out, MadeUp(stop_after=after))
+
+
+def test_what_an_interrupted_grid_lacks_is_made_and_nothing_else(tmp_path):
+    out = tmp_path / "out"
+    stopped(out, 3)
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert (manifest["status"], manifest["steps"]) == ("interrupted", 0)
+    for name in ("runs.parquet", "summary.json", "table.md"):
+        (out / name).write_text("old")
+    execute = MadeUp(stop_after=2)
+    with pytest.raises(Exception, match=r"^interrupted after 5 of 8 runs"):
+        run_stress(REQUEST, out, execute, resume=True)
+    assert sum(len(cell.runs) for cell in execute.cells) == 5
+    assert all(isinstance(cell, Cell) and cell.keep_in is None for cell in execute.cells)
+    assert json.loads((out / "manifest.json").read_text())["steps"] == 3
+    assert not any((out / name).exists() for name in ("runs.parquet", "summary.json", "table.md"))
+
+
+@pytest.mark.parametrize(("retry", "again"), [(False, 0), (True, 1)])
+def test_failed_runs_are_made_again_only_where_that_is_asked_for(retry, again, tmp_path):
+    bad = plan_grid(REQUEST).runs[3].key
+    run_stress(REQUEST, tmp_path / "out", MadeUp(bad))
+    execute = MadeUp()
+    told = run_stress(REQUEST, tmp_path / "out", execute, resume=True, **({"retry_failed": True} if retry else {}))
+    assert [run.key for cell in execute.cells for run in cell.runs] == [bad] * again
+    assert told.summary["failed"] == 1 - again
+
+
+@pytest.mark.parametrize("changed", [{"git_revision": "abc"}, {"versions": {"numpy": "0"}}, None])
+def test_runs_of_another_version_are_warned_of(changed, tmp_path):
+    out, said = tmp_path / "out", []
+    stopped(out, 3)
+    run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
+    assert said == []
+    manifest = json.loads((out / "manifest.json").read_text())
+    (out / "manifest.json").write_text("no more" if changed is None else json.dumps(manifest | changed))
+    run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
+    assert said == [f"warned the 8 runs that {out} holds were made by another version of the software; is that meant?"]
+
+
+def test_a_grid_without_runs_warns_of_no_other_version(tmp_path):
+    out, said = tmp_path / "out", []
+    stopped(out, 0)
+    (out / "manifest.json").write_text("{}")
+    run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
+    assert said == []
+
+
+def test_how_long_it_takes_is_told_for_what_is_left_and_so_many_workers(tmp_path, monkeypatch):
+    said: list = []
+    monkeypatch.setattr(making, "expected_s", lambda cells, workers: 100.0 * len(cells) + workers)
+    stopped(tmp_path / "out", 3)
+    run_stress(REQUEST, tmp_path / "out", MadeUp(), resume=True, user=telling(said, 3))
+    assert said == ["5 runs, 3 at a time: roughly 7 minutes, longer on a busy machine"]
+    run_stress(REQUEST, tmp_path / "another", MadeUp(), user=telling(said, None))
+    assert len(said) == 1
+
+
+def test_the_bar_is_headed_by_what_is_made_and_what_was_done_before(tmp_path, monkeypatch):
+    bars: list = []
+
+    @contextmanager
+    def bar(title, total, quiet, before):
+        bars.append([title, total, quiet, before, 0])
+
+        def advance() -> None:
+            bars[-1][-1] += 1
+
+        yield advance
+
+    monkeypatch.setattr(making, "progress_bar", bar)
+    stopped(tmp_path / "out", 3)
+    run_stress(REQUEST, tmp_path / "out", MadeUp(), resume=True, user=Telling(quiet=False))
+    kind = ownership.STRESS
+    assert bars == [
+        [kind, 8, True, f"{kind}: loading, warming up traffic", 3],
+        [f"{kind} (3 of 8 done before)", 5, False, f"{kind} (3 of 8 done before): loading, warming up traffic", 5],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("error", "problem"),
+    [
+        (OSError(errno.ENOSPC, "No space left", "a.json"), "a.json: No space left"),
+        (OSError(errno.ENOSPC, "No space left"), "No space left"),
+        (OSError("odd"), "OSError: odd"),
+        (MemoryError(), "MemoryError"),
+        (MemoryError("all gone"), "MemoryError: all gone"),
+    ],
+)
+def test_what_the_system_refuses_ends_in_one_line_that_says_what_is_kept(error, problem, tmp_path):
+    def execute(cells, on_row) -> None:
+        MadeUp()(cells[:1], on_row)
+        raise error
+
+    out = tmp_path / "out"
+    with pytest.raises(RunError) as caught:
+        run_stress(REQUEST, out, execute)
+    assert str(caught.value) == (
+        f"the {ownership.plain(ownership.STRESS)} in {out} can't go on ({problem}); 2 of 8 runs are kept; once that is "
+        "mended, go on with the same command and `resume`"
+    )
+
+
+def test_the_user_is_warned_on_stderr_and_told_the_rest_unless_quiet(capsys):
+    for quiet in (False, True):
+        user = on_stderr(quiet, 4)
+        assert (user.quiet, user.workers) == (quiet, 4)
+        user.warn("this")
+        user.tell("that")
+    assert capsys.readouterr().err == "warning: this\nthat\nwarning: this\n"
+    plain = Telling()
+    assert (plain.quiet, plain.workers, plain.warn("x"), plain.tell("y")) == (True, None, "x", "y")
+
+
+@pytest.mark.parametrize(
+    ("request_", "problem"),
+    [
+        (GridRequest(densities="20", seeds="1", sensor="nonsense"), "nonsense"),
+        (GridRequest(densities="20", seeds="1", trackers="mmpf+nonsense=1"), "nonsense"),
+        (GridRequest(demands="nonsense", seeds="1"), "no such demand"),
+        (GridRequest(densities="20", seeds="1", settings=("driver.kind=nonsense",)), "driver"),
+        (
+            GridRequest(densities="20", seeds="1", vary=("sensor.range_m=-5,5",)),
+            "^`vary`: .*range_m.*; for example `vary` sensor.range_m=40:160:20$",
+        ),
+    ],
+)
+def test_a_wrong_grid_is_told_before_its_folder_is_made(request_, problem, tmp_path):
+    with pytest.raises(InputError, match=problem):
+        run_stress(request_, tmp_path / "out", MadeUp())
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
+    opened: list = []
+    files = [tmp_path / name for name in ("a.csv", "b.csv")]
+    runs = [SimpleNamespace(config=SimpleNamespace(replay=path, sensor=None)) for path in (*files, *files)]
+
+    def open_looks(config):
+        opened.append(config.replay)
+        return SimpleNamespace(report=f"read {config.replay.name}")
+
+    monkeypatch.setattr("harness.running.open.open_looks", open_looks)
+    said: list = []
+    stress._check_recordings(SimpleNamespace(cells=runs), said.append)
+    assert (opened, said) == (files, ["read a.csv", "read b.csv"])
+
+
+def test_a_network_that_brings_its_own_traffic_takes_no_densities(monkeypatch):
+    own = SimpleNamespace(name="mine", configuration="x.sumocfg", demand=lambda name: None)
+    monkeypatch.setattr("harness.truth.network.network.load_network", lambda name: own)
+    for asked in ({"densities": "20"}, {"demands": "any"}):
+        with pytest.raises(
+            InputError, match=r"^`densities`: mine brings its own demand; leave densities and demands out$"
+        ):
+            stress.check_grid(plan_grid(GridRequest(seeds="1", **asked)), str)

@@ -1,0 +1,157 @@
+"""The texts and figures of a grid, compared whole, each from a small table that is made up."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness.grid import summary, tables
+from harness.grid.summary import Point, breaks, curve_points
+from harness.grid.tables import as_markdown, curves_figure, print_result
+from tests.golden import described, equals_golden
+
+GOLDEN = Path(__file__).parent / "golden"
+TOLD = (
+    *("hidden.hidden_cost_m", "mae.visible.lon_m", "mae.visible.n", "occlusion.same_id", "mot.hota"),
+    *("manoeuvre.straight.position_m", "manoeuvre.left.position_m", "manoeuvre.left.same_id_percent"),
+    *("hidden_by.building.hidden_cost_m", "unseen_turns.right_route_percent", "never_seen.log_skill_percent"),
+    *("against_coasting.hidden.ratio", "timing.tracker_ms.p50"),
+)
+DRAWN = ("hidden.hidden_cost_m", "occlusion.same_id", "mot.hota", "timing.tracker_ms.p50")
+TRACKERS = (("mmpf", "cvm"), ("mmpf+model=idm", "idm"), ("echo", None))
+
+
+@pytest.fixture(autouse=True)
+def _few_quantities(monkeypatch):
+    """Let tables be of a few quantities of each kind, so that another metric leaves the texts here as they are."""
+    known = {quantity.key: quantity for quantity in summary.told_quantities()}
+    for module in (summary, tables):
+        monkeypatch.setattr(module, "told_quantities", lambda: [known[key] for key in TOLD])
+        monkeypatch.setattr(module, "curve_quantities", lambda: [known[key] for key in DRAWN])
+
+
+def number(*key: object) -> float:
+    """Return a number that looks drawn at random and is the same for the same words: 0.00 to 9.96."""
+    return sum(ord(letter) * place for place, letter in enumerate(repr(key), 1)) % 997 / 100.0
+
+
+def row(variant: str, model: str | None, seed: int, **other: object) -> dict[str, object]:
+    key = (variant, seed, *other.values())
+    made = {
+        "net": "curve", "density": None, "demand": None, "variant": variant, "model": model, "seed": seed,
+        "succeeded": True, "occlusion.same_id": 3 * number("kept", *key), "occlusion.events": 40.0,
+        "hidden.n": 5.0 + seed, "mae.visible.n": 30.0 + seed, "mae.visible.of_n": 40.0, "manoeuvre.left.n": 4.0,
+        "manoeuvre.left.events": 0.0, "manoeuvre.straight.n": 40.0, "hidden_by.building.n": 2.0,
+        "unseen_turns.events": 3.0, "against_coasting.hidden.lon_m": 0.1 + 0.1 * number(*key),
+        "against_coasting.hidden.n": 8.0,
+        "against_coasting.hidden.coasting_lon_m": 2.0,
+    }  # fmt: skip
+    measured = set(TOLD) - set(made) - {"against_coasting.hidden.ratio", "never_seen.log_skill_percent"}
+    made |= {name: 10.0 * number(name, *key) for name in sorted(measured)}
+    return made | other
+
+
+def two_networks() -> pd.DataFrame:
+    """Return a grid of two networks and two ranges, in which a run failed and no left turn was lost."""
+    rows = [
+        row(variant, model, seed, net=net, demand="middle", **{"sensor.range_m": range_m})
+        for net, range_m, (variant, model), seed in product(
+            ("curve", "junction"), (40.0, 80.0), TRACKERS[:2], (0, 1, 2)
+        )
+    ]
+    rows[1] |= {"succeeded": False, "hidden.hidden_cost_m": 1e9}
+    rows[2] |= {"hidden.hidden_cost_m": None, "hidden.n": 0.0}
+    for each in rows[::2]:
+        each |= {"manoeuvre.left.position_m": None, "manoeuvre.left.n": 0.0}
+    return pd.DataFrame(rows)
+
+
+def densities() -> pd.DataFrame:
+    """Return a grid over five densities in which trackers break between them, at the lowest, and not at all."""
+    shares = {"mmpf": (99, 80, 52, 30, 35), "mmpf+model=idm": (40, 30, 20, 10, 60), "echo": (90, 80, 70, 60, 51)}
+    rows = []
+    for (variant, model), place, seed in product(TRACKERS, range(5), range(4)):
+        kept = 0.1 * shares[variant][place] + 0.3 * (seed - 1)
+        rows.append(row(variant, model, seed, density=10.0 * (place + 1), **{"occlusion.same_id": kept}))
+        rows[-1] |= {"occlusion.events": 10.0 if place < 4 else 4.0}
+    return pd.DataFrame(rows)
+
+
+def as_lines(points: list[Point]) -> str:
+    def line(point: Point) -> str:
+        mean = "-" if point.mean is None else f"{point.mean:.3f}"
+        ends = "-" if point.ci95 is None else f"{point.ci95[0]:.3f} {point.ci95[1]:.3f}"
+        return f"{point.axis} {point.label} {point.value} {point.metric} {mean} [{ends}] {point.seeds} {point.n}"
+
+    return "\n".join(map(line, points)) + "\n"
+
+
+def test_the_points_of_a_grid_of_networks_and_ranges():
+    equals_golden(as_lines(curve_points(two_networks(), ["sensor.range_m"])), GOLDEN / "points.txt")
+
+
+def test_the_page_of_a_grid_of_networks_and_ranges():
+    table = two_networks()
+    text = as_markdown("Made up", curve_points(table, ["sensor.range_m"]), breaks(table), ["seed 1: it broke"])
+    equals_golden(text, GOLDEN / "networks.md")
+
+
+def test_the_page_of_a_grid_of_densities_tells_where_each_tracker_breaks():
+    table = densities()
+    equals_golden(as_markdown("Made up", curve_points(table, []), breaks(table), []), GOLDEN / "densities.md")
+
+
+def test_a_tracker_is_judged_only_at_densities_of_twenty_occlusions_over_all_seeds():
+    rows = [row("echo", None, seed, density=density) for density in (10.0, 20.0, 30.0) for seed in (0, 1)]
+    for each, (kept, events) in zip(rows, ((9, 10), (8, 10), (4, 10), (3, 10), (0, 10), (0, 9)), strict=True):
+        each |= {"occlusion.same_id": kept, "occlusion.events": events}
+    (one,) = breaks(pd.DataFrame(rows))
+    assert (one.density, one.held_to, one.at_lowest) == (10.0 + 10.0 * (85 - 50) / (85 - 35), 20.0, False)
+    assert (one.ci95[0] is None, one.ci95[1] is None) == (False, False)
+    for each in rows:
+        each["occlusion.events"] = 1
+    (none,) = breaks(pd.DataFrame(rows))
+    assert none == summary.Break("echo", None, None, None, False)
+
+
+@pytest.mark.parametrize("columns", ["60", "160"])
+def test_the_screen_shows_the_same_in_short_wide_or_narrow(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    points = curve_points(two_networks(), ["sensor.range_m"])
+    broken = [summary.Break("mmpf cvm", 33.3, (30.4, None), 45.0, False)]
+    print_result("Made up", points, broken, [f"seed {k}: it broke" for k in range(11)], "out/folder")
+    equals_golden(capsys.readouterr().err, GOLDEN / f"screen-{columns}.txt")
+
+
+def test_the_curves_over_densities():
+    equals_golden(
+        described(curves_figure(curve_points(densities(), []), "density", "T")), GOLDEN / "curves-density.txt"
+    )
+
+
+def test_the_curves_over_networks():
+    made = curve_points(two_networks(), ["sensor.range_m"])
+    equals_golden(described(curves_figure(made, "net", "Made up")), GOLDEN / "curves-net.txt")
+
+
+@pytest.mark.parametrize(("count", "each"), [(8, True), (9, False)])
+def test_up_to_eight_places_have_a_tick_each(count, each):
+    points = [Point("a", "sensor.range_m", 0.7 * k, DRAWN[1], float(k), None, 1, 1) for k in range(count)]
+    axes = curves_figure(points, "sensor.range_m", "T").axes[3]
+    assert ([tick == pytest.approx(0.7 * k) for k, tick in enumerate(axes.get_xticks())] == [True] * count) == each
+    assert axes.get_xlabel() == "sensor.range_m"
+
+
+@pytest.mark.parametrize(("count", "degrees"), [(3, 0.0), (4, 20.0)])
+def test_more_than_three_places_in_words_lean(count, degrees):
+    points = [Point("a", "demand", f"at {k}", DRAWN[0], 1.0, None, 1, 1) for k in range(count)]
+    axes = curves_figure(points, "demand", "T").axes[3]
+    ticks = [(text.get_text(), text.get_rotation()) for text in axes.get_xticklabels()]
+    assert ticks == [(f"at {k}", degrees) for k in range(count)]
+    assert axes.get_xlim() == (-0.5, count - 0.5)
