@@ -2,8 +2,8 @@
 
 Needs ``pip install mutmut``, which makes the mutants of every function of the rooms below that has no decorator (this
 leaves out compiled kernels and registered functions), and finds out which fast tests call which function. A seeded
-sample of the mutants, as many of each room as its share of all, is tried, each against the fast tests of its room that
-call its function. Prints every survivor as a difference, then the score by room and in all with its 95 % interval.
+sample of the mutants, as many of each room as its share of all, is tried, each against the fast tests (of at most
+``LONGEST_TEST_S``) that call its function. Prints every survivor as a difference, then the score by room and in all with its 95 % interval.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ pytest_add_cli_args =
 on_dependency_change = ignore
 """
 NO_MUTANT = "no mutant has this name"
-LONGEST_TEST_S = 1.0
-"""Tests that take longer are left out."""
+LONGEST_TEST_S = 3.0
+"""Tests that take longer are left out; of those not marked slow hardly any does, and a tiny whole run takes two."""
 SLOWER, LEAST_LIMIT_S = 5.0, 20.0
 """A mutant's tests may take this many times longer than without it, and never less than that."""
 

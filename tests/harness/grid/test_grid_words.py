@@ -1,0 +1,283 @@
+"""What a user writes becomes these runs, options and keys, or one of these lines of what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.config.model import RunConfig
+from harness.config.options import checked
+from harness.errors import InputError
+from harness.grid import grid as planning
+from harness.grid.cells import Cell, PlannedRun, distinct_trackers
+from harness.grid.expected import expected_s, work_s
+from harness.grid.grid import GridRequest, plan_grid, title_of
+from harness.grid.options import GridOptions, request_of
+from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
+from tests.harness.stand_ins import echo_tracker
+
+FEW = "fewer densities, seeds or values, for example `densities` 5:65:10, `seeds` 10"
+VARY = "for example `vary` sensor.range_m=40:160:20"
+
+
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        ({"densities": "5:65:0.01", "seeds": "100"}, f"the grid has 600100 runs, at most 100000 are allowed; {FEW}"),
+        (
+            {"demands": "a", "densities": "20"},
+            "`demands`: give either densities or demands, not both; for example `densities` 5:65:10",
+        ),
+        (
+            {"replay": ("a.csv",), "densities": "20"},
+            "`replay`: recorded traffic is as it was; leave densities and demands out",
+        ),
+        (
+            {"replay": ("a.csv",), "demands": "a"},
+            "`replay`: recorded traffic is as it was; leave densities and demands out",
+        ),
+        ({"ego": "auto"}, "`ego`: simulated traffic has no such choice; add `replay`, recorded traffic"),
+        ({"nets": "curve"}, "`nets`: give either net or nets, not both; for example `nets` us101,curve,junction"),
+        (
+            {"nets": "curve", "net": None, "replay": ("a.csv",)},
+            "`nets`: recorded traffic drives on its own road; leave nets out with `replay`",
+        ),
+        (
+            {"replay": ("a/x.csv", "b/x.csv")},
+            "`replay`: two of the files have the same name; results are told apart by it",
+        ),
+        ({"vary": ("=1",)}, f"`vary` '=1': give KEY=START:STOP:STEP or KEY=A,B,C; {VARY}"),
+        ({"vary": ("sensor.range_m",)}, f"`vary` 'sensor.range_m': give KEY=START:STOP:STEP or KEY=A,B,C; {VARY}"),
+        ({"vary": ("sensor.range_m=5", "sensor.range_m = 7")}, f"`vary` sensor.range_m: given twice; {VARY}"),
+        ({"vary": ("seed=1",)}, "`vary` seed: this axis has a parameter of its own; for example `seeds` 10"),
+        (
+            {"vary": ("traffic.density=1",)},
+            "`vary` traffic.density: this axis has a parameter of its own; for example `densities` 5:65:10",
+        ),
+        ({"vary": ("nonsense=1",)}, f"`vary` nonsense: no such setting can be varied; {VARY}"),
+        (
+            {"trackers": "mmpf+update"},
+            "`trackers` mmpf+update: 'update' is not KEY=VALUE; for example mmpf+update=max_likelihood",
+        ),
+        (
+            {"trackers": "mmpf+=x"},
+            "`trackers` mmpf+=x: '=x' is not KEY=VALUE; for example mmpf+update=max_likelihood",
+        ),
+        (
+            {"trackers": "mmpf+update="},
+            "`trackers` mmpf+update=: 'update=' is not KEY=VALUE; for example mmpf+update=max_likelihood",
+        ),
+        (
+            {"trackers": "pmbm", "models": "cvm"},
+            "`models`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm",
+        ),
+        ({"densities": "70"}, "`densities` 70: densities lie between 5 and 65; for example `densities` 5:65:10"),
+    ],
+)
+def test_what_is_wrong_with_a_grid_is_told_in_these_words(asked, line):
+    with pytest.raises(InputError) as caught:
+        plan_grid(GridRequest(**{"seeds": "1"} | asked))
+    assert str(caught.value) == line
+
+
+def test_an_empty_or_unknown_word_of_a_list_is_told_with_its_own_example():
+    for asked, example in (
+        ({"trackers": ","}, planning.TRACKER_EXAMPLE), ({"models": ","}, "gmm,idm,cvm,cam"),
+        ({"demands": ","}, "us101-0750,us101-0805"), ({"densities": "x"}, "5:65:10"),
+        ({"vary": ("sensor.range_m=x",)}, planning.VARY_EXAMPLE), ({"net": None, "nets": ","}, planning.NETS_EXAMPLE),
+    ):  # fmt: skip
+        parameter = next(key for key in ("nets", *asked) if key in asked)
+        with pytest.raises(InputError) as caught:
+            plan_grid(GridRequest(**{"seeds": "1"} | asked))
+        assert str(caught.value).startswith(f"`{parameter}`")
+        assert str(caught.value).endswith(f"for example `{parameter}` {example}")
+
+
+def test_an_error_gets_an_example_of_vary_only_where_it_is_about_a_varied_key():
+    about, other = InputError("range_m is wrong"), InputError("sensor is wrong")
+    assert str(planning.with_example(about, ["sensor.range_m"])) == f"`vary`: range_m is wrong; {VARY}"
+    assert planning.with_example(other, ["sensor.range_m"]) is other
+    with pytest.raises(InputError, match=rf"^`vary`: .*particles.*; {VARY}$"):
+        plan_grid(GridRequest(seeds="1", vary=("tracker.particles=-5",)))
+
+
+def test_exactly_a_hundred_thousand_runs_are_allowed(monkeypatch):
+    monkeypatch.setattr(planning, "MOST_RUNS", 2 * 3 * 2 * 2)
+    asked = {"densities": "10,20", "seeds": "3", "vary": ("sensor.range_m=40,60",), "trackers": "pmbm,imm-gnn"}
+    assert len(plan_grid(GridRequest(**asked)).runs) == 24
+    with pytest.raises(InputError, match="the grid has 36 runs"):
+        plan_grid(GridRequest(**asked | {"trackers": "pmbm,imm-gnn,box-kalman"}))
+
+
+def test_the_runs_of_a_grid_stand_in_this_order_with_these_settings():
+    grid = plan_grid(
+        GridRequest(
+            densities="20,30", seeds="4:6", models="cvm", trackers="mmpf+joint.noise.learned=false,a.b:c,pmbm",
+            vary=("sensor.range_m=40,60.5", "tracker.particles=100,200", "tracker.believes.noise_factor=1,2"),
+            particles=50, duration_s=7.5, sensor="radar",
+            settings=("tracker.options.reporting.reported_std_lon_m=9", "sensor.clutter_per_scan=0.5"),
+        )
+    )  # fmt: skip
+    assert grid.axes == ("sensor.range_m", "tracker.particles", "tracker.believes.noise_factor")
+    assert not grid.is_replay
+    places = [(density, range_m, seed) for density in (20.0, 30.0) for range_m in (40.0, 60.5) for seed in (4, 5)]
+    assert [
+        (cell.config.traffic.density, cell.config.sensor.overrides["range_m"], cell.config.seed) for cell in grid.cells
+    ] == places
+    both = [(particles, factor) for particles in (100.0, 200.0) for factor in (1.0, 2.0)]
+    first = grid.cells[0].runs
+    assert [(run.variant.partition("+")[0], *list(run.varied.values())[1:]) for run in first] == [
+        *(("mmpf", *each) for each in both), *(("a.b:c", *each) for each in both), ("pmbm", 1.0), ("pmbm", 2.0),
+    ]  # fmt: skip
+    for run in first:
+        config, takes = run.config, run.config.tracker.name != "pmbm"
+        assert (config.traffic.duration_s, config.sensor.profile) == (7.5, "radar")
+        assert config.sensor.overrides == {"range_m": 40, "clutter_per_scan": 0.5}
+        assert isinstance(config.sensor.overrides["range_m"], int)
+        assert config.tracker.believes.noise_factor == run.varied["tracker.believes.noise_factor"]
+        assert ("reporting" in config.tracker.options) == takes
+        assert config.tracker.particles == (run.varied["tracker.particles"] if takes else None)
+        assert config.tracker.model == ("cvm" if config.tracker.name == "mmpf" else None)
+    assert first[0].config.tracker.options["joint"] == {"noise": {"learned": False}}
+    assert [each.tracker.name for each in distinct_trackers(grid)] == ["mmpf"] * 4 + ["a.b:c"] * 4 + ["pmbm"] * 2
+
+
+def test_particles_of_the_grid_are_for_trackers_that_take_its_settings():
+    runs = plan_grid(GridRequest(densities="20", seeds="1", trackers="mmpf,a.b:c,pmbm", particles=50)).runs
+    assert [run.config.tracker.particles for run in runs] == [50, 50, None]
+
+
+def test_a_grid_says_what_it_is_called_and_what_was_asked_for():
+    assert title_of(["a", "b", "a"]) == "Stress test on a, b"
+    assert GridRequest(net=None, nets="curve,junction").title == "Stress test on curve, junction"
+    assert GridRequest().as_table() == {
+        "net": "us101", "densities": None, "demands": None, "trackers": "mmpf", "models": None, "seeds": "10",
+        "duration_s": None, "particles": None, "sensor": None, "settings": (), "vary": (), "replay": (), "ego": None,
+        "mismatch": False,
+    }  # fmt: skip
+    assert GridRequest(net=None, nets="curve").as_table()["nets"] == "curve"
+
+
+def run_of(variant="mmpf", varied=None, mismatch=None, **settings) -> PlannedRun:
+    traffic = {"net": "us101", "density": 20.0} | settings.pop("traffic", {})
+    content = {"seed": 3, "traffic": traffic, "tracker": {"name": "mmpf", "model": "cvm"}} | settings
+    return PlannedRun(RunConfig.model_validate(content), variant, varied or {}, mismatch)
+
+
+def test_the_key_of_a_run_reads_as_what_it_is_of_and_tells_it_from_others():
+    run = run_of()
+    words, _, digits = run.key.rpartition("-")
+    assert (words, len(digits)) == ("us101-d20-s3-mmpf-cvm", 12)
+    assert int(digits, 16) >= 0
+    others = [
+        run_of(mismatch="noise"), run_of("mmpf+a=1"), run_of(seed=4), run_of(traffic={"density": 20.5}),
+        run_of(traffic={"density": None, "demand": "us101-0750"}), run_of(tracker={"name": "pmbm"}),
+    ]  # fmt: skip
+    assert [other.key.rpartition("-")[0] for other in others] == [
+        "us101-d20-s3-mmpf-cvm", "us101-d20-s3-mmpf-cvm", "us101-d20-s4-mmpf-cvm", "us101-d20.5-s3-mmpf-cvm",
+        "us101-us101-0750-s3-mmpf-cvm", "us101-d20-s3-pmbm",
+    ]  # fmt: skip
+    assert len({other.key for other in (run, *others)}) == 7
+    far = run_of(traffic={"net": "/" + "a" * 60 + "/ü b.sumocfg", "density": None}, tracker={"name": "x.y:z" * 5})
+    readable = far.key.rpartition("-")[0]
+    assert readable == ("-" + "a" * 60 + "-ü-b.sumocfg-s3-" + "x.y-z" * 5)[-80:].lstrip("-.")
+
+
+def test_a_run_is_told_from_others_by_these_columns():
+    assert run_of(varied={"sensor.range_m": 40.0}, mismatch="noise").identity() == {
+        "net": "us101", "density": 20.0, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": "cvm",
+        "update": "joint", "seed": 3, "sensor.range_m": 40.0, "mismatch": "noise",
+    }  # fmt: skip
+    replayed = run_of(replay="some/where.csv", traffic={"density": None})
+    assert replayed.identity()["replay"] == "where.csv"
+    assert "mismatch" not in replayed.identity()
+    assert replayed.key.startswith("us101-where-s3-mmpf")
+
+
+def test_the_guess_of_a_cell_is_its_traffic_and_all_its_runs():
+    cell = plan_grid(GridRequest(densities="20", seeds="1", trackers="mmpf,pmbm", duration_s=30.0)).cells[0]
+    tracking = [expected_tracking_s(run.config) for run in cell.runs]
+    assert work_s(cell) == pytest.approx(expected_traffic_s(cell.config) + sum(tracking))
+    alone = Cell(cell.runs[:1])
+    assert expected_s([cell, alone], 2) == pytest.approx(LOADING_S + (work_s(cell) + work_s(alone)) / 2)
+    assert expected_s([cell], 0) == expected_s([cell], 5) == pytest.approx(LOADING_S + work_s(cell))
+
+
+def asked(**options) -> GridRequest:
+    return request_of(checked(GridOptions, options, "stress"))
+
+
+def test_options_of_python_ask_for_the_same_grid_as_typed_ones(tmp_path):
+    (tmp_path / "b.csv").touch()
+    (tmp_path / "a.csv").touch()
+    (tmp_path / ".hidden").touch()
+    (tmp_path / "folder").mkdir()
+    assert asked() == GridRequest(densities="5:65:10", seeds="10")
+    assert asked(nets=["curve", Path("x/y")]) == GridRequest(net=None, nets="curve,x/y")
+    assert asked(net="x.sumocfg") == GridRequest(net="x.sumocfg")
+    assert asked(net="x.sumocfg", densities="7").densities == "7"
+    assert asked(
+        net="curve", densities=[10, 20.5], trackers=["pmbm", echo_tracker], models=["gmm", "cvm"], seeds=range(2, 5),
+        vary={"sensor.range_m": [40, 80], "tracker.particles": "5,6"}, duration=9.0, particles=70, sensor="radar",
+        settings={"sensor.range_m": 60}, mismatch=True,
+    ) == GridRequest(
+        net="curve", densities="10,20.5", trackers="pmbm,tests.harness.stand_ins:echo_tracker", models="gmm,cvm",
+        seeds="2:5", vary=("sensor.range_m=40,80", "tracker.particles=5,6"), duration_s=9.0, particles=70,
+        sensor="radar", settings=("sensor.range_m=60",), mismatch=True,
+    )  # fmt: skip
+    replayed = asked(replay=tmp_path, format="ngsim", ego="auto")
+    files = (str(tmp_path / "a.csv"), str(tmp_path / "b.csv"))
+    assert replayed == GridRequest(
+        net=None, replay=files, ego="auto", seeds="1", settings=('traffic.recording.format="ngsim"',)
+    )
+    assert asked(replay=[files[1], files[0]], seeds=4).replay == files[::-1]
+    assert asked(replay=files[0], seeds="4").seeds == "4"
+    assert asked(densities=20, demands=None, seeds=[7]).seeds == "7:8"
+    assert asked(demands="a", net=None).densities is None
+
+
+def test_a_folder_that_is_a_recording_itself_is_one_file_and_one_without_files_is_refused(tmp_path):
+    for name, inside in (("tracks", "01_tracks.csv"), ("run", "manifest.json")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / inside).touch()
+        assert asked(replay=tmp_path / name).replay == (str(tmp_path / name),)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError) as caught:
+        asked(replay=tmp_path / "empty")
+    assert str(caught.value) == (
+        f"`replay`: {tmp_path / 'empty'} has no files; give files of recorded traffic, or their folder"
+    )
+
+
+@pytest.mark.parametrize("seeds", [[], [1, 3], [3, 2], [0, 1, 3]])
+def test_seeds_that_do_not_follow_each_other_are_refused(seeds):
+    with pytest.raises(InputError) as caught:
+        asked(seeds=seeds)
+    assert str(caught.value) == f"`seeds`: give seeds that follow each other, for example range(0, 10), not {seeds}"
+
+
+class Callable_:  # noqa: N801
+    """Something to call without a name of its own."""
+
+    __module__ = "tests.made_up"
+
+    def __call__(self) -> None: ...
+
+    def __repr__(self) -> str:
+        return "it"
+
+
+@pytest.mark.parametrize(("tracker", "name"), [(lambda: None, "'<lambda>'"), (Callable_(), "it")])
+def test_a_tracker_that_workers_can_not_import_is_refused(tracker, name):
+    with pytest.raises(InputError) as caught:
+        asked(trackers=[tracker])
+    assert str(caught.value) == (
+        f"`trackers`: worker processes can't find {name}; put it into a module of its own and give 'module:name'"
+    )
+
+
+def test_a_tracker_of_a_script_is_refused_too(monkeypatch):
+    monkeypatch.setattr(echo_tracker, "__module__", "__main__")
+    with pytest.raises(InputError, match=r"can't find 'echo_tracker'; put it"):
+        asked(trackers=[echo_tracker])
