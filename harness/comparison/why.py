@@ -196,7 +196,7 @@ class Why:
 
 def link_to(folder: str, failure: Failure) -> str:
     """Return the address of the moment in the run's replay, a second before it."""
-    return f"{folder}/report.html{moment_of(failure)}"
+    return f"{quote(folder)}/report.html{moment_of(failure)}"
 
 
 def moment_of(failure: Failure) -> str:

@@ -3,7 +3,8 @@
 Needs ``pip install mutmut``, which makes the mutants of every function of the rooms below that has no decorator (this
 leaves out compiled kernels and registered functions), and finds out which fast tests call which function. A seeded
 sample of the mutants, as many of each room as its share of all, is tried, each against the fast tests (of at most
-``LONGEST_TEST_S``) that call its function. Prints every survivor as a difference, then the score by room and in all with its 95 % interval.
+``LONGEST_TEST_S``) that call its function. Prints every survivor as a difference, then the score by room and in all
+with its 95 % interval.
 """
 
 from __future__ import annotations

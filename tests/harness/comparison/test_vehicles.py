@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,21 +24,27 @@ from harness.scoring.evidence import Evidence, gather
 from harness.scoring.metrics import score_metrics
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import ScoringSettings
+from tests.golden import equals_golden
 
 CARS = 6
+GOLDEN = Path(__file__).parent / "golden"
 
 
 @pytest.fixture(scope="module")
 def evidence() -> Evidence:
-    """Return what is known of six cars in two lanes, of which two are hidden for a time, under a wandering tracker."""
-    rng, truth, detections, tracks = np.random.default_rng(3), [], [], []
+    return six_cars(3)
+
+
+def six_cars(seed: int, apart_m: float = 40.0) -> Evidence:
+    """Return what is known of six cars in two lanes, two of them hidden for a time, under a tracker with a stray."""
+    rng, truth, detections, tracks = np.random.default_rng(seed), [], [], []
     for step in range(80):
         for car in range(CARS):
             hidden = car in (2, 5) and 40 <= step < 60
             place = {
                 "step": step,
                 "time_s": 0.1 * step,
-                "lon_m": 2.0 * step + 40.0 * (car // 2),
+                "lon_m": 2.0 * step + apart_m * (car // 2),
                 "lat_m": 4.0 * (car % 2),
             }
             speed = {"speed_mps": 20.0, "lat_speed_mps": 0.0}
@@ -49,6 +58,9 @@ def evidence() -> Evidence:
                 deviations = {"std_lon_m": 0.5, "std_lat_m": 0.5, "std_speed_mps": 0.5}
                 off = {"lon_m": place["lon_m"] + rng.normal(), "lat_m": place["lat_m"] + 0.3 * rng.normal()}
                 tracks.append(place | off | speed | deviations | {"track_id": number, "state": "confirmed"})
+        if 10 <= step < 30:
+            stray = {"lon_m": 2.0 * step + 60.0, "lat_m": 12.0, "track_id": 99, "state": "confirmed"}
+            tracks.append(tracks[-1] | stray)
     return gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(tracks), ScoringSettings(), 0)
 
 
@@ -113,3 +125,58 @@ def test_what_belongs_to_no_vehicle_widens_the_deviation_of_a_difference_and_who
         assert each.effect.se**2 == pytest.approx(alone.effect.se**2 + 25.0)
     assert _of_sides("a", quantity, [first, first], near).same
     assert not _of_sides("a", quantity, [second, strays], near).same
+
+
+def test_vehicles_out_of_range_are_near_nobody_and_half_of_a_common_time_counts_by_half(evidence):
+    truth = evidence.rows.truth
+    code = {vehicle: truth.vehicle[np.flatnonzero(truth.lon_m == 40.0 * vehicle)[0]] for vehicle in (0, 1, 2)}
+    gone = replace(truth, in_range=(truth.vehicle != code[0]) | (truth.step < 20))
+    near = closeness(gone, CARS + 1)
+    # 20 of 80 steps beside each other: 20 / sqrt(20 * 80).
+    assert near[code[0], truth.vehicle[np.flatnonzero(truth.lat_m == 4.0)[0]]] == pytest.approx(0.5)
+    assert near[CARS].tolist() == [0.0] * CARS + [1.0]
+
+
+def test_in_the_plane_closeness_falls_with_the_square_of_what_is_left_in_any_direction(evidence):
+    truth = evidence.rows.truth
+    kept = np.flatnonzero(np.isin(truth.vehicle, [0, 1, 2]) & (truth.step == 0))
+    first, second, third = kept[np.argsort(truth.vehicle[kept])]
+    direction = np.zeros(len(truth))
+    direction[-1] = 0.1
+    away_m = np.hypot(truth.lon_m[first] - truth.lon_m[third], truth.lat_m[first] - truth.lat_m[third])
+    near = closeness(replace(truth, direction_rad=direction), CARS)
+    assert near[0, 2] == pytest.approx((1.0 - away_m / REACH_M) ** 2)
+    across_m = np.hypot(truth.lon_m[first] - truth.lon_m[second], truth.lat_m[first] - truth.lat_m[second])
+    assert across_m > 0.0
+    assert near[0, 1] == pytest.approx((1.0 - across_m / REACH_M) ** 2)
+    far = replace(truth, lon_m=truth.lon_m + 900.0 * (truth.vehicle == 0), direction_rad=direction)
+    assert closeness(far, CARS)[0, 1:].max() == 0.0
+
+
+def test_a_mean_over_no_rows_is_none_and_a_scale_is_of_the_mean_and_its_parts():
+    nothing = ratio_by_vehicle(np.zeros(0), np.zeros(0, dtype=np.int64), 2)
+    assert np.isnan(nothing.value)
+    assert [part.tolist() for part in (nothing.influence, nothing.counts, nothing.others)] == [[0.0] * 2, [0.0] * 2, []]
+    percent = ratio_by_vehicle(np.array([1.0, 0.0, 1.0]), np.array([0, 0, 1]), 2, 100.0)
+    assert percent.value == pytest.approx(200 / 3)
+    np.testing.assert_allclose(percent.influence, [(100.0 - 2 * 200 / 3) / 3, (100.0 - 200 / 3) / 3])
+    assert percent.others.tolist() == []
+
+
+def test_each_cars_part_in_hota_and_in_the_hidden_cost(evidence):
+    """Numbers that were looked at once: those of the cars whose tracks were changed or lost are the largest."""
+    hota, cost = hota_by_vehicle(evidence, CARS), hidden_cost_by_vehicle(evidence, CARS)
+    identity = same_identity_by_vehicle(evidence, CARS)
+    told = [
+        f"{name} {each.value:.3f} {np.round(each.influence, 4).tolist()} {each.counts.tolist()} "
+        f"{np.round(each.others, 4).tolist()}"
+        for name, each in (("hota", hota), ("cost", cost), ("identity", identity))
+    ]
+    equals_golden("\n".join(told) + "\n", GOLDEN / "six-cars.txt")
+
+
+def test_a_run_without_tracks_has_no_part_of_hota_and_one_without_vehicles_no_hota(evidence):
+    nobody = np.zeros((3, 2))
+    assert _hota_influence(np.ones(3), np.zeros(3), nobody, nobody).tolist() == [0.0] * 3
+    alone = np.array([[2.0], [2.0]])
+    assert _hota_influence(np.full(2, 1.0), np.full(2, 1.0), alone, alone).tolist() == [0.0, 0.0]

@@ -1,0 +1,323 @@
+"""Numbers of comparisons held against scipy and plain sums, and verdicts exactly at their thresholds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from harness.comparison.arms import Arms, Layout, lost_values, measure
+from harness.comparison.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
+from harness.comparison.pairing import pair
+from harness.comparison.verdicts import (
+    BETTER,
+    NO_WORSE,
+    STEP_TIME,
+    UNDECIDED,
+    UNTESTED,
+    WORSE,
+    Measured,
+    Rules,
+    compared_quantities,
+    holm,
+    judge,
+    name_of,
+    quantity_of,
+)
+from harness.scoring import closedloop
+from harness.scoring.quantity import Quantity
+
+ERROR, SCORE = Quantity("error", "error, m"), Quantity("score", "score, %", higher_is_better=True)
+RULES = Rules(primary=("error", "score"))
+NAN = float("nan")
+
+
+@pytest.mark.parametrize("units", [2.0, 3.0, 7.5])
+def test_an_interval_and_a_p_value_are_students(units):
+    effect = Effect(-1.5, 0.4, units)
+    of = stats.t(units - 1.0)
+    assert effect.ci95 == pytest.approx((-1.5 - of.ppf(0.975) * 0.4, -1.5 + of.ppf(0.975) * 0.4))
+    assert effect.p == pytest.approx(2.0 * of.sf(1.5 / 0.4))
+
+
+def test_of_a_unit_and_a_half_and_less_half_a_degree_of_freedom_is_left():
+    half = stats.t(0.5).ppf(0.975)
+    assert Effect(0.0, 1.0, 1.2).ci95[1] == Effect(0.0, 1.0, 1.5).ci95[1] == pytest.approx(half)
+    assert Effect(0.0, 1.0, 1.6).ci95[1] == pytest.approx(stats.t(0.6).ppf(0.975))
+
+
+def test_without_scatter_a_difference_is_certain_and_with_unknown_scatter_nothing_is():
+    assert [Effect(difference, 0.0, 3.0).p for difference in (0.0, 0.1, -0.1)] == [1.0, 0.0, 0.0]
+    assert Effect(2.0, 0.0, 3.0).ci95 == (2.0, 2.0)
+    unknown = Effect(2.0, NAN, 3.0)
+    assert np.isnan([unknown.p, *unknown.ci95]).all()
+    assert unknown.units_to_decide(1.0, 1, 2.0) is None
+
+
+@pytest.mark.parametrize(
+    ("worsening", "margin", "tests", "away", "level"),
+    [(3.0, 2.0, 3, 3.0, 0.05 / 3), (1.0, 2.0, 3, 1.0, 0.05), (-1.0, 0.5, 2, 1.5, 0.05), (0.3, 0.1, 1, 0.3, 0.05)],
+)
+def test_the_units_that_would_decide_are_the_first_whose_interval_and_power_reach_so_far(
+    worsening, margin, tests, away, level
+):
+    effect = Effect(worsening, 0.8, 4.0)
+    sd = 0.8 * 4.0**0.5
+    tried = np.unique(np.geomspace(5.0, MOST_UNITS, 200).astype(int))
+    needed = (stats.t.ppf(1 - level / 2, tried - 1) + stats.norm.ppf(0.8)) * sd
+    assert effect.units_to_decide(margin, tests, worsening) == tried[needed <= away * np.sqrt(tried)][0]
+
+
+def test_no_number_of_units_decides_what_lies_at_the_margin():
+    assert Effect(2.0, 0.5, 4.0).units_to_decide(2.0, 1, 2.0) is None
+    assert Effect(1.999, 5.0, 4.0).units_to_decide(2.0, 1, 1.999) is None
+    assert Effect(5.0, 0.001, 1.0).units_to_decide(1.0, 1, 5.0) == 3
+
+
+def test_pairs_of_seeds_at_several_densities_have_the_scatter_of_their_seeds():
+    a, shift = np.array([5.0, 6.0, 7.0, 9.0, 9.0, 9.0]), np.array([1.0, 2.0, 4.0, 3.0, 5.0, 4.0])
+    density, seed = np.repeat([0, 1], 3), np.tile([7, 8, 9], 2)
+    effect = paired_effect(a, a + shift, density, seed)
+    centred = shift - np.array([7 / 3] * 3 + [4.0] * 3)
+    by_seed = (centred[:3] + centred[3:]) / 6
+    assert (effect.difference, effect.units) == (pytest.approx(shift.mean()), 3.0)
+    assert effect.se == pytest.approx(np.sqrt(3 / 2 * (by_seed**2).sum()))
+    nothing = paired_effect(*[np.zeros(0)] * 2, *[np.zeros(0, dtype=int)] * 2)
+    assert np.isnan([nothing.difference, nothing.se]).all()
+    assert nothing.units == 0.0
+
+
+def test_where_a_density_has_a_single_run_all_are_held_against_their_common_mean():
+    shift, density, seed = np.array([1.0, 2.0, 6.0]), np.array([0, 0, 1]), np.array([0, 1, 1])
+    effect = paired_effect(np.zeros(3), shift, density, seed)
+    assert effect.se == pytest.approx(np.sqrt(2 * (((1 - 3) / 3) ** 2 + ((2 - 3 + 6 - 3) / 3) ** 2)))
+
+
+def test_unpaired_arms_have_the_difference_of_their_settings_means_and_welchs_freedom():
+    a, of_a = np.array([1.0, 3.0, 10.0, 14.0, 99.0]), (np.array([0, 0, 1, 1, 5]), np.array([0, 1, 2, 3, 4]))
+    b, of_b = np.array([2.0, 3.0, 7.0, 12.0]), (np.array([0, 0, 0, 1]), np.array([0, 1, 2, 3]))
+    effect = unpaired_effect(a, b, (of_a[0], of_b[0]), (of_a[1], of_b[1]))
+    assert effect.difference == pytest.approx((4.0 + 12.0) / 2 - (2.0 + 12.0) / 2)
+    se_a = np.sqrt(4 / 3 * 2 * ((1 / 4) ** 2 + (2 / 4) ** 2))
+    mean_b = 8.0
+    weights = np.array([1 / 6, 1 / 6, 1 / 6, 1 / 2])
+    se_b = np.sqrt(4 / 3 * ((weights * (b - mean_b)) ** 2).sum())
+    assert effect.se == pytest.approx(np.hypot(se_a, se_b))
+    assert effect.units - 1.0 == pytest.approx((se_a**2 + se_b**2) ** 2 / (se_a**4 / 3 + se_b**4 / 3))
+    alone = unpaired_effect(a, b, (of_a[0], of_b[0] + 20), (of_a[1], of_b[1]))
+    assert np.isnan(alone.difference)
+    still = unpaired_effect(
+        np.ones(3), np.full(2, 2.0), (np.zeros(3, int), np.zeros(2, int)), (np.arange(3), np.arange(2))
+    )
+    assert (still.difference, still.se, still.units) == (1.0, 0.0, 2.0)
+
+
+def test_one_run_of_an_arm_leaves_the_scatter_of_both_unknown():
+    effect = unpaired_effect(
+        np.ones(3), np.ones(1), (np.zeros(3, int), np.zeros(1, int)), (np.arange(3), np.zeros(1, int))
+    )
+    assert (effect.difference, np.isnan(effect.se)) == (0.0, True)
+
+
+def test_neighbours_count_by_their_closeness():
+    influence = np.array([0.5, -0.2, -0.3])
+    near = np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    effect = neighbours_effect(2.0, influence, near)
+    units = 9 / 4.0
+    assert (effect.difference, effect.units) == (2.0, units)
+    # Those of opposite sign may not take away from what each has by itself.
+    assert effect.se == pytest.approx(np.sqrt(0.38) * units / (units - 1))
+    alike = neighbours_effect(2.0, np.array([0.5, 0.4, -0.9]), near)
+    assert alike.se == pytest.approx(np.sqrt(0.25 + 0.16 + 0.81 + 2 * 0.5 * 0.2) * units / (units - 1))
+    two = neighbours_effect(2.0, np.array([0.5, -0.5]), np.eye(2))
+    assert (two.units, np.isnan(two.se)) == (2.0, True)
+    assert neighbours_effect(2.0, np.zeros(0), np.zeros((0, 0))).units == 0.0
+
+
+def layout(n: int, m: int | None = None) -> Layout:
+    sizes = (n, n if m is None else m)
+    zeros, each = (tuple(made(size) for size in sizes) for made in (lambda k: np.zeros(k, dtype=np.int64), np.arange))
+    return Layout(m is None, zeros, each)
+
+
+def test_pairs_without_a_half_are_left_out_of_everything():
+    a, b = np.array([1.0, NAN, 3.0, 5.0]), np.array([2.0, 2.0, np.inf, 8.0])
+    told = measure(Arms("x", ERROR, a, b, layout(4)))
+    assert (told.label, told.quantity, told.a, told.b, told.pairs, told.same) == ("x", ERROR, 3.0, 5.0, 2, False)
+    assert (told.effect.difference, told.effect.units, told.wanting) == (
+        2.0,
+        2.0,
+        "b lacks 1 of the 3 values that a has",
+    )
+    other = measure(Arms("x", ERROR, a, b[:3], layout(4, 3)))
+    assert (other.a, other.b, other.pairs, other.same) == (3.0, 2.0, 2, False)
+    assert other.effect.difference == -1.0
+    equal = measure(Arms("x", ERROR, a, a, layout(4)))
+    assert (equal.same, equal.pairs) == (True, 3)
+    assert not measure(Arms("x", ERROR, a, a, layout(4, 4))).same
+    nothing = measure(Arms("x", ERROR, a, np.full(4, NAN), layout(4)))
+    assert (nothing.pairs, nothing.wanting, np.isnan(nothing.a)) == (0, "b has no value of it", True)
+
+
+def test_a_twentieth_of_the_values_may_be_lost_and_no_more():
+    there, few = np.ones(40, dtype=bool), np.arange(40) >= 2
+    assert lost_values(there, few, True) == lost_values(there, few, False) == ""
+    words = "b lacks 3 of the 40 values that a has"
+    assert lost_values(there, np.arange(40) >= 3, True) == lost_values(there, np.arange(40) >= 3, False) == words
+    assert lost_values(~few, few, True) == "b lacks 2 of the 2 values that a has"
+    assert lost_values(few, there, False) == ""
+    assert lost_values(few, np.arange(60) >= 3, False) == ""
+    assert lost_values(~there, ~there, True) == ""
+
+
+def measured(difference: float, se: float, units: float = 8.0, quantity: Quantity = ERROR, **other) -> Measured:
+    known = {"label": "x", "quantity": quantity, "a": 100.0, "b": 100.0 + difference, "pairs": 8, "same": False} | other
+    return Measured(effect=Effect(difference, se, units), **known)
+
+
+def word(difference: float, se: float, **other) -> str:
+    (verdict,) = judge([measured(difference, se, **other)], RULES)
+    assert verdict.regression == (verdict.verdict == WORSE)
+    return verdict.verdict
+
+
+@pytest.mark.parametrize(
+    ("difference", "found"),
+    [(2.0, NO_WORSE), (2.0001, WORSE), (0.5, NO_WORSE), (0.0, NO_WORSE), (-0.0001, BETTER)],
+)
+def test_a_certain_difference_is_worse_only_beyond_the_tolerance(difference, found):
+    assert word(difference, 0.0) == found
+    assert word(-difference, 0.0, quantity=SCORE) == found
+
+
+def test_an_interval_that_ends_beyond_the_tolerance_leaves_it_open():
+    t = stats.t(7).ppf(0.975)
+    assert word(0.0, 1.999 / t) == NO_WORSE
+    assert word(0.0, 2.001 / t) == UNDECIDED
+    assert word(1.0, 0.999 / t, quantity=SCORE) == BETTER
+    assert word(-1.0, 0.999 / t, quantity=SCORE) == NO_WORSE
+    assert word(-1.0, 1.001 / t, quantity=SCORE) == UNDECIDED
+
+
+def test_worse_needs_both_a_small_p_and_more_than_the_tolerance():
+    t = stats.t(7).ppf(0.975)
+    assert [word(3.0, 3.0 / t * factor) for factor in (0.999, 1.001)] == [WORSE, UNDECIDED]
+    assert [word(-3.0, 3.0 / t * factor) for factor in (0.999, 1.001)] == [BETTER, NO_WORSE]
+
+
+def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
+    t = stats.t(7).ppf(1 - 0.05 / 4)
+    own, other = measured(3.0, 3.0 / t * 1.001), measured(0.0, 0.1)
+    described = measured(9.0, 0.1, quantity=Quantity("else", "else"))
+    assert [each.verdict for each in judge([own, described], RULES)] == [WORSE, UNTESTED]
+    assert [each.verdict for each in judge([own, other], RULES)] == [UNDECIDED, NO_WORSE]
+    known = measured(1.0, NAN, 1.0)
+    assert [each.verdict for each in judge([own, known], RULES)] == [WORSE, UNDECIDED]
+
+
+def test_a_verdict_tells_all_that_was_measured():
+    (verdict,) = judge([measured(3.0, 2.0, 4.0)], RULES)
+    effect = Effect(3.0, 2.0, 4.0)
+    assert (verdict.label, verdict.metric, verdict.primary, verdict.a, verdict.b) == ("x", "error", True, 100.0, 103.0)
+    assert (verdict.difference, verdict.ci95, verdict.p) == (3.0, effect.ci95, effect.p)
+    assert (verdict.pairs, verdict.units, verdict.margin, verdict.wanting) == (8, 4.0, 2.0, "")
+    assert (verdict.verdict, verdict.regression) == (UNDECIDED, False)
+    assert verdict.more_units == effect.units_to_decide(2.0, 1, 3.0) - 4
+    (uneven,) = judge([measured(3.0, 2.0, 4.5)], RULES)
+    assert uneven.more_units == int(np.ceil(Effect(3.0, 2.0, 4.5).units_to_decide(2.0, 1, 3.0) - 4.5))
+    (time,) = judge([measured(3.0, 2.0, quantity=STEP_TIME)], Rules())
+    assert (time.primary, time.margin) == (True, 25.0)
+    (negative,) = judge([measured(3.0, 2.0, a=-50.0)], Rules(0.1, primary=("error",)))
+    assert negative.margin == 5.0
+
+
+@pytest.mark.parametrize(
+    ("difference", "units", "unknown"), [(0.0, 7.0, True), (0.0, 8.0, False), (-1.0, 2.0, True), (-1.0, 3.0, False)]
+)
+def test_equal_differences_tell_their_scatter_only_where_there_are_enough(difference, units, unknown):
+    (verdict,) = judge([measured(difference, 0.0, units)], RULES)
+    assert verdict.wanting == ("all 8 differences are equal, which tells nothing of their scatter" if unknown else "")
+    assert (verdict.verdict == UNDECIDED) == unknown
+    assert np.isnan(verdict.ci95).all() == unknown
+    assert verdict.more_units is None
+
+
+def test_what_is_wanting_leaves_anything_undecided_but_what_is_worse_all_the_same():
+    lost = {"wanting": "b lacks 3"}
+    assert word(-9.0, 0.1, **lost) == word(0.0, 0.1, **lost) == UNDECIDED
+    assert word(9.0, 0.1, **lost) == WORSE
+    found = judge([measured(9.0, 0.1, quantity=Quantity("else", "else"), **lost), measured(0.0, 0.1)], RULES)
+    assert [(each.verdict, each.wanting, each.more_units) for each in found] == [
+        (UNDECIDED, "b lacks 3", None), (NO_WORSE, "", None),
+    ]  # fmt: skip
+    nothing = {"pairs": 0, "a": NAN}
+    assert word(NAN, NAN, **nothing) == UNTESTED
+    assert word(NAN, NAN, **nothing, **lost) == UNDECIDED
+
+
+def test_runs_of_which_every_value_is_the_same_are_no_worse_and_one_that_differs_ends_that():
+    same = [measured(0.0, NAN, 1.0, same=True), measured(NAN, NAN, 0.0, pairs=0)]
+    verdict, nothing = judge(same, RULES)
+    assert (verdict.verdict, verdict.p, verdict.wanting, nothing.verdict) == (NO_WORSE, 1.0, "", UNTESTED)
+    other = measured(1.0, 0.1, quantity=Quantity("else", "else"))
+    assert judge([*same, other], RULES)[0].wanting == "too few independent units to tell the scatter"
+
+
+def test_holms_correction_is_that_of_all_that_are_tested():
+    assert holm(np.array([0.2, NAN, 0.01, 0.04])).tolist() == pytest.approx([0.2, NAN, 0.03, 0.08], nan_ok=True)
+    assert holm(np.array([0.9, 0.8])).tolist() == [1.0, 1.0]
+
+
+def test_the_compared_metrics_stand_in_the_order_of_what_is_judged_then_of_their_tables():
+    keys = [quantity.key for quantity in compared_quantities(("mot.idf1", "mae.hidden.lon_m"))]
+    assert keys[:2] == ["mot.idf1", "mae.hidden.lon_m"]
+    first = [key.partition(".")[0] for key in keys[2:]]
+    order = list(dict.fromkeys(first))
+    assert order[:3] == ["hidden", "mae", "hidden_outcomes"]
+    assert order.index("occlusion") == 3
+    assert first == sorted(first, key=order.index)
+    assert {each.key for each in compared_quantities(closed_loop=True)} <= {each.key for each in closedloop.QUANTITIES}
+    assert quantity_of("timing.tracker_ms.p50") is STEP_TIME
+    assert [name_of(key) for key in ("mot.hota", "timing.tracker_ms.p50")] == ["HOTA in sight", "time of a step"]
+
+
+def runs(*rows: tuple, columns=("density", "seed")) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=list(columns))
+
+
+def paired(a: pd.DataFrame, b: pd.DataFrame):
+    found = pair(a, b, ["density"])
+    sides = [values.tolist() for pair_ in (found.layout.strata, found.layout.units) for values in pair_]
+    return found.of_a.tolist(), found.of_b.tolist(), found.layout.paired, sides, found.units, found.lacking
+
+
+def test_runs_are_paired_by_setting_and_seed():
+    a = runs((20.0, 1), (20.0, 2), (40.0, 1), (60.0, 1))
+    b = runs((40.0, 1), (20.0, 2), (20.0, 3))
+    both = [[0, 1], [0, 1]]
+    assert paired(a, b) == ([1, 2], [1, 0], True, [*both, *both], "seeds", "")
+    fewer = runs((20.0, 1), (20.0, 2), (20.0, 3), (40.0, 9))
+    assert paired(fewer, runs((20.0, 3)))[5] == "b has only 1 of the 3 runs of a."
+    assert paired(fewer, runs((20.0, 3), (40.0, 9)))[5] == ""
+
+
+def test_without_common_seeds_all_runs_of_common_settings_are_taken():
+    a, b = runs((20.0, 1), (40.0, 1), (20.0, 2)), runs((60.0, 8), (20.0, 9), (20.0, 8))
+    assert paired(a, b) == ([0, 2], [1, 2], False, [[0, 0], [0, 0], [0, 1], [2, 3]], "seeds", "")
+    assert paired(runs((20.0, 1)), runs((40.0, 1)))[:3] == ([], [], False)
+
+
+def test_of_a_single_seed_its_runs_are_the_units_and_one_setting():
+    a = runs((20.0, 1), (40.0, 1), (60.0, 1))
+    assert paired(a, a)[3] == [[0, 0, 0], [0, 0, 0], [0, 1, 2], [0, 1, 2]]
+    assert paired(a.iloc[:1], a)[3] == [[0], [0], [0], [0]]
+
+
+def test_recordings_are_the_units_where_both_have_them_and_settings_without_a_value_are_one():
+    columns = ("density", "seed", "replay")
+    a, b = (runs((None, 0, "x"), (None, 0, other), columns=columns) for other in ("y", "z"))
+    found = paired(a, a)
+    assert (found[0], found[3], found[4]) == ([0, 1], [[0, 0], [0, 0], [0, 1], [0, 1]], "recordings")
+    assert paired(a, b)[:2] == ([0], [0])
+    assert paired(a, b.drop(columns="replay"))[4] == "seeds"

@@ -1,0 +1,154 @@
+"""Two single runs, vehicle by vehicle: six cars under two trackers, with every number that is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.comparison import single
+from harness.comparison.compare import compare
+from harness.comparison.evidence import evidence_of
+from harness.comparison.single import compare_runs, notes_of
+from harness.comparison.sources import Source
+from harness.comparison.vehicles import closeness, hota_by_vehicle
+from harness.comparison.verdicts import Rules, compared_quantities
+from harness.comparison.why import failures
+from harness.errors import InputError
+from harness.grid.rows import flattened
+from harness.scoring.metrics import score_metrics
+from tests.golden import equals_golden
+from tests.harness.comparison.test_vehicles import CARS, six_cars
+from tests.harness.recorded_scene import write_recorded_scene
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@pytest.fixture(scope="module")
+def both() -> dict:
+    return {Path("A"): six_cars(3, 120.0), Path("B"): six_cars(4, 120.0)}
+
+
+@pytest.fixture
+def sides(both, monkeypatch) -> list[Source]:
+    """Return both runs, whose evidence is at hand and whose traffic is known to be the same."""
+    monkeypatch.setattr(single, "evidence_of", lambda folder: both[folder])
+    monkeypatch.setattr(single, "_check_same_traffic", lambda a, b: None)
+    made = []
+    for folder, evidence in both.items():
+        row = {"label": f"tracker {folder}", **flattened(score_metrics(evidence))}
+        made.append(Source(f"run {folder}", folder, pd.DataFrame([row]), 0, True))
+    return made
+
+
+def test_every_metric_of_two_runs_on_the_same_traffic(sides):
+    told = compare_runs(*sides, Rules())
+    lines = [
+        f"{each.label} {each.quantity.key} {each.a:.4f} {each.b:.4f} {each.effect.difference:.4f} {each.effect.se:.4f} "
+        f"{each.effect.units:.3f} {each.pairs} {each.same} {each.wanting}".rstrip()
+        for each in told.measured
+        if not each.quantity.key.startswith("decisions.")
+    ]
+    equals_golden("\n".join(lines) + "\n", GOLDEN / "six-cars-twice.txt")
+    assert [each.quantity.key for each in told.measured] == [each.key for each in compared_quantities()]
+
+
+def test_the_value_of_each_side_is_its_metric_and_errors_are_on_the_steps_of_both(sides, both):
+    told = {each.quantity.key: each for each in compare_runs(*sides, Rules()).measured}
+    first, second = both.values()
+    for key in ("mot.hota", "mot.idf1", "hidden.hidden_cost_m", "occlusion.same_id_percent", "mot_all.hota"):
+        assert [told[key].a, told[key].b] == pytest.approx([side.rows[key].iloc[0] for side in sides])
+    keys = ["step", "vehicle_id"]
+    tables = [side.error_table[side.error_table["state"].eq("visible")] for side in (first, second)]
+    joined = tables[0].merge(tables[1], on=keys)
+    joined = joined[joined["outcome_x"].eq("tracked") & joined["outcome_y"].eq("tracked")]
+    assert told["mae.visible.lon_m"].a == pytest.approx(joined["lon_error_m_x"].abs().mean())
+    assert told["mae.visible.lon_m"].b == pytest.approx(joined["lon_error_m_y"].abs().mean())
+    near = closeness(first.rows.truth, CARS)
+    parts = [hota_by_vehicle(side, CARS) for side in (first, second)]
+    influence = parts[1].influence - parts[0].influence
+    units = CARS**2 / near.sum()
+    strays = sum(float(part.others @ part.others) for part in parts)
+    scatter = max(influence @ near @ influence, influence @ influence)
+    assert told["mot.hota"].effect.se == pytest.approx(np.sqrt(scatter * (units / (units - 1)) ** 2 + strays))
+
+
+def test_a_score_of_a_whole_run_has_a_difference_and_no_scatter(sides):
+    sides[1].rows["mot.idf1"] = sides[0].rows["mot.idf1"]
+    sides[0].rows["mot_all.hota"] = np.nan
+    told = {each.quantity.key: each for each in compare_runs(*sides, Rules()).measured}
+    same, missing, other = told["mot.idf1"], told["mot_all.hota"], told["hidden_outcomes.tracked_percent"]
+    assert (same.effect.difference, same.same, same.pairs, same.effect.units) == (0.0, True, 1, 1.0)
+    assert np.isnan(same.effect.se)
+    assert (missing.pairs, missing.same, missing.wanting) == (0, False, "")
+    assert (other.same, other.pairs) == (False, 1)
+    assert other.effect.difference == other.b - other.a != 0.0
+
+
+def test_what_only_the_first_run_has_is_wanting(sides):
+    sides[1].rows["mot.hota"] = np.nan
+    told = {each.quantity.key: each for each in compare_runs(*sides, Rules()).measured}["mot.hota"]
+    assert (told.a, told.pairs, told.same) == (sides[0].rows["mot.hota"].iloc[0], 0, False)
+    assert (told.effect.units, told.wanting) == (0.0, "b has no value of it")
+    assert np.isnan([told.b, told.effect.difference, told.effect.se]).all()
+
+
+def test_the_failures_of_both_runs_are_told_with_where_they_can_be_watched(sides, both):
+    why = compare_runs(*sides, Rules()).why
+    first, second = both.values()
+    assert (list(why.a), list(why.b)) == (failures(first), failures(second))
+    assert (why.folder_a, why.folder_b) == ("A", "B")
+    lines = [f"{side} {each}" for side, found in (("a", why.a), ("b", why.b)) for each in found]
+    equals_golden("\n".join(lines) + "\n", GOLDEN / "six-cars-failures.txt")
+
+
+def test_runs_of_one_tracker_are_called_by_its_name_and_others_by_both(sides):
+    assert {each.label for each in compare_runs(*sides, Rules()).measured} == {"tracker A to tracker B"}
+    sides[1].rows["label"] = "tracker A"
+    assert {each.label for each in compare_runs(*sides, Rules()).measured} == {"tracker A"}
+
+
+SEED = (
+    "One seed: vehicles are paired, so this tells nothing of other traffic. Vehicles that drive within 100 m of each "
+    "other count as partly the same one, so intervals rest on fewer vehicles than there are."
+)
+
+
+def test_notes_tell_that_there_is_one_seed_and_how_many_each_follows(sides):
+    for side, share in zip(sides, (81.4, 62.6), strict=True):
+        side.rows["hidden_outcomes.tracked_percent"] = share
+    follow = (
+        "Errors of hidden vehicles are over the vehicle-steps that both follow; of all of them a follows 81 %, b 63 %."
+    )
+    assert notes_of(*sides) == [SEED, follow]
+    found = compare(*sides)
+    assert (found.notes, found.units, found.wanting) == ((SEED, follow), "vehicles", ())
+    assert found.why is not None
+    sides[1].rows["hidden_outcomes.tracked_percent"] = np.nan
+    assert notes_of(*sides) == [SEED]
+
+
+def test_runs_on_other_traffic_are_refused_and_a_spoilt_table_is_told(tmp_path):
+    folders = [write_recorded_scene(tmp_path / name) for name in "ab"]
+    rows = pd.DataFrame([{"label": "x"}])
+    a, b = (Source(f"run {folder.name}", folder, rows, 0, True) for folder in folders)
+    single._check_same_traffic(a, b)
+    evidence = evidence_of(folders[0])
+    assert sorted(set(evidence.rows.tracks.track_id.tolist())) == [1, 2, 3]
+    assert len(evidence.rows.truth) == 3 * 60
+    truth = pd.read_parquet(folders[1] / "truth.parquet")
+    truth.assign(lon_m=truth["lon_m"] + 1.0).to_parquet(folders[1] / "truth.parquet")
+    with pytest.raises(InputError) as caught:
+        single._check_same_traffic(a, b)
+    assert str(caught.value) == (
+        "compare: run a and run b are single runs on different traffic, which tells nothing; make the second with "
+        f"`replay` {folders[0]}, or compare grids of several seeds"
+    )
+    for name, column in (("truth", "state"), ("detections", "truth_id"), ("tracks", "std_lon_m")):
+        folder = write_recorded_scene(tmp_path / name)
+        table = pd.read_parquet(folder / f"{name}.parquet")
+        table.drop(columns=column).to_parquet(folder / f"{name}.parquet")
+        with pytest.raises(InputError, match=rf"`compare`.*{name}.parquet.*{column}"):
+            evidence_of(folder)

@@ -1,0 +1,383 @@
+"""All that a comparison says and refuses, compared whole, from made-up rows of runs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.comparison import suite
+from harness.comparison.compare import Comparison, compare
+from harness.comparison.sources import Source, open_source
+from harness.comparison.suite import KEPT, keep_as_baseline, run_suite
+from harness.comparison.verdicts import (
+    BETTER,
+    NO_WORSE,
+    PRIMARY,
+    STEP_TIME,
+    UNDECIDED,
+    UNTESTED,
+    WORSE,
+    Rules,
+    compared_quantities,
+)
+from harness.comparison.why import CAUSES, KINDS, Failure, Why
+from harness.comparison.written import as_markdown, print_comparison
+from harness.errors import InputError
+from harness.scoring.closedloop import COLLIDED
+from harness.scoring.closedloop import PRIMARY as DRIVEN
+from tests.golden import equals_golden
+from tests.harness.comparison.test_written import comparison, verdict
+
+GOLDEN = Path(__file__).parent / "golden"
+NAN = float("nan")
+
+
+def told() -> Comparison:
+    """Return a comparison with every word, numbers that are missing, and causes."""
+    verdicts = [
+        verdict(word=WORSE), verdict("hidden.hidden_cost_m", UNDECIDED, a=0.0, more_units=7, difference=0.123),
+        verdict("occlusion.same_id_percent", BETTER, difference=12.0, ci95=(NAN, NAN)), verdict(label="jpda", p=NAN),
+        verdict("mot.idf1", UNTESTED, primary=False, label="jpda", b=NAN, difference=NAN, ci95=(NAN, NAN), p=NAN),
+    ]  # fmt: skip
+    failures = [Failure(kind, cause, f"flow {kind} {cause}", 0.5 * k, k, k + 1) for k, (kind, cause) in enumerate(
+        [(KINDS[0], CAUSES[1]), (KINDS[1], CAUSES[4]), (KINDS[0], CAUSES[1])])]  # fmt: skip
+    return comparison(*verdicts, why=Why(tuple(failures), tuple(failures[1:2]), "A", "B/c d"))
+
+
+def test_the_page_and_the_comment():
+    text = as_markdown(told())
+    equals_golden(text, GOLDEN / "page.md")
+    beside = text.replace("A/report.html", "").replace("B/c%20d/report.html", "")
+    assert as_markdown(told(), with_replay=True) == beside != text
+
+
+@pytest.mark.parametrize("columns", ["80", "150"])
+def test_the_screen_in_colours(columns, capsys, monkeypatch):
+    for name, value in (("COLUMNS", columns), ("FORCE_COLOR", "1"), ("TERM", "xterm")):
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    for found in (told(), comparison(verdict(word=UNDECIDED, more_units=3)), comparison(verdict())):
+        print_comparison(found)
+    equals_golden(capsys.readouterr().err, GOLDEN / f"screen-{columns}.txt")
+
+
+def undecided(metric: str = "mot.hota", **other):
+    return verdict(metric, UNDECIDED, **other)
+
+
+@pytest.mark.parametrize(
+    ("found", "reasons"),
+    [
+        (comparison(verdict()), ()),
+        (comparison(), ("None of the metrics that are judged has values on both sides.",)),
+        (
+            comparison(verdict("mot.idf1", UNTESTED, primary=False)),
+            ("None of the metrics that are judged has values on both sides.",),
+        ),
+        (
+            comparison(verdict(), wanting=("b lacks a run.",)),
+            ("b lacks a run.",),
+        ),
+        (
+            comparison(undecided(more_units=7), undecided("mot.idf1", more_units=9)),
+            (
+                "The intervals of HOTA in sight, IDF1 in sight leave it open; about 9 more seeds would decide it in "
+                "four cases of five, if differences and scatter stay as they are.",
+            ),
+        ),
+        (
+            comparison(undecided(more_units=7), undecided("mot.idf1"), units="recordings"),
+            (
+                "The intervals of HOTA in sight, IDF1 in sight leave it open, and more recordings would hardly change "
+                "that.",
+            ),
+        ),
+        (
+            comparison(undecided(more_units=7), units="vehicles"),
+            ("The intervals of HOTA in sight leave it open; compare grids of several seeds.",),
+        ),
+        (
+            comparison(
+                undecided(wanting="too few"), undecided("mot.idf1", wanting="too few"), undecided(wanting="gone"),
+                undecided("mae.hidden.lon_m", wanting="too few", label="jpda"), verdict(),
+            ),
+            (
+                "mmpf cvm: too few (HOTA in sight, IDF1 in sight).",
+                "mmpf cvm: gone (HOTA in sight).",
+                "jpda: too few (MAE hidden while followed).",
+            ),
+        ),
+        (
+            comparison(*(undecided(key, wanting="x") for key in (*PRIMARY, "mot.idf1")), verdict()),
+            ("mmpf cvm: x (HOTA in sight, hidden cost (10 m if lost), same identity and 1 more).",),
+        ),
+    ],
+)  # fmt: skip
+def test_why_nothing_may_be_concluded_is_told_in_these_sentences(found, reasons):
+    assert found.reasons == reasons
+    assert found.outcome == (UNDECIDED if reasons else NO_WORSE)
+    table = found.as_table()
+    assert (table["regression"], table["outcome"], table["reasons"]) == (False, found.outcome, list(reasons))
+    assert "causes" not in table
+
+
+def test_the_table_for_programs_has_causes_and_no_nan():
+    table = told().as_table()
+    assert (table["a"], table["b"], table["regression"], table["outcome"]) == ("old", "new", True, WORSE)
+    assert table["causes"] == told().why.counts()
+    assert table["verdicts"][4]["b"] is None
+    assert list(table) == [
+        "a", "b", "verdicts", "notes", "rules", "units", "wanting", "why", "regression", "outcome", "reasons", "causes",
+    ]  # fmt: skip
+    json.dumps(table, allow_nan=False)
+
+
+def rows(labels=("mmpf cvm",), seeds=range(4), density=20.0, **columns) -> pd.DataFrame:
+    """Return rows in which every metric is 1 and a little of the seed, unless given."""
+    metrics = {quantity.key: [] for quantity in compared_quantities()}
+    made = [
+        {"net": "us101", "density": density, "demand": None, "seed": seed, "label": label}
+        | dict.fromkeys(metrics, 1.0 + 0.01 * seed) | {STEP_TIME.key: 5.0} | columns
+        for label in labels for seed in seeds
+    ]  # fmt: skip
+    return pd.DataFrame(made)
+
+
+def source(name: str = "a", table: pd.DataFrame | None = None, **other) -> Source:
+    known = {"folder": Path("in") / name, "rows": rows() if table is None else table, "failed": 0, "is_run": False}
+    return Source(name, **(known | other))
+
+
+def refused(a: Source, b: Source, rules: Rules | None = None) -> str:
+    with pytest.raises(InputError) as caught:
+        compare(a, b, rules)
+    return str(caught.value)
+
+
+TIME = "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
+ARMS = "No seeds in common: whole arms are compared, which shows only larger differences than pairs do."
+
+
+def test_a_comparison_tells_its_sides_rules_units_and_notes():
+    a, b = source("a", failed=2), source("b", rows(seeds=range(1, 6)))
+    found = compare(a, b)
+    assert (found.a, found.b, found.rules, found.units, found.wanting, found.why) == (
+        "a",
+        "b",
+        Rules(),
+        "seeds",
+        (),
+        None,
+    )
+    assert found.notes == ("2 failed runs of a are left out.", TIME)
+    assert [each.metric for each in found.verdicts] == [quantity.key for quantity in compared_quantities()]
+    assert {each.pairs for each in found.verdicts} == {3}
+    assert found.primary == tuple(each for each in found.verdicts if each.metric in PRIMARY)
+    same = compare(a, replace(a, failed=0))
+    assert same.notes == ("2 failed runs of a are left out.",)
+    assert [each.metric for each in same.verdicts][-1] == STEP_TIME.key
+    without = compare(a, replace(a, rows=a.rows.drop(columns=STEP_TIME.key)))
+    assert STEP_TIME.key not in [each.metric for each in without.verdicts]
+    others = compare(source("a"), source("b", rows(seeds=range(10, 14))))
+    assert others.notes == (ARMS, TIME)
+    recorded = source("a", rows(replay="x"))
+    assert compare(recorded, recorded).units == "recordings"
+
+
+def test_what_b_lacks_of_runs_and_trackers_is_wanting():
+    both = ("mmpf cvm", "jpda", "pmbm")
+    a = source("a", rows(both, range(8)))
+    found = compare(a, source("b", rows(("mmpf cvm",), range(3)), failed=3))
+    assert found.wanting == (
+        "3 runs of b failed; mend them by --resume --retry-failed.",
+        "b has no finished run of jpda, pmbm; choose one tracker by FOLDER@LABEL if that is meant.",
+        "mmpf cvm: b has only 3 of the 8 runs of a.",
+    )
+    assert found.notes[0] == "3 failed runs of b are left out."
+    one = compare(source("a", rows(("x",))), source("b", rows(("y",))))
+    assert one.wanting == ()
+    assert {each.label for each in one.verdicts} == {"x to y"}
+
+
+def test_comparisons_that_make_no_sense_are_refused_in_these_words():
+    drives = source("b", rows(**{COLLIDED: 0.0}))
+    alike = "b holds drives by belief, a runs in which SUMO drives; compare two alike"
+    assert refused(source("a"), drives) == refused(drives, source("a")) == f"compare: {alike}"
+    known = [quantity.key for quantity in compared_quantities()]
+    assert refused(source(), source(), Rules(primary=("mot.hota", "x"))) == (
+        f"`primary` x: no such metric is compared; choose of {', '.join(known)}"
+    )
+    nothing = source("b", rows(seeds=()).reindex(columns=list(rows())))
+    assert refused(source(), nothing) == (
+        "compare: every run of b failed, so there is nothing to compare; run it again"
+    )
+    varied = source("b", axes=("sensor.range_m",))
+    assert refused(source(), varied) == "compare: a and b vary different settings; compare grids of the same settings"
+    assert refused(varied, replace(varied, name="c")) == (
+        "compare: b lacks the columns sensor.range_m; make the grid again"
+    )
+    assert refused(source("a", rows(("x", "y"))), source("b", rows(("z",)))) == (
+        "compare: a and b have no tracker in common; choose one of each by FOLDER@LABEL, for example 'in/a@x' 'in/b@z'"
+    )
+    assert refused(source(), source("b", rows(density=40.0))) == (
+        "compare: a and b have no setting in common; compare grids of the same densities"
+    )
+
+
+def test_drives_are_judged_by_their_own_metrics_unless_others_are_named():
+    keys = [quantity.key for quantity in compared_quantities(DRIVEN, closed_loop=True)]
+    drives = source("a", rows(**dict.fromkeys(keys, 1.0)))
+    found = compare(drives, replace(drives, name="b", folder=Path("in/b")))
+    assert found.rules == Rules(primary=DRIVEN)
+    assert [each.metric for each in found.verdicts] == keys
+    assert found.notes == ()
+    assert compare(drives, drives, Rules(primary=(keys[-1],))).rules.primary == (keys[-1],)
+
+
+def test_the_time_of_a_step_is_a_ratio_on_the_same_traffic():
+    table = rows(("x",), range(8))
+    slow = table.assign(label="y", **{STEP_TIME.key: 5.0 * (1.5 + 0.01 * table["seed"])})
+    found = compare(source("a", table), source("a", slow))
+    (time,) = (each for each in found.verdicts if each.metric == STEP_TIME.key)
+    assert (time.a, time.b, time.margin) == (1.0, pytest.approx(1.535), 0.25)
+    assert (time.verdict, found.outcome) == (WORSE, WORSE)
+
+
+@pytest.mark.parametrize(("followed", "error", "warned"), [(0.5, 0.5, True), (0.5, 1.5, False), (1.5, 0.5, False)])
+def test_smaller_errors_over_fewer_followed_vehicles_are_warned_of(followed, error, warned):
+    both = rows(("x", "y"), range(8))
+    shrunk = {"hidden_outcomes.tracked_percent": followed, "mae.hidden.speed_mps": error}
+    less = both.assign(**{key: both[key] * factor for key, factor in shrunk.items()})
+    less = pd.concat([less[less["label"] == "x"], both[both["label"] == "y"]])
+    note = "x: errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are "
+    note += "no gain."
+    assert (note in compare(source("a", both), source("b", less)).notes) == warned
+
+
+def grid_folder(folder: Path, table: pd.DataFrame | None = None, vary=()) -> Path:
+    folder.mkdir(parents=True)
+    made = rows().drop(columns="label") if table is None else table
+    made = made.assign(variant="mmpf", model="cvm") if "variant" not in made else made
+    (made if "succeeded" in made else made.assign(succeeded=True)).to_parquet(folder / "runs.parquet")
+    (folder / "grid.json").write_text(json.dumps({"vary": list(vary)}))
+    return folder
+
+
+def unopened(text: object) -> str:
+    with pytest.raises(InputError) as caught:
+        open_source(str(text), "baseline")
+    return str(caught.value)
+
+
+def test_a_grid_is_opened_whole_or_by_the_label_of_a_tracker(tmp_path):
+    table = rows(mismatch="noise").drop(columns="label").assign(
+        variant=["mmpf", "mmpf", "pmbm", "pmbm"], model=["cvm", "cvm", None, None], succeeded=[True, True, True, False],
+        **{"sensor.range_m": 40.0},
+    )  # fmt: skip
+    folder = grid_folder(tmp_path / "a@b", table, [" sensor.range_m = 40,50"])
+    found = open_source(str(folder), "baseline")
+    assert (found.name, found.folder, found.failed, found.is_run) == (str(folder), folder, 1, False)
+    assert (found.axes, found.labels, len(found.rows)) == (("sensor.range_m", "mismatch"), ["mmpf cvm", "pmbm"], 3)
+    assert not found.is_closed_loop
+    one = open_source(f"{folder}@mmpf cvm", "baseline")
+    assert (one.name, one.labels, len(one.rows), one.failed) == (f"{folder}@mmpf cvm", ["mmpf cvm"], 2, 1)
+    assert unopened(f"{folder}@x") == f"`baseline`: {folder} has no tracker 'x'; choose one of mmpf cvm, pmbm"
+    standard = grid_folder(tmp_path / "reference" / "standard")
+    assert open_source(str(tmp_path / "reference"), "baseline").folder == standard
+
+
+def test_a_folder_that_holds_no_grid_or_run_is_told_why(tmp_path):
+    missing = tmp_path / "missing"
+    assert unopened(missing) == f"`baseline`: {missing} is no folder; give the folder of a run or of a stress test"
+    again = "make the grid again"
+    for number, content in enumerate((None, "no", "{}", "[]", '{"vary": 3}')):
+        folder = grid_folder(tmp_path / str(number))
+        (folder / "grid.json").unlink() if content is None else (folder / "grid.json").write_text(content)
+        assert unopened(folder) == f"`baseline`: {folder / 'grid.json'} is missing or broken; {again}"
+    table = rows().drop(columns="label")
+    spoilt = {
+        "has no rows": table.iloc[:0],
+        "has several rows of one run": pd.concat([table, table.iloc[:1]]),
+    }
+    for number, (why, content) in enumerate(spoilt.items()):
+        folder = grid_folder(tmp_path / f"spoilt {number}", content)
+        assert unopened(folder) == f"`baseline`: {folder / 'runs.parquet'} {why}; {again}"
+    for column in ("mot.hota", COLLIDED):
+        folder = grid_folder(tmp_path / column, table.assign(**{column: "high"}))
+        assert unopened(folder) == f"`baseline`: {folder / 'runs.parquet'}: {column} holds no numbers; {again}"
+    assert open_source(str(grid_folder(tmp_path / "none", table.assign(**{"mot.hota": None}))), "x").failed == 0
+    tells = ("density", "replay", "mismatch", "sensor.range_m")
+    for column in tells:
+        twice = pd.concat([table.assign(**{column: value}) for value in (1.0, 2.0)])
+        folder = grid_folder(tmp_path / f"two {column}", twice, ["sensor.range_m=1,2"] if "sensor" in column else [])
+        assert len(open_source(str(folder), "x").rows) == 8
+
+
+RUN = {"net": "us101", "density": None, "demand": "light", "seed": 3, "tracker": "mmpf", "model": "cvm"}
+
+
+def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.comparison.sources.runfolder.read_manifest", lambda folder, parameter: None)
+    metrics = tmp_path / "metrics.json"
+    missing = f"`baseline`: {metrics} is missing or broken; make the run again"
+    assert unopened(tmp_path) == missing
+    metrics.write_text("no")
+    assert unopened(tmp_path) == missing
+    for content in ([], {}, {"run": 5}, {"run": RUN | {"seed": "x"}}, *({"run": _without(key)} for key in RUN)):
+        metrics.write_text(json.dumps(content))
+        assert unopened(tmp_path) == f"`baseline`: {metrics} is broken; make the run again"
+    metrics.write_text(json.dumps({"run": RUN, "mot": {"hota": 80.0}}))
+    found = open_source(str(tmp_path), "baseline")
+    assert (found.name, found.folder, found.failed, found.is_run, found.axes) == (str(tmp_path), tmp_path, 0, True, ())
+    (row,) = found.rows.to_dict("records")
+    assert row == RUN | {"variant": "mmpf", "mot.hota": 80.0, "label": "mmpf cvm"}
+
+
+def _without(key: str) -> dict:
+    return {name: value for name, value in RUN.items() if name != key}
+
+
+def test_a_baseline_is_a_copy_of_what_comparisons_need_over_an_earlier_one(tmp_path):
+    class Finished:
+        folder = tmp_path / "grid"
+
+    Finished.folder.mkdir()
+    for text in ("old", "new"):
+        for name in (*KEPT, "else"):
+            (Finished.folder / name).write_text(f"{text} {name}")
+        kept = keep_as_baseline(Finished, "small", tmp_path / "of" / "all")
+    assert kept == tmp_path / "of" / "all" / "small"
+    assert {path.name: path.read_text() for path in kept.iterdir()} == {name: f"new {name}" for name in KEPT}
+    assert set(KEPT) == {"runs.parquet", "grid.json", "table.md", "manifest.json"}
+
+
+def test_a_suite_is_run_as_a_stress_test_that_tells_the_user(tmp_path, monkeypatch, capsys):
+    asked, ran = [], []
+    monkeypatch.setattr(suite, "run_stress", lambda *words, **options: asked.append((words, options)) or "finished")
+    monkeypatch.setattr(suite, "run_cells", lambda *words: ran.append(words))
+    for quiet in (False, True):
+        made = run_suite("standard", tmp_path, workers=3, resume=quiet, quiet=quiet)
+        (request, out, execute), options = asked[-1]
+        assert (made, request, out) == ("finished", suite.SUITES["standard"], tmp_path)
+        user = options.pop("user")
+        assert options == {"resume": quiet, "command": "harness compare --suite standard"}
+        assert (user.quiet, user.workers) == (quiet, 3)
+        user.warn("this")
+        user.tell("that")
+        execute(["cell"], print)
+    assert ran == [(["cell"], 3, None, print)] * 2
+    assert capsys.readouterr().err == "warning: this\nthat\nwarning: this\n"
+    with pytest.raises(InputError) as caught:
+        run_suite("x", tmp_path, workers=1, resume=False, quiet=True)
+    assert str(caught.value) == "`suite` x: no such suite; choose one of standard"
+
+
+def test_the_numbers_of_a_made_up_comparison_are_finite_where_there_are_values():
+    verdicts = compare(source("a", rows(seeds=range(8))), source("b", rows(seeds=range(8)))).verdicts
+    assert {each.verdict for each in verdicts if each.primary} == {NO_WORSE}
+    assert all(np.isfinite(each.difference) for each in verdicts)
