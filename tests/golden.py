@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -80,3 +81,13 @@ def _text(text: Text) -> str:
 
 def _numbers(values: object) -> list[float]:
     return [round(float(value), 3) for value in values]  # type: ignore[attr-defined]
+
+
+def holds_golden(numbers: Mapping[str, object], path: Path) -> None:
+    """Compare numbers by their names with a file that has a line for each; names that it lacks are let pass."""
+    told = {name: f"{value:.6g}" if isinstance(value, float) else str(value) for name, value in numbers.items()}
+    if not path.exists():
+        equals_golden("".join(f"{name} {value}\n" for name, value in told.items()), path)
+    known = dict(line.split(" ", 1) for line in path.read_text(encoding="utf-8").splitlines())
+    found = {name: told.get(name) for name in known}
+    assert found == known, f"if that is meant, delete {path.name} and run again"
