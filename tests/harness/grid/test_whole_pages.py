@@ -98,6 +98,8 @@ def test_a_score_that_nobody_has_has_no_column_and_a_tracker_without_hidden_vehi
     assert "| all | 0 | 0 | 0 | 0 | 0 |\n" in text
     assert text.endswith("|\n")
     assert not hidden_figure(told).axes[0].lines
+    unheld = HiddenError("a", 0.0, None, 1.0, None, None, None, None, 3, None)
+    assert "| a | - |\n" in pooled_markdown(Pooled([], {"a": 0}, [], [unheld]), [])
 
 
 WORLDS = ((10.0, 0), (10.0, 1), (30.0, 0))

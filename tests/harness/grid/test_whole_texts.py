@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -115,6 +116,13 @@ def test_a_tracker_is_judged_only_at_densities_of_twenty_occlusions_over_all_see
         each["occlusion.events"] = 1
     (none,) = breaks(pd.DataFrame(rows))
     assert none == summary.Break("echo", None, None, None, False)
+
+
+def test_a_share_crosses_one_half_between_the_densities_beside_it_as_far_as_both_have_events():
+    densities = np.array([10.0, 20.0, 40.0])
+    counts = np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    shares = np.array([[0.0, 80.0, 40.0], [90.0, 0.0, 40.0], [90.0, 50.0, 50.0], [49.0, 90.0, 10.0]])
+    assert summary._crossings(densities, shares, counts).tolist() == [35.0, 40.0, np.inf, 10.0]
 
 
 @pytest.mark.parametrize("columns", ["60", "160"])

@@ -17,7 +17,7 @@ from harness.scoring.conflicts import ConflictPart, conflicts
 from harness.scoring.coverage import NoisePart, detection_noise
 from harness.scoring.directions import nearest_row
 from harness.scoring.encroachment import _encounter, _first_crossing, _Path, _pieces
-from harness.scoring.events import _row_after
+from harness.scoring.events import _row_after, _track_ids
 from harness.scoring.hidden_by import cause_between
 from harness.scoring.history import last_row_where
 from harness.scoring.manoeuvre import heading_rate, manoeuvre_between
@@ -297,3 +297,10 @@ def test_pairs_that_share_an_item_are_one_component_and_the_best_pairs_of_each_a
         True,
         False,
     ]
+
+
+def test_tracks_are_told_by_the_trackers_own_numbers_and_none_by_minus_one():
+    rows = SimpleNamespace(tracks=SimpleNamespace(track=np.array([1, 0, 1]), track_id=np.array([70, 80, 70])))
+    assert _track_ids(rows, np.array([0, -1, 1])).tolist() == [80, -1, 70]
+    without = SimpleNamespace(tracks=SimpleNamespace(track=np.zeros(0, int), track_id=np.zeros(0, int)))
+    assert _track_ids(without, np.array([-1])).tolist() == [-1]
