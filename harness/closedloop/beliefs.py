@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from harness.decisions.belief import Belief
+from harness.decisions.belief import Belief, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.scoring.pairs import GATE_SIMILARITY, similarity
 from harness.scoring.settings import ScoringSettings
@@ -16,6 +16,7 @@ from harness.sensor.observation import HIDDEN, OUT, Look
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.road import Road
 from mmpf.scan import Detections
 from mmpf.tracks import TENTATIVE, Tracks
 
@@ -156,6 +157,35 @@ def ego_of(frame: Frame) -> Egos:
         length_m=frame.length_m[at],
         width_m=frame.width_m[at],
     )
+
+
+def believed_by_each(frame: Frame, rows: IntArray, road: Road) -> Belief:
+    """Return what each of some vehicles would believe by the truth, a step each.
+
+    Args:
+        frame: The vehicles.
+        rows: Rows of the frame, each in turn the ego.
+        road: The lanes.
+
+    Returns:
+        The belief; a body is a row of the frame plus a multiple of the frame's size.
+    """
+    count, size = len(rows), len(frame)
+
+    def repeated(values: FloatArray) -> FloatArray:
+        return np.tile(values, count)
+
+    bodies = Bodies(
+        step=np.repeat(np.arange(count), size),
+        lon_m=repeated(frame.lon_m),
+        lat_m=repeated(frame.lat_m),
+        speed_mps=repeated(frame.speed_mps),
+        direction_rad=np.zeros(count * size),
+        length_m=repeated(frame.length_m),
+        width_m=repeated(frame.width_m),
+    )
+    own = {name: getattr(frame, name)[rows] for name in ("lon_m", "lat_m", "speed_mps", "lane", "length_m", "width_m")}
+    return believe(bodies, Egos(episode=np.zeros(count, dtype=np.int64), **own), road)
 
 
 def biased(belief: Belief, bias_m: float) -> Belief:

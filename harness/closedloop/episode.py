@@ -23,17 +23,20 @@ from harness.closedloop.beliefs import (
     ego_of,
     true_bodies,
 )
-from harness.closedloop.handover import HandOver, Traffic, with_ego
-from harness.closedloop.plan import DRIVEN_S, KINDS, TRACKED_S, PlannedDrive
+from harness.closedloop.changing import LaneChange
+from harness.closedloop.handover import HandOver
+from harness.closedloop.plan import DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
+from harness.closedloop.traffic import Traffic, with_ego
 from harness.decisions.belief import believe
+from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import decide_by, driver_of
 from harness.decisions.drivers.protocol import Driver
 from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks
 from harness.running.open import as_believed, tracker_builder
-from harness.scoring.closedloop import BY_COLLISION, IN_TIME, OFF_THE_ROAD, Contact, Driven, score_drive
+from harness.scoring.closedloop import BY_COLLISION, IN_TIME, OFF_THE_ROAD, Contact, Driven, score_change, score_drive
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look, Sensor
@@ -90,6 +93,8 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         noise=_child(stream, SENSOR),
     )
     road = traffic.network.road
+    if at.kind == GAP:
+        loop.change = LaneChange(loop.driver, road, at.lane, traffic.step_s, planned.gap_bias_m)
     looks = Looks(
         road=road,
         step_s=traffic.step_s,
@@ -100,6 +105,8 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
     recorder, times, build = ColumnRecorder(), StageTimes(), tracker_builder(config)
     follow(as_believed(looks, config), build, recorder, _child(stream, TRACKER), (loop.watch,), times)
     drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
+    if loop.change is not None:
+        drove |= score_change(loop.change.changed())
     episode = {
         "ego": at.ego,
         "provoked": at.provoked or None,
@@ -128,8 +135,10 @@ class _Loop:
     noise: np.random.SeedSequence
     ended: str = IN_TIME
     contact: Contact | None = None
+    change: LaneChange | None = None
     _steps: list[tuple[float, ...]] = field(default_factory=list)
     _demand: float = 0.0
+    _aim_m: float | None = None
 
     def looks(self) -> Iterator[Look]:
         """Yield the tracking seconds, then what comes of the driver's commands, until the episode is over."""
@@ -141,6 +150,10 @@ class _Loop:
         for step in range(first, first + round(DRIVEN_S / self.traffic.step_s)):
             with sumo_errors_in_words(self.traffic.running.sumo):
                 steering.act(self._demand, float(self._frame.speed_mps[self._frame.ego]), self.traffic.step_s)
+                if self.at.kind == GAP:
+                    steering.insist(self._frame, self.traffic.network.road, self.traffic.step_s)
+                if self._aim_m is not None:
+                    steering.steer(self._aim_m, float(self._frame.lat_m[self._frame.ego]))
             frame = self.traffic.advance()
             if self.at.ego not in frame.vehicle_id:
                 self.ended = OFF_THE_ROAD
@@ -160,20 +173,27 @@ class _Loop:
         bodies = self.perception.bodies(look, tracks)
         if look.frame.step < len(self.at.frames) - 1:
             return
-        ego, road = ego_of(look.frame), self.traffic.network.road
-        told = decide_by(self.driver, biased(believe(bodies, ego, road), self.planned.gap_bias_m)).command
-        real = decide_by(self.driver, believe(true_bodies(look.frame), ego, road))
-        leader = real.belief.leader
-        self._demand = float(told.accel_mps2[0])
+        ego, real = ego_of(look.frame), true_bodies(look.frame)
+        if self.change is not None:
+            self._aim_m = self.change.decide(bodies, real, ego)
+        self._demand = self._demanded(bodies, ego, self.planned.gap_bias_m)
+        leader = believe(real, ego, self.traffic.network.road).leader
         self._steps.append(
             (
                 float(ego.speed_mps[0]),
                 float(leader.gap_m[0]),
                 float(leader.speed_mps[0]),
                 self._demand,
-                float(real.command.accel_mps2[0]),
+                self._demanded(real, ego, 0.0),
             )
         )
+
+    def _demanded(self, bodies: Bodies, ego: Egos, bias_m: float) -> float:
+        """Return the acceleration that the driver demands: on its way between two lanes, by those of both."""
+        road = self.traffic.network.road
+        egos = (ego,) if self.change is None else self.change.in_each_lane(ego)
+        beliefs = (biased(believe(bodies, each, road), bias_m) for each in egos)
+        return min(float(decide_by(self.driver, belief).command.accel_mps2[0]) for belief in beliefs)
 
     def driven(self) -> Driven:
         """Return the steps from the hand-over on."""

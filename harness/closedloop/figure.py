@@ -6,14 +6,22 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
+from harness.closedloop.plan import BRAKE, GAP
 from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, Score
 from harness.scoring.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
 from harness.writing.plots import strip
 
 LEAST_AXIS = 1.0
+SPREAD = 0.66
 SHOWN = (COLLIDED, TTC, HARD_BRAKES)
 # Of Okabe and Ito's palette, told apart by their marks too.
-STYLES = {ALL: ("#000000", "o"), FREE_ONES: ("#0072B2", "s"), PROVOKED_ONES: ("#D55E00", "^")}
+STYLES = {
+    ALL: ("#000000", "o"),
+    FREE_ONES: ("#0072B2", "s"),
+    PROVOKED_ONES: ("#D55E00", "^"),
+    BRAKE: ("#CC79A7", "v"),
+    GAP: ("#009E73", "D"),
+}
 
 
 def drives_figure(found: Sequence[Score], title: str) -> Figure:
@@ -27,7 +35,7 @@ def drives_figure(found: Sequence[Score], title: str) -> Figure:
             colour, mark = STYLES[kind]
             own = [score for score in found if score.metric == metric and score.episodes == kind]
             known = [score for score in own if score.mean is not None]
-            offset = 0.22 * (place - 0.5 * (len(kinds) - 1))
+            offset = SPREAD / max(len(kinds), 3) * (place - 0.5 * (len(kinds) - 1))
             at = [rows.index((score.belief, score.gap_bias_m)) + offset for score in known]
             means = [score.mean or 0.0 for score in known]
             panel.scatter(means, at, color=colour, marker=mark, s=28, label=f"{kind} episodes", zorder=3)

@@ -38,7 +38,10 @@ class DriveOptions(TypedDict, total=False):
     provoke: Annotated[
         str,
         Option(
-            "Provocations, in turns: brake (the hidden leader's leader brakes hard).", panel=DRIVES, default="brake"
+            "Provocations, in turns: brake (the hidden leader's leader brakes hard), gap (the route needs the lane "
+            "beside, where a hidden car is in the way).",
+            panel=DRIVES,
+            default="brake",
         ),
     ]
     driver: Annotated[

@@ -20,7 +20,7 @@ from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 
 FREE, BRAKE, GAP = "free", "brake", "gap"
-PROVOKED = (BRAKE,)
+PROVOKED = (BRAKE, GAP)
 KINDS = (FREE, BRAKE, GAP)
 KIND, BIAS = "episode.kind", "gap_bias_m"
 AXES = (KIND, BIAS)
@@ -103,7 +103,7 @@ def plan_drives(request: DriveRequest) -> Grid:
     """
     beliefs = names(request.beliefs, "beliefs", BELIEFS_EXAMPLE)
     biases = numbers(request.gap_bias, "gap_bias", "0,2,5,10")
-    kinds = names(request.provoke, "provoke", BRAKE)
+    kinds = names(request.provoke, "provoke", ",".join(PROVOKED))
     for kind in kinds:
         if kind not in PROVOKED:
             raise InputError(f"`provoke` {kind}: choose of {', '.join(PROVOKED)}")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
-from harness.closedloop.plan import BIAS, FREE, KIND
+from harness.closedloop.plan import BIAS, FREE, GAP, KIND, PROVOKED
 from harness.comparison.effects import paired_effect
 from harness.grid.rows import column_of
-from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, QUANTITIES
+from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, OF_CHANGES, QUANTITIES
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import few_groups_ci
 from harness.writing.markdown import markdown_table
@@ -34,7 +34,7 @@ class Score:
     Attributes:
         belief: The belief.
         gap_bias_m: By how much its gaps are too long.
-        episodes: ``all``, ``free`` or ``provoked``.
+        episodes: ``all``, ``free``, ``provoked``, or a kind of provocation where there are several.
         metric: Key of the quantity.
         n: Episodes with a value.
         mean: Mean over them; None without any.
@@ -61,13 +61,16 @@ def scores(table: pd.DataFrame) -> list[Score]:
         table: The rows of ``runs.parquet``.
     """
     done = table[table["succeeded"].astype(bool)]
+    if not len(done):
+        return []
     done = done[done[ENDED] != NO_CANDIDATE]
     found = []
     for name, episodes in _groups(done):
         truth = episodes[(episodes["variant"] == TRUTH) & (episodes[BIAS] == 0.0)]
         for belief, bias in dict.fromkeys(zip(episodes["variant"], episodes[BIAS], strict=True)):
             rows = episodes[(episodes["variant"] == belief) & (episodes[BIAS] == bias)]
-            found += [_score(belief, bias, name, quantity, rows, truth) for quantity in QUANTITIES]
+            told = (*QUANTITIES, *(each for each in OF_CHANGES if np.isfinite(column_of(episodes, each.key)).any()))
+            found += [_score(belief, bias, name, quantity, rows, truth) for quantity in told]
     return found
 
 
@@ -79,7 +82,8 @@ def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failure
         lines += [f"## {_heading(name, part)}", "", *_means(part), ""]
         if any(score.excess is not None for score in part):
             lines += ["In excess of driving by the truth in the same episodes:", "", *_excesses(part), ""]
-    lines += [*_collisions(table), EXPLANATION, ""]
+    explanation = f"{EXPLANATION} {OF_GAPS}" if GAP in set(table[KIND]) else EXPLANATION
+    lines += [*_collisions(table), explanation, ""]
     if failures:
         lines += ["## Failed drives", "", *(f"- {failure}" for failure in failures), ""]
     return "\n".join(lines)
@@ -91,6 +95,11 @@ EXPLANATION = (
     "that the truth would have demanded for half a second or longer (-2 m/s² or less) while the belief demanded more "
     "than -1 m/s²; a *phantom* is the other way round. Impact speed is the mean over collisions."
 )
+OF_GAPS = (
+    "In episodes *gap* the ego needs the lane beside it, where a hidden vehicle is in its way. *Changed* says whether "
+    "its middle got across the line; a *forbidden change* is one that it began though by the truth it might not; "
+    "*unsafe gaps* are the moments at which it believed that it may, of those at which it might not."
+)
 
 
 def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -99,6 +108,9 @@ def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     if free.any() and not free.all():
         yield FREE_ONES, done[free]
         yield PROVOKED_ONES, done[~free]
+    provoked = [kind for kind in PROVOKED if (done[KIND] == kind).any()]
+    for kind in provoked if len(provoked) > 1 else ():
+        yield kind, done[done[KIND] == kind]
 
 
 def _score(
@@ -170,7 +182,7 @@ def _excesses(part: Sequence[Score]) -> list[str]:
 
 
 def _laid_out(part: Sequence[Score], cell_of: Callable[[Score, int], str]) -> list[str]:
-    shown = [quantity for quantity in QUANTITIES if any(score.metric == quantity.key for score in part)]
+    shown = [quantity for quantity in (*QUANTITIES, *OF_CHANGES) if any(score.metric == quantity.key for score in part)]
     biases = len({score.gap_bias_m for score in part}) > 1 or any(score.gap_bias_m for score in part)
     rows = []
     for belief, bias in dict.fromkeys((score.belief, score.gap_bias_m) for score in part):

@@ -20,9 +20,11 @@ from typing import TypeVar, cast
 import numpy as np
 
 from harness.closedloop.episode import drive
-from harness.closedloop.handover import HandOver, Traffic, hand_overs
+from harness.closedloop.handover import HandOver, hand_overs
 from harness.closedloop.kept import keep_drive
 from harness.closedloop.plan import PlannedDrive
+from harness.closedloop.traffic import Traffic
+from harness.decisions.decide import driver_of
 from harness.errors import InputError, RunError
 from harness.grid.cells import Cell
 from harness.grid.rows import Row, failed_row, finished_row
@@ -143,7 +145,8 @@ def _episodes(traffic: Traffic, cell: Cell) -> Iterator[HandOver | str]:
     kinds = list(dict.fromkeys(run.kind for run in cell.runs if isinstance(run, PlannedDrive)))
     sensor = cell.config.sensor
     rng = np.random.default_rng(np.random.SeedSequence(cell.config.seed, spawn_key=(CHOICES,)))
-    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), rng)
+    driver = driver_of(cell.config.decisions.driver)
+    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), driver, rng)
 
 
 def _driven(traffic: Traffic, at: HandOver, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:

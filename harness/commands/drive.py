@@ -32,7 +32,9 @@ def command(options: Options) -> None:
     over for 20 s to a driver that knows only the belief; the others react.
     All beliefs begin with the same traffic and the same sensor. In every
     second episode the leader's leader, hidden from the sensor at that moment
-    but seen before, brakes at 5 m/s2.
+    but seen before, brakes at 5 m/s2; or, with --provoke gap, the ego has to
+    change to a lane in which such a hidden car is in its way, and does as soon
+    as it believes that the gap is safe.
     Leaves runs.parquet (one row per episode and belief), table.md,
     summary.json, a figure, the folders of episodes that ended in a collision
     and a page that leads to their replays. 'compare' takes such folders.
@@ -41,6 +43,7 @@ def command(options: Options) -> None:
     Examples:
       python -m harness drive --density 45 --beliefs truth,mmpf,detections
       python -m harness drive --beliefs truth --gap-bias 0,2,5,10 --episodes 20
+      python -m harness drive --density 45 --provoke gap --beliefs mmpf,detections
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """

@@ -57,7 +57,7 @@ def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = Fa
         closed_loop: Whether drives by belief are compared, which have metrics of their own.
     """
     of_runs = ("hidden", "mae", "hidden_outcomes", "occlusion")
-    known = closedloop.QUANTITIES if closed_loop else quantities(*of_runs)
+    known = (*closedloop.QUANTITIES, *closedloop.OF_CHANGES) if closed_loop else quantities(*of_runs)
     every = [quantity for quantity in known if quantity.compared]
     order = {key: place for place, key in enumerate(primary)}
     return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))
@@ -65,7 +65,8 @@ def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = Fa
 
 def quantity_of(metric: str) -> Quantity:
     """Return the compared metric of a key."""
-    return next(each for each in (*compared_quantities(), *closedloop.QUANTITIES, STEP_TIME) if each.key == metric)
+    known = (*compared_quantities(), *compared_quantities(closed_loop=True), *closedloop.QUANTITIES, STEP_TIME)
+    return next(each for each in known if each.key == metric)
 
 
 def name_of(metric: str) -> str:

@@ -6,7 +6,8 @@ import pytest
 
 from harness.closedloop import worker
 from harness.closedloop.episode import drive
-from harness.closedloop.plan import BRAKE, FREE, DriveRequest, plan_drives
+from harness.closedloop.handover import HandOver
+from harness.closedloop.plan import BRAKE, FREE, GAP, DriveRequest, plan_drives
 from harness.commands.drive import make_drives
 from harness.errors import InputError, RunError
 from harness.grid.worker import Finished
@@ -118,3 +119,16 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
         make_drives({"out": tmp_path / "mine", "resume": True, "beliefs": "truth"}, "test", quiet=True)
     with pytest.raises(InputError, match="`out`"):
         make_drives({"out": tmp_path / "mine", "beliefs": "truth"}, "test", quiet=True)
+
+
+@pytest.mark.slow
+def test_whoever_knows_of_the_hidden_car_leaves_it_the_gap_and_whoever_does_not_takes_it():
+    cell = plan_drives(DriveRequest("truth,detections", 2, seed=101, density=30.0, provoke=GAP)).cells[0]
+    with worker.opened(cell) as traffic:
+        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == GAP)
+        runs = [run for run in cell.runs if run.kind == GAP]
+        drove = {run.variant: worker.in_fork(lambda run=run: drive(traffic, at, run)).table["drive"] for run in runs}
+    assert (drove["truth"]["forbidden_change_percent"], drove["truth"]["collided_percent"]) == (0.0, 0.0)
+    assert drove["truth"]["unsafe_gaps_percent"] == 0.0
+    assert drove["detections"]["forbidden_change_percent"] == 100.0
+    assert drove["detections"]["unsafe_gaps_percent"] > 10.0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.closedloop.plan import BRAKE, FREE, DriveRequest, plan_drives, with_truth
+from harness.closedloop.plan import BRAKE, FREE, GAP, DriveRequest, plan_drives, with_truth
 from harness.errors import InputError
 
 
@@ -14,6 +14,12 @@ def test_every_second_episode_is_provoked_and_each_pair_has_a_seed_of_its_own():
     grid = plan_drives(request())
     episodes = list(dict.fromkeys((run.config.seed, run.kind) for run in grid.runs))
     assert episodes == [(7, FREE), (7, BRAKE), (8, FREE), (8, BRAKE), (9, FREE)]
+
+
+def test_provocations_take_turns_and_leave_what_is_free_as_it_is():
+    both, usual = (plan_drives(request(provoke=kinds)).runs for kinds in ("brake,gap", "brake"))
+    assert [run.kind for run in both if run.variant == "truth"] == [FREE, BRAKE, FREE, GAP, FREE]
+    assert [run.key for run in both if run.kind == FREE] == [run.key for run in usual if run.kind == FREE]
 
 
 def test_every_belief_and_bias_drives_every_episode():

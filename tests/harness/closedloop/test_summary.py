@@ -5,9 +5,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from harness.closedloop.plan import BIAS, BRAKE, FREE, KIND
+from harness.closedloop.plan import BIAS, BRAKE, FREE, GAP, KIND
 from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, as_markdown, scores
-from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
+from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, OF_CHANGES, QUANTITIES, TTC
+
+CHANGED = OF_CHANGES[0].key
 
 
 def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):
@@ -60,6 +62,24 @@ def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left
     found = scores(table)
     assert [one(found, "mmpf", TTC, name).n for name in (ALL, FREE_ONES, PROVOKED_ONES)] == [11, 6, 5]
     assert "1 more have no candidate" in as_markdown("t", found, table, [])
+
+
+def test_changes_of_lanes_are_told_of_the_episodes_that_have_them_and_each_provocation_apart():
+    table = table_of(kinds=(FREE, BRAKE, GAP))
+    needs = table[KIND] == GAP
+    table.loc[needs, CHANGED] = np.where(table["variant"][needs] == "truth", 100.0, 0.0)
+    found = scores(table)
+    assert (one(found, "truth", CHANGED).n, one(found, "truth", CHANGED).mean) == (6, 100.0)
+    assert one(found, "mmpf", CHANGED, GAP).excess == -100.0
+    assert not [score for score in found if score.metric == CHANGED and score.episodes in (FREE_ONES, BRAKE)]
+    assert "forbidden change" in as_markdown("t", found, table, [])
+    assert not [score for score in scores(table_of()) if score.episodes in (BRAKE, GAP) or score.metric == CHANGED]
+
+
+def test_where_every_drive_failed_there_are_no_scores_and_the_failures_are_told():
+    table = table_of()[["seed", KIND, "variant", BIAS, "error"]].assign(succeeded=False)
+    assert not scores(table)
+    assert "- a: failed" in as_markdown("t", [], table, ["a: failed"])
 
 
 def test_collisions_are_listed_the_hardest_first_with_their_replays():

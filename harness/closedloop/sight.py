@@ -1,0 +1,36 @@
+"""Who is hidden from a car's sensor, by the truth: this chooses episodes, no belief knows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from harness.closedloop.traffic import row_of
+from harness.sensor.detector import visibility_of
+from harness.sensor.scene import box_axes, in_reach, sight_to
+from harness.sensor.settings import SensorSettings
+from harness.truth.frame import Frame
+from mmpf.road import Road
+
+SEEN_EVERY, SEEN_OFTEN = 5, 3
+"""A hidden vehicle has been seen if it was in sight at so many of every fifth frame of the tracking seconds."""
+
+
+def hidden_after_sight(frames: Sequence[Frame], ego: str, name: str, road: Road, settings: SensorSettings) -> bool:
+    """Return whether a vehicle is hidden in the last frame and was in sight often enough before."""
+    if not is_hidden(frames[-1], ego, name, road, settings):
+        return False
+    seen = sum(not is_hidden(frame, ego, name, road, settings) for frame in frames[:-1:SEEN_EVERY])
+    return seen >= SEEN_OFTEN
+
+
+def is_hidden(frame: Frame, ego: str, name: str, road: Road, settings: SensorSettings) -> bool:
+    """Return whether less of a vehicle is to be seen than the sensor needs, by true visible fraction."""
+    if name not in frame.vehicle_id:
+        return True
+    seen_from = replace(frame, ego=row_of(frame, ego))
+    pose = seen_from.ego_pose
+    sight = sight_to(frame.lon_m, frame.lat_m, road, pose, box_axes(road, frame.heading_rad))
+    in_range = in_reach(settings, sight.distance, sight.off_axis)
+    fraction, _, _ = visibility_of(seen_from, road, pose, in_range, settings.range_m)
+    return bool(fraction[row_of(frame, name)] < settings.hidden_fraction)
