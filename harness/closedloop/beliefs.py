@@ -10,8 +10,9 @@ import numpy as np
 
 from harness.decisions.belief import Belief, believe
 from harness.decisions.bodies import Bodies, Egos
+from harness.scoring.believed import HEADING_M, HEADING_S
 from harness.scoring.pairs import GATE_SIMILARITY, similarity
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import HIDDEN, OUT, Look
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
@@ -52,6 +53,7 @@ class TrackedPerception:
     """
 
     settings: ScoringSettings = field(default_factory=ScoringSettings)
+    _places: dict[int, list[tuple[float, float, float]]] = field(default_factory=dict)
     _measured: dict[int, FloatArray] = field(default_factory=lambda: defaultdict(lambda: np.zeros(3)))
 
     def bodies(self, look: Look, tracks: Tracks) -> Bodies:
@@ -67,10 +69,24 @@ class TrackedPerception:
             lon_m=tracks.lon_m[kept],
             lat_m=tracks.lat_m[kept],
             speed_mps=np.where(np.isfinite(speed), speed, ego_mps),
-            direction_rad=np.zeros(len(kept)),
+            direction_rad=self._directions(look, tracks, kept),
             length_m=sizes[:, 0],
             width_m=sizes[:, 1],
         )
+
+    def _directions(self, look: Look, tracks: Tracks, kept: IntArray) -> FloatArray:
+        """Return where each went in the last half second, in the plane; nan where it hardly moved, shape (k,)."""
+        if look.frame.direction_rad is None:
+            return np.zeros(len(kept))
+        now_s, places = look.frame.time_s, {}
+        for row in np.flatnonzero(tracks.state != TENTATIVE):
+            name = int(tracks.track_id[row])
+            before = [place for place in self._places.get(name, ()) if place[0] >= now_s - HEADING_S - TIME_TOLERANCE_S]
+            places[name] = [*before, (now_s, float(tracks.lon_m[row]), float(tracks.lat_m[row]))]
+        self._places = places
+        moved = np.array([np.subtract(places[n][-1], places[n][0])[1:] for n in tracks.track_id[kept].tolist()])
+        lon_m, lat_m = moved.reshape(-1, 2).T
+        return np.where(np.hypot(lon_m, lat_m) >= HEADING_M, np.arctan2(lat_m, lon_m), np.nan)
 
     def _measure(self, tracks: Tracks, reported: IntArray, found: Detections) -> None:
         """Add what the detection nearest to each reported track measures of its size."""
@@ -122,12 +138,17 @@ class HumanPerception:
         frame = look.frame
         seen = ~np.isin(look.observation.state, (HIDDEN, OUT))
         bodies = true_bodies(frame, seen)
-        away = bodies.lon_m - frame.lon_m[frame.ego]
-        gap = np.maximum(np.abs(away) - 0.5 * (bodies.length_m + frame.length_m[frame.ego]), 0.0)
+        away, across = bodies.lon_m - frame.lon_m[frame.ego], bodies.lat_m - frame.lat_m[frame.ego]
+        in_plane = frame.direction_rad is not None
+        far = np.hypot(away, across) if in_plane else np.abs(away)
+        gap = np.maximum(far - 0.5 * (bodies.length_m + frame.length_m[frame.ego]), 0.0)
         shift = 0.75 * self._error * gap
-        return replace(
-            bodies, lon_m=bodies.lon_m + np.sign(away) * shift, speed_mps=bodies.speed_mps + 0.15 * self._error * gap
-        )
+        speed_mps = bodies.speed_mps + 0.15 * self._error * gap
+        if not in_plane:
+            return replace(bodies, lon_m=bodies.lon_m + np.sign(away) * shift, speed_mps=speed_mps)
+        share = shift / np.maximum(far, 1e-9)
+        lon_m, lat_m = bodies.lon_m + share * away, bodies.lat_m + share * across
+        return replace(bodies, lon_m=lon_m, lat_m=lat_m, speed_mps=speed_mps)
 
 
 def true_bodies(frame: Frame, chosen: BoolArray | None = None) -> Bodies:
@@ -139,14 +160,14 @@ def true_bodies(frame: Frame, chosen: BoolArray | None = None) -> Bodies:
         lon_m=frame.lon_m[kept],
         lat_m=frame.lat_m[kept],
         speed_mps=frame.speed_mps[kept],
-        direction_rad=np.zeros(len(kept)),
+        direction_rad=np.zeros(len(kept)) if frame.direction_rad is None else frame.direction_rad[kept],
         length_m=frame.length_m[kept],
         width_m=frame.width_m[kept],
     )
 
 
-def ego_of(frame: Frame) -> Egos:
-    """Return the ego of a frame as a single step."""
+def ego_of(frame: Frame, route: tuple[int, ...] = ()) -> Egos:
+    """Return the ego of a frame as a single step, and the lanes that its way goes by."""
     at = slice(frame.ego, frame.ego + 1)
     return Egos(
         episode=np.zeros(1, dtype=np.int64),
@@ -156,6 +177,7 @@ def ego_of(frame: Frame) -> Egos:
         lane=frame.lane[at],
         length_m=frame.length_m[at],
         width_m=frame.width_m[at],
+        route=route,
     )
 
 

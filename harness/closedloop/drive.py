@@ -13,7 +13,6 @@ from urllib.parse import quote
 from harness.closedloop.figure import drives_figure
 from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
-from harness.errors import InputError
 from harness.grid.cells import Cell, Grid
 from harness.grid.gridfolder import FIGURES, KEPT, RUNS
 from harness.grid.kept import keeping
@@ -121,13 +120,6 @@ def _check(grid: Grid, user: Telling) -> None:
     Raises:
         InputError: Something is wrong.
     """
-    from harness.truth.network.network import load_network  # noqa: PLC0415
-
-    network = load_network(grid.cells[0].config.traffic.net)
-    if network.plane is not None or network.configuration is not None:
-        raise InputError(
-            f"`net`: {network.name} has no main road, and an ego is driven along one alone; for example `net` us101"
-        )
     check_grid(grid, user.tell)
 
 

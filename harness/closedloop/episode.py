@@ -36,7 +36,16 @@ from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks
 from harness.running.open import as_believed, tracker_builder
-from harness.scoring.closedloop import BY_COLLISION, IN_TIME, OFF_THE_ROAD, Contact, Driven, score_change, score_drive
+from harness.scoring.closedloop import (
+    AT_JUNCTION,
+    BY_COLLISION,
+    IN_TIME,
+    OFF_THE_ROAD,
+    Contact,
+    Driven,
+    score_change,
+    score_drive,
+)
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look, Sensor
@@ -50,6 +59,7 @@ SENSOR, TRACKER, HUMAN = range(3)
 """Streams of an episode's randomness; none depends on the belief."""
 # As far as the road is known beyond the section, less what a driver looks ahead.
 BEYOND_SECTION_M = 30.0
+STOP_LINE_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -154,26 +164,37 @@ class _Loop:
                     steering.insist(self._frame, self.traffic.network.road, self.traffic.step_s)
                 if self._aim_m is not None:
                     steering.steer(self._aim_m, float(self._frame.lat_m[self._frame.ego]))
-            frame = self.traffic.advance()
+            frame, time_s = self.traffic.advance(), round((step - first + 1) * self.traffic.step_s, 6)
             if self.at.ego not in frame.vehicle_id:
-                self.ended = OFF_THE_ROAD
+                # Where the user's configuration lets SUMO take away who collides, it is gone by now.
+                self.contact = steering.contact(self._frame, time_s)
+                self.ended = OFF_THE_ROAD if self.contact is None else BY_COLLISION
                 return
             frame = with_ego(frame, self.at.ego, step, self.traffic.step_s)
-            self.contact = steering.contact(frame, round((step - first + 1) * self.traffic.step_s, 6))
+            self.contact = steering.contact(frame, time_s)
             yield self._look(frame)
             if self.contact is not None:
                 self.ended = BY_COLLISION
                 return
-            if self._frame.lon_m[self._frame.ego] > self.traffic.network.section_m[1] + BEYOND_SECTION_M:
-                self.ended = OFF_THE_ROAD
+            if self._is_at_end():
+                self.ended = OFF_THE_ROAD if self.at.way is None else AT_JUNCTION
                 return
+
+    def _is_at_end(self) -> bool:
+        """Return whether the road ends soon, or the way up to where the ego would have to stop or give way."""
+        frame, network = self._frame, self.traffic.network
+        lon_m, lat_m = float(frame.lon_m[frame.ego]), float(frame.lat_m[frame.ego])
+        if self.at.way is None or network.plane is None:
+            return lon_m > network.section_m[1] + BEYOND_SECTION_M
+        left_m = self.at.way.left_m(network.plane.graph, int(frame.lane[frame.ego]) - 1, lon_m, lat_m)
+        return left_m < STOP_LINE_M + 0.5 * float(frame.length_m[frame.ego])
 
     def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Let the driver decide by the tracks, and note what it would do by the truth."""
         bodies = self.perception.bodies(look, tracks)
         if look.frame.step < len(self.at.frames) - 1:
             return
-        ego, real = ego_of(look.frame), true_bodies(look.frame)
+        ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
         if self.change is not None:
             self._aim_m = self.change.decide(bodies, real, ego)
         self._demand = self._demanded(bodies, ego, self.planned.gap_bias_m)

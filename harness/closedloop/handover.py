@@ -6,17 +6,18 @@ chosen now has been followed since then: its sensor is made to look at those fra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.closedloop.beliefs import believed_by_each
+from harness.closedloop.beliefs import believed_by_each, ego_of, true_bodies
 from harness.closedloop.gaps import Occupied
 from harness.closedloop.plan import BRAKE, DRIVEN_S, FREE, GAP, KINDS, TRACKED_S
+from harness.closedloop.routes import Way, edge_of, way_of
 from harness.closedloop.sight import hidden_after_sight
 from harness.closedloop.traffic import Traffic, with_ego
-from harness.decisions.belief import Belief
+from harness.decisions.belief import NOBODY, Belief, believe
 from harness.decisions.drivers.protocol import Driver
 from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
@@ -28,6 +29,8 @@ LOOK_AGAIN_S, GIVE_UP_S = {FREE: 2, BRAKE: 2, GAP: 1}, 40
 SECTION_MARGIN_M = 20.0
 # An ego needs so much road as it covers in an episode at this speed at most.
 ROOM_AT_MPS = 12.0
+# On a network without a main road an ego needs so many seconds of way before it has to stop or give way.
+FREE_WAY_S = 8.0
 FARTHEST_LEADER_M, FARTHEST_HIDDEN_M = 40.0, 70.0
 CHANGES_LANE_MPS = 0.2
 """Whoever moves sideways faster is about to be somewhere else."""
@@ -47,6 +50,7 @@ class HandOver:
         looked_through: How many of them were looked at until one fitted, over all moments.
         frames: The tracking seconds, the last frame is the hand-over's.
         lane: Number of the lane that the ego's route needs; 0 where it keeps its own.
+        way: The lanes that it is to drive on a network without a main road; None on one with.
     """
 
     kind: str
@@ -56,6 +60,12 @@ class HandOver:
     looked_through: int
     frames: tuple[Frame, ...]
     lane: int = 0
+    way: Way | None = None
+
+    @property
+    def route(self) -> tuple[int, ...]:
+        """Indices of the lanes that the ego's way goes by, of a graph of lanes."""
+        return () if self.way is None else self.way.lanes
 
 
 def hand_overs(
@@ -92,26 +102,30 @@ def hand_overs(
 def _find(traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rng: np.random.Generator) -> HandOver:
     """Look for an ego at the present moment; the hand-over's is empty if there is none."""
     now = traffic.frames[-1]
-    rows = _eligible(traffic)
+    ways: dict[int, Way] = {}
+    rows = _eligible(traffic) if traffic.network.plane is None else _eligible_in_plane(traffic, ways)
     order = rows[rng.permutation(len(rows))]
-    concerned = _concerned(traffic, kind, settings, driver, order)
+    concerned = _concerned(traffic, kind, settings, driver, order, ways)
     for place, row in enumerate(order):
         provoked, lane = concerned(place)
         if kind == FREE or provoked:
             ego = str(now.vehicle_id[row])
             frames = (with_ego(frame, ego, step, traffic.step_s) for step, frame in enumerate(traffic.frames))
-            return HandOver(kind, ego, provoked, len(rows), place + 1, tuple(frames), lane)
+            return HandOver(kind, ego, provoked, len(rows), place + 1, tuple(frames), lane, ways.get(int(row)))
     return HandOver(kind, "", "", len(rows), len(rows), ())
 
 
 def _concerned(
-    traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rows: IntArray
+    traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rows: IntArray, ways: Mapping[int, Way]
 ) -> Callable[[int], tuple[str, int]]:
     """Return what tells of each of some cars whom a provocation of it would concern, and the lane that it needs."""
+    now, road = traffic.frames[-1], traffic.network.road
+    if kind == BRAKE and traffic.network.plane is None:
+        belief = believed_by_each(now, rows, road)
+        return lambda place: (_hidden_second_leader(traffic, belief, place, rows[place], settings), 0)
     if kind == BRAKE:
-        belief = believed_by_each(traffic.frames[-1], rows, traffic.network.road)
-        return lambda place: (_hidden_second_leader(traffic, belief, place, rows, settings), 0)
-    if kind == GAP:
+        return lambda place: (_second_on_way(traffic, rows[place], ways[int(rows[place])], settings), 0)
+    if kind == GAP and traffic.network.plane is None:
         occupied = Occupied(traffic, driver, rows)
         return lambda place: occupied.by_hidden(place, settings)
     return lambda _: ("", 0)
@@ -137,9 +151,45 @@ def _eligible(traffic: Traffic) -> IntArray:
     return np.array(stays, dtype=np.int64)
 
 
-def _hidden_second_leader(
-    traffic: Traffic, belief: Belief, place: int, rows: IntArray, settings: SensorSettings
-) -> str:
+def _eligible_in_plane(traffic: Traffic, ways: dict[int, Way]) -> IntArray:
+    """Return the rows that may be the ego where there is no main road: cars with a past and some seconds of free way.
+
+    Args:
+        traffic: The traffic.
+        ways: Takes the way of each row.
+    """
+    now, road, sumo = traffic.frames[-1], traffic.network.road, traffic.running.sumo
+    graph = road.graph
+    assert graph is not None
+    chosen = (now.length_m >= CAR_LENGTH_M[0]) & (now.length_m <= CAR_LENGTH_M[1]) & (now.speed_mps >= SLOWEST_MPS)
+    chosen &= now.lane > 0
+    if now.pedestrian is not None:
+        chosen &= ~now.pedestrian
+    chosen &= ~np.append(True, graph.in_junction)[now.lane]
+    past = [set(frame.vehicle_id.tolist()) for frame in list(traffic.frames)[:-1]]
+    for row in np.flatnonzero(chosen):
+        name, lane = str(now.vehicle_id[row]), int(now.lane[row]) - 1
+        route, edge = list(sumo.vehicle.getRoute(name)), edge_of(graph, lane)
+        if edge not in route or not all(name in names for names in past):
+            continue
+        way = way_of(graph, lane, route[route.index(edge) :])
+        if way.left_m(graph, lane, float(now.lon_m[row]), float(now.lat_m[row])) > FREE_WAY_S * now.speed_mps[row]:
+            ways[int(row)] = way
+    return np.array(list(ways), dtype=np.int64)
+
+
+def _second_on_way(traffic: Traffic, row: int, way: Way, settings: SensorSettings) -> str:
+    """Return a hidden leader's leader on an ego's way; see ``_hidden_second_leader``."""
+    now = traffic.frames[-1]
+    mine = with_ego(now, str(now.vehicle_id[row]), now.step, traffic.step_s)
+    belief = believe(true_bodies(mine), ego_of(mine, way.lanes), traffic.network.road)
+    others = np.flatnonzero(np.arange(len(now)) != row)
+    leaders = belief.leaders
+    rows = np.where(leaders.body >= 0, np.append(others, NOBODY)[leaders.body], NOBODY)
+    return _hidden_second_leader(traffic, replace(belief, leaders=replace(leaders, body=rows)), 0, row, settings)
+
+
+def _hidden_second_leader(traffic: Traffic, belief: Belief, place: int, row: int, settings: SensorSettings) -> str:
     """Return the leader's leader if it is hidden now, moves, and was in sight before; else an empty name."""
     now = traffic.frames[-1]
     first, second = (belief.leaders.body[place, rank] for rank in (0, 1))
@@ -147,7 +197,7 @@ def _hidden_second_leader(
     if first < 0 or second < 0 or not 0.0 < gap_m[0] <= FARTHEST_LEADER_M or gap_m[1] > FARTHEST_HIDDEN_M:
         return ""
     other = int(second) % len(now)
-    ego, name = str(now.vehicle_id[rows[place]]), str(now.vehicle_id[other])
+    ego, name = str(now.vehicle_id[row]), str(now.vehicle_id[other])
     if now.speed_mps[other] < SLOWEST_MPS:
         return ""
     return name if hidden_after_sight(tuple(traffic.frames), ego, name, traffic.network.road, settings) else ""

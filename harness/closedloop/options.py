@@ -17,7 +17,7 @@ DRIVES, RESULT = "The drives", "How it is run"
 class DriveOptions(TypedDict, total=False):
     """What a closed loop can be asked for."""
 
-    net: Annotated[str | Path, Option("Network with one main road, by name or folder.", panel=DRIVES, default="us101")]
+    net: Annotated[str | Path, Option("Network by name, or a folder or .sumocfg file.", panel=DRIVES, default="us101")]
     density: Annotated[float | None, Option("Vehicles per km and main lane, in place of --demand.", panel=DRIVES)]
     demand: Annotated[str | None, Option("Named demand of the network; see 'nets'.", panel=DRIVES)]
     beliefs: Annotated[

@@ -15,6 +15,7 @@ from harness.decisions.drivers.following import SAFE_DECEL_MPS2, following
 from harness.scoring.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import Sumo
+from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 
 NO_CHECKS, ALL_CHECKS = 0, 31
@@ -102,21 +103,51 @@ class Steering:
         if not touched.any():
             return None
         ego = frame.ego
-        away_m = np.where(touched, frame.lon_m - frame.lon_m[ego], np.inf)
-        other = int(np.abs(away_m).argmin())
+        lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]
+        ahead_m, impact_mps = lon_m, np.abs(frame.speed_mps[ego] - frame.speed_mps)
+        if frame.direction_rad is not None:
+            ways = np.stack([np.cos(frame.direction_rad), np.sin(frame.direction_rad)])
+            ahead_m = lon_m * ways[0, ego] + lat_m * ways[1, ego]
+            impact_mps = np.hypot(*(ways * frame.speed_mps - (ways * frame.speed_mps)[:, [ego]]))
+        other = int(np.abs(np.where(touched, ahead_m, np.inf)).argmin())
         return Contact(
             vehicle_id=str(frame.vehicle_id[other]),
             time_s=time_s,
-            impact_mps=float(abs(frame.speed_mps[ego] - frame.speed_mps[other])),
-            into=bool(away_m[other] > 0.0),
+            impact_mps=float(impact_mps[other]),
+            into=bool(ahead_m[other] > 0.0),
         )
 
 
 def overlaps(frame: Frame) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return whose body overlaps the ego's, both taken to lie along the road, shape (n,); never the ego's own."""
+    """Return whose body overlaps the ego's, shape (n,); never the ego's own.
+
+    On a main road bodies are taken to lie along it, in the plane they lie as they head.
+    """
+    if frame.direction_rad is not None:
+        return _overlaps_in_plane(frame, frame.direction_rad)
     ego = frame.ego
     along = np.abs(frame.lon_m - frame.lon_m[ego]) < 0.5 * (frame.length_m + frame.length_m[ego])
     across = np.abs(frame.lat_m - frame.lat_m[ego]) < 0.5 * (frame.width_m + frame.width_m[ego])
     touched = np.asarray(along & across)
+    touched[ego] = False
+    return touched
+
+
+def _overlaps_in_plane(frame: Frame, direction_rad: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return whose rectangle overlaps the ego's: no side of either has the two apart, shape (n,)."""
+    ego = frame.ego
+    lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]
+    touched = np.ones(len(frame), dtype=bool)
+    for across in (0.0, 0.5 * np.pi):
+        for axis_rad in (direction_rad, np.full(len(frame), direction_rad[ego])):
+            off_m = np.abs(lon_m * np.cos(axis_rad + across) + lat_m * np.sin(axis_rad + across))
+            reach_m = np.zeros(len(frame))
+            for heading_rad, length_m, width_m in (
+                (direction_rad, frame.length_m, frame.width_m),
+                (direction_rad[ego], frame.length_m[ego], frame.width_m[ego]),
+            ):
+                turn = axis_rad + across - heading_rad
+                reach_m += 0.5 * (length_m * np.abs(np.cos(turn)) + width_m * np.abs(np.sin(turn)))
+            touched &= off_m < reach_m
     touched[ego] = False
     return touched

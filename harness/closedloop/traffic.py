@@ -11,6 +11,7 @@ from harness.closedloop.plan import TRACKED_S
 from harness.truth.frame import Frame
 from harness.truth.network.network import Network
 from harness.truth.sumo.causal import CausalFilter
+from harness.truth.sumo.presentplane import PresentPlane
 from harness.truth.sumo.reading import read_frame
 from harness.truth.sumo.running import RunningSumo
 from harness.truth.sumo.session import sumo_errors_in_words
@@ -26,9 +27,11 @@ class Traffic:
         frames: The last frames, up to the present one; none has an ego.
     """
 
-    def __init__(self, running: RunningSumo, network: Network, step_s: float) -> None:
+    def __init__(self, running: RunningSumo, network: Network, step_s: float, has_persons: bool = False) -> None:
         """Take over a simulation whose warm-up is done, and read its first frame."""
         self.running, self.network, self.step_s = running, network, step_s
+        plane = network.plane
+        self._plane = None if plane is None else PresentPlane(running.sumo, plane, has_persons)
         self._filter = CausalFilter(step_s)
         self._step = 0
         self.frames: deque[Frame] = deque(maxlen=round(TRACKED_S / step_s) + 1)
@@ -42,7 +45,11 @@ class Traffic:
 
     def _read(self) -> Frame:
         with sumo_errors_in_words(self.running.sumo):
-            raw = read_frame(self.running.sumo, self.network.road, self._step, round(self._step * self.step_s, 6))
+            time_s = round(self._step * self.step_s, 6)
+            if self._plane is None:
+                raw = read_frame(self.running.sumo, self.network.road, self._step, time_s)
+            else:
+                raw = self._plane.read(self._step, time_s)
         self.frames.append(self._filter.filtered(raw))
         return self.frames[-1]
 

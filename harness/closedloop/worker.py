@@ -25,7 +25,7 @@ from harness.closedloop.kept import keep_drive
 from harness.closedloop.plan import PlannedDrive
 from harness.closedloop.traffic import Traffic
 from harness.decisions.decide import driver_of
-from harness.errors import InputError, RunError
+from harness.errors import RunError
 from harness.grid.cells import Cell
 from harness.grid.rows import Row, failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
@@ -37,6 +37,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
 from harness.truth.network.network import load_network
+from harness.truth.sumo.planetruth import PlaneTruth
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 
 T = TypeVar("T")
@@ -74,11 +75,7 @@ def work_on_cell(cell: Cell, report: Report) -> None:
 
 @contextmanager
 def opened(cell: Cell) -> Iterator[Traffic]:
-    """Yield the warmed-up traffic of a cell, and end it.
-
-    Raises:
-        InputError: The network has no main road.
-    """
+    """Yield the warmed-up traffic of a cell, and end it."""
     config = cell.config
     network = load_network(config.traffic.net)
     truth = open_traffic(
@@ -89,9 +86,8 @@ def opened(cell: Cell) -> Iterator[Traffic]:
         ego=False,
     )
     try:
-        if not isinstance(truth, SumoTruth):
-            raise InputError(f"`net`: {network.name} has no main road; drive on one that has, such as us101")
-        yield Traffic(truth.running, network, truth.step_s)
+        assert isinstance(truth, SumoTruth | PlaneTruth)
+        yield Traffic(truth.running, network, truth.step_s, isinstance(truth, PlaneTruth) and truth.has_persons)
     finally:
         truth.close()
 

@@ -45,6 +45,7 @@ class Egos:
         lane: Number of its lane as in the truth, 0 off every lane.
         length_m: Length.
         width_m: Width.
+        route: Indices of the lanes that its way goes by, of a driver's who is asked before it has driven it.
     """
 
     episode: IntArray
@@ -54,6 +55,7 @@ class Egos:
     lane: IntArray
     length_m: FloatArray
     width_m: FloatArray
+    route: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.episode)

@@ -132,7 +132,7 @@ def _through(egos: Egos, lane: IntArray, own: IntArray, graph: LaneGraph, before
     )
     for episode in np.unique(egos.episode):
         here = egos.episode == episode
-        taken = set(own[here].tolist())
+        taken = {*own[here].tolist(), *egos.route}
         for number in np.unique(lane[here & found.exists]).tolist():
             at = np.flatnonzero(here & (lane == number))
             line = Line.through(_points(number, taken, graph, before))

@@ -38,4 +38,7 @@ class CausalFilter:
         self._before, self._values = {name: place for place, name in enumerate(names)}, now
         exact = {column: np.round(getattr(frame, column), DECIMALS) + 0.0 for column in EXACT}
         smooth = dict(zip(FILTERED, np.round(now, DECIMALS) + 0.0, strict=True))
+        if frame.direction_rad is not None:
+            # In the plane headings go round, and those of a rolling axle are smooth already.
+            smooth["heading_rad"] = frame.heading_rad
         return replace(frame, **exact, **smooth)

@@ -43,6 +43,8 @@ class PlaneTruth:
         road: The road frame.
         step_s: Time between frames.
         expected_steps: How many frames there will be.
+        running: The simulation, for those who drive in it themselves.
+        has_persons: Whether there may be people on foot.
     """
 
     def __init__(
@@ -70,12 +72,12 @@ class PlaneTruth:
         self.road = network.road
         self.step_s = STEP_S
         self.expected_steps = steps
-        self._running, self._sumo = running, running.sumo
+        self.running, self._sumo = running, running.sumo
         if inflow is not None:
             running.before_step = lambda _: inflow.before_step()
         self._network, self._plane = network, plane
         # The demands of networks in the box have nobody on foot.
-        self._has_persons = inflow is None
+        self.has_persons = inflow is None
         self._wants_ego, self._reach_m, self._inflow = ego, reach_m, inflow
 
     def warm_up(self, duration_s: float) -> None:
@@ -86,9 +88,9 @@ class PlaneTruth:
         for _ in range(round(FILL_WITHIN_S / self.step_s)):
             if self._inflow is None or self._inflow.reached:
                 break
-            self._running.advance()
+            self.running.advance()
         for _ in range(round(duration_s / self.step_s)):
-            self._running.advance()
+            self.running.advance()
         waited_s, possible_s = 0.0, 0.0
         while waited_s <= FIRST_VEHICLE_WITHIN_S + possible_s and possible_s <= CROWD_WITHIN_S:
             with sumo_errors_in_words(self._sumo):
@@ -96,7 +98,7 @@ class PlaneTruth:
             if (most := most_around(snapshot)) >= CROWD or (most >= 0 and self._nobody_comes):
                 return
             for _ in range(round(LOOK_EVERY_S / self.step_s)):
-                self._running.advance()
+                self.running.advance()
             waited_s += LOOK_EVERY_S
             possible_s += LOOK_EVERY_S if most >= 0 else 0.0
         if not possible_s:
@@ -107,7 +109,7 @@ class PlaneTruth:
 
     def close(self) -> None:
         """End the simulation; harmless to call twice."""
-        self._running.close()
+        self.running.close()
 
     @property
     def _nobody_comes(self) -> bool:
@@ -139,16 +141,16 @@ class PlaneTruth:
                     idle_s = 0.0
                     yield self._frame(window, ego, episode, step)
                     step += 1
-            self._running.advance()
+            self.running.advance()
 
     def _frame(self, window: deque[Snapshot], ego: str, episode: int, step: int) -> Frame:
         middle = window[len(window) // 2]
         graph = self._plane.graph
         if not self._wants_ego:
-            return smoothed_frame(window, list(middle.row), graph, step, self.step_s, knows_persons=self._has_persons)
+            return smoothed_frame(window, list(middle.row), graph, step, self.step_s, knows_persons=self.has_persons)
         # Smoothing moves nobody so far as the margin.
         names = _names_within(middle, ego, self._reach_m + 10.0)
-        frame = smoothed_frame(window, names, graph, step, self.step_s, knows_persons=self._has_persons)
+        frame = smoothed_frame(window, names, graph, step, self.step_s, knows_persons=self.has_persons)
         me = names.index(ego)
         away = np.hypot(frame.lon_m - frame.lon_m[me], frame.lat_m - frame.lat_m[me])
         kept = np.flatnonzero(away <= self._reach_m)

@@ -109,6 +109,35 @@ def test_bodies_overlap_where_a_plain_loop_over_corners_finds_a_common_point():
         assert found[k] == (covers and k != 0)
 
 
+def test_bodies_in_the_plane_overlap_where_a_point_of_one_lies_in_the_other():
+    rng = np.random.default_rng(6)
+    turned = rng.uniform(-np.pi, np.pi, 200)
+    frame = frame_of(rng.uniform(-5.0, 5.0, 200), rng.uniform(-5.0, 5.0, 200), direction_rad=turned)
+    found = overlaps(frame)
+    along, across = (each.ravel() for each in np.meshgrid(np.linspace(-2.25, 2.25, 91), np.linspace(-0.9, 0.9, 37)))
+
+    def points(k):
+        cosine, sine = np.cos(turned[k]), np.sin(turned[k])
+        return frame.lon_m[k] + cosine * along - sine * across, frame.lat_m[k] + sine * along + cosine * across
+
+    x, y = points(0)
+    for k in range(1, 200):
+        off_x, off_y = x - frame.lon_m[k], y - frame.lat_m[k]
+        own = np.abs(off_x * np.cos(turned[k]) + off_y * np.sin(turned[k])) - 2.25
+        side = np.abs(off_y * np.cos(turned[k]) - off_x * np.sin(turned[k])) - 0.9
+        inside = np.maximum(own, side).min()
+        # Between the points of the grid nothing is known.
+        assert found[k] == (inside < 0.0) or abs(inside) < 0.05
+    assert not found[0]
+
+
+def test_who_crosses_is_hit_at_the_difference_of_both_velocities():
+    _, hands = steering(ego=0.0, other=0.0)
+    crossing = frame_of([0.0, 2.0], [0.0, 1.0], [3.0, 4.0], direction_rad=[0.0, 0.5 * np.pi])
+    contact = hands.contact(crossing, 1.0)
+    assert (contact.impact_mps, contact.into) == (pytest.approx(5.0), True)
+
+
 def test_a_contact_tells_with_whom_how_hard_and_who_ran_into_whom():
     _, hands = steering(ego=0.0, other=0.0)
     ahead = frame_of(lon=[0.0, 4.0], lat=[0.0, 0.5], speed=[9.0, 2.0])

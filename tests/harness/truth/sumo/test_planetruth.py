@@ -56,13 +56,13 @@ def driven(tmp_path_factory):
     def listen(truth, _):
         reached.append(truth._sumo.simulation.getTime())
         if len(places) == 0:
-            advance = truth._running.advance
+            advance = truth.running.advance
 
             def advance_and_note():
                 advance()
                 note(truth._sumo)
 
-            truth._running.advance = advance_and_note
+            truth.running.advance = advance_and_note
         note(truth._sumo)
 
     def note(sumo):

@@ -1,0 +1,77 @@
+"""The way that an ego takes over a graph of lanes, up to where it would have to mind more than who is before it.
+
+Signals and the right of way are in no belief, so an episode ends at the first link that has either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.lanes.control import FREE
+from mmpf.lanes.graph import NOWHERE, LaneGraph
+
+MOST_PATHS = 4
+"""So many paths across a junction may follow each other."""
+FARTHEST_M = 1000.0
+
+
+@dataclass(frozen=True)
+class Way:
+    """Lanes one after the other, from the ego's own on.
+
+    Attributes:
+        lanes: Their indices.
+        length_m: Their lengths.
+    """
+
+    lanes: tuple[int, ...]
+    length_m: tuple[float, ...]
+
+    def left_m(self, graph: LaneGraph, lane: int, lon_m: float, lat_m: float) -> float:
+        """Return how far a place on one of its lanes is from the way's end, metres; 0 off the way."""
+        if lane not in self.lanes:
+            return 0.0
+        place = self.lanes.index(lane)
+        along_m = graph.on_lane(np.array([lane]), np.array([lon_m]), np.array([lat_m]))[0]
+        return float(sum(self.length_m[place:]) - along_m[0])
+
+
+def way_of(graph: LaneGraph, lane: int, edges: Sequence[str]) -> Way:
+    """Return the way from a lane on.
+
+    Args:
+        graph: The lanes.
+        lane: Index of the lane.
+        edges: The route's edges, that of the lane first.
+    """
+    lanes, ahead_m = [lane], float(graph.length_m[lane])
+    for edge in edges[1:]:
+        path = _path_to(graph, lanes[-1], edge)
+        if path is None or ahead_m > FARTHEST_M:
+            break
+        lanes += path
+        ahead_m += float(sum(graph.length_m[number] for number in path))
+    return Way(tuple(lanes), tuple(float(graph.length_m[number]) for number in lanes))
+
+
+def edge_of(graph: LaneGraph, lane: int) -> str:
+    """Return the name of a lane's edge; SUMO's lanes are called after theirs."""
+    return graph.name[lane].rpartition("_")[0]
+
+
+def _path_to(graph: LaneGraph, lane: int, edge: str, paths: int = MOST_PATHS) -> list[int] | None:
+    """Return the lanes after a lane up to an edge by links that are free; None where there are none."""
+    for link in range(int(graph.first_successor[lane]), int(graph.first_successor[lane + 1])):
+        following = int(graph.successor[link])
+        if following == NOWHERE or (graph.control is not None and graph.control.kind[link] != FREE):
+            continue
+        if edge_of(graph, following) == edge:
+            return [following]
+        if paths and graph.in_junction[following]:
+            rest = _path_to(graph, following, edge, paths - 1)
+            if rest is not None:
+                return [following, *rest]
+    return None

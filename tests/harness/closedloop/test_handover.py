@@ -1,0 +1,67 @@
+"""Which cars may be the ego where there is no main road."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from harness.closedloop.handover import _eligible_in_plane, hand_overs
+from harness.closedloop.plan import BRAKE, FREE, GAP
+from harness.decisions.decide import driver_of
+from harness.sensor.profiles import sensor_settings
+from mmpf.road import Road
+from tests.harness.closedloop.frames import frame_of
+from tests.harness.closedloop.test_routes import GRAPH, held_at
+
+EAST = 0.0
+SENSOR = sensor_settings("lidar", {})
+
+
+class Standing:
+    """Traffic in which every frame is the same but for its number."""
+
+    def __init__(self, graph, lon, routes, speed=10.0, lane=1, past=True):
+        names = [f"car{k}" for k in range(len(lon))]
+        lanes = np.full(len(lon), lane)
+        speeds = np.full(len(lon), speed)
+        self.frames = [
+            frame_of(lon, np.zeros(len(lon)), speeds, step, names, direction_rad=np.full(len(lon), EAST), lane=lanes)
+            for step in range(51)
+        ]
+        if not past:
+            self.frames[0] = frame_of([0.0], [0.0], names=["another"])
+        vehicle = SimpleNamespace(getRoute=dict(zip(names, routes, strict=True)).__getitem__)
+        self.network = SimpleNamespace(road=Road(lanes=(), graph=graph), plane=SimpleNamespace(graph=graph))
+        self.running, self.step_s = SimpleNamespace(sumo=SimpleNamespace(vehicle=vehicle)), 0.1
+
+    def advance(self):
+        return self.frames[-1]
+
+
+ON = ("before", "in", "on", "last")
+
+
+def eligible(traffic):
+    return _eligible_in_plane(traffic, {}).tolist()
+
+
+def test_a_car_may_be_the_ego_that_has_eight_seconds_of_way_at_its_speed():
+    assert eligible(Standing(GRAPH, [20.0, 40.0], [ON, ON])) == [0, 1]
+    assert eligible(Standing(GRAPH, [20.0], [ON], speed=22.0)) == [0]
+    assert eligible(Standing(GRAPH, [20.0], [ON], speed=23.0)) == []
+
+
+def test_one_that_has_to_give_way_soon_stands_is_unknown_or_on_no_edge_of_its_route_may_not():
+    assert eligible(Standing(held_at(0), [20.0], [ON])) == []
+    assert eligible(Standing(GRAPH, [20.0], [ON], speed=2.0)) == []
+    assert eligible(Standing(GRAPH, [20.0], [ON], past=False)) == []
+    assert eligible(Standing(GRAPH, [20.0], [("up",)])) == []
+    assert eligible(Standing(GRAPH, [55.0], [ON], lane=2)) == []
+
+
+def test_the_hand_over_tells_the_way_and_kinds_without_a_candidate_come_alone():
+    traffic = Standing(GRAPH, [20.0], [ON])
+    rng = np.random.default_rng(3)
+    found = list(hand_overs(traffic, (FREE, BRAKE, GAP), SENSOR, driver_of("hdm"), rng))
+    assert [each if isinstance(each, str) else each.kind for each in found] == [FREE, BRAKE, GAP]
+    assert [GRAPH.name[lane] for lane in found[0].route] == ["in_0", ":j_0", "on_0", "last_0"]
+    assert found[1:] == [BRAKE, GAP]
