@@ -37,10 +37,10 @@ from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks
 from harness.running.open import as_believed, tracker_builder
 from harness.scoring.closedloop import (
-    AT_JUNCTION,
     BY_COLLISION,
     IN_TIME,
     OFF_THE_ROAD,
+    WAY_ENDED,
     Contact,
     Driven,
     score_change,
@@ -123,6 +123,8 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         "candidates": at.candidates,
         "looked_through": at.looked_through,
     }
+    if at.lane:
+        episode["lane"] = at.lane
     return Drove({"episode": episode, "drive": drove}, recorder.tables(), times)
 
 
@@ -168,7 +170,7 @@ class _Loop:
             if self.at.ego not in frame.vehicle_id:
                 # Where the user's configuration lets SUMO take away who collides, it is gone by now.
                 self.contact = steering.contact(self._frame, time_s)
-                self.ended = OFF_THE_ROAD if self.contact is None else BY_COLLISION
+                self.ended = self._gone() if self.contact is None else BY_COLLISION
                 return
             frame = with_ego(frame, self.at.ego, step, self.traffic.step_s)
             self.contact = steering.contact(frame, time_s)
@@ -177,8 +179,12 @@ class _Loop:
                 self.ended = BY_COLLISION
                 return
             if self._is_at_end():
-                self.ended = OFF_THE_ROAD if self.at.way is None else AT_JUNCTION
+                self.ended = self._gone()
                 return
+
+    def _gone(self) -> str:
+        """Return why an episode ends whose ego has come to the end of its road."""
+        return OFF_THE_ROAD if self.at.way is None else WAY_ENDED
 
     def _is_at_end(self) -> bool:
         """Return whether the road ends soon, or the way up to where the ego would have to stop or give way."""

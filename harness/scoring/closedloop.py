@@ -23,7 +23,7 @@ DRAC, HARD_BRAKES = f"{TABLE}.drac_above_3_4_percent", f"{TABLE}.hard_brakes_per
 IMPACT, ENDED, WITH = f"{TABLE}.impact_mps", f"{TABLE}.ended", f"{TABLE}.collided_with"
 KM = f"{TABLE}.km"
 IN_TIME, BY_COLLISION, OFF_THE_ROAD, NO_CANDIDATE = "in time", "collision", "left the road", "no candidate"
-AT_JUNCTION = "came to where its way ends"
+WAY_ENDED = "came to where its way ends"
 
 QUANTITIES = (
     Quantity(COLLIDED, "episodes with a collision, %", decimals=1, heading="collided %", compared=True),
