@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import queue
 import sys
+import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from harness.config.layers import resolve_run_config
+from harness.config.model import RunConfig
 from harness.grid import kept, worker
 from harness.grid.coasting import COASTING, against_coasting, coasting_errors
 from harness.grid.grid import GridRequest, plan_grid
@@ -106,7 +107,7 @@ def test_a_kept_run_is_a_run_folder_of_its_own(tmp_path):
     }  # fmt: skip
     scored = score_run(*(tables[name] for name in names[:3]), 3)
     pd.testing.assert_frame_equal(tables["errors.parquet"], scored.errors, check_dtype=False, check_categorical=False)
-    assert resolve_run_config(folder / "config.toml") == cell.runs[0].config
+    assert RunConfig.model_validate(tomllib.loads((folder / "config.toml").read_text())) == cell.runs[0].config
     metrics = json.loads((folder / "metrics.json").read_text())
     row = flattened({name: value for name, value in metrics.items() if name != "run"})
     assert {name for name in row if row[name] is not None} <= set(finished.row)
