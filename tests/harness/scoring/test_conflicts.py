@@ -120,3 +120,20 @@ def test_who_does_not_come_to_the_crossing_or_goes_along_has_no_encounter():
     assert encounter(-200.0) == []
     assert encounter(-60.0, direction=0.0) == []
     assert encounter(-60.0, direction=np.deg2rad(10.0)) == []
+
+
+def test_vehicles_that_never_come_near_are_passed_over_and_those_after_them_are_not():
+    time_s = np.arange(0.0, 12.0, 0.1)
+    n = len(time_s)
+    egos = Egos(
+        np.zeros(n, np.int64), -50.0 + 10.0 * time_s, np.zeros(n), np.full(n, 10.0), np.ones(n, np.int64),
+        np.full(n, 4.0), np.full(n, 2.0),
+    )  # fmt: skip
+    crossing = -80.0 + 10.0 * time_s
+    lon = np.concatenate([np.full(n, 500.0), np.zeros(n), np.full(n, 20.0)])
+    lat = np.concatenate([np.full(n, 500.0), crossing, crossing])
+    body = np.full(3 * n, 4.0)
+    bodies = Bodies(np.tile(np.arange(n), 3), lon, lat, body, np.full(3 * n, 0.5 * np.pi), body, 0.5 * body)
+    found = post_encroachment_times(egos, bodies, Rows(time_s, np.repeat([0, 1, 2], n)))
+    # The ego comes to the second crossing 2 s after the first, so that it is met there sooner after.
+    assert found.tolist() == pytest.approx([3.0 - 0.6, 1.0 - 0.6])
