@@ -148,7 +148,6 @@ class _Killed:
         self.name, self.command = name, command
         self.whole, self.out = folder / f"whole-{name}", folder / f"killed-{name}"
         self.whole.parent.mkdir(exist_ok=True)
-        subprocess.run(self._words(folder / f"warm-{name}"), cwd=REPOSITORY, check=True)  # kernels compiled
         begin = time.monotonic()
         subprocess.run(self._words(self.whole), cwd=REPOSITORY, check=True)
         self.lasts_s = time.monotonic() - begin
