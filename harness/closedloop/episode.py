@@ -28,7 +28,7 @@ from harness.closedloop.handover import HandOver
 from harness.closedloop.plan import DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
 from harness.closedloop.traffic import Traffic, with_ego
-from harness.decisions.belief import believe
+from harness.decisions.belief import Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import decide_by, driver_of
 from harness.decisions.drivers.protocol import Driver
@@ -203,24 +203,25 @@ class _Loop:
         ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
         if self.change is not None:
             self._aim_m = self.change.decide(bodies, real, ego)
-        self._demand = self._demanded(bodies, ego, self.planned.gap_bias_m)
-        leader = believe(real, ego, self.traffic.network.road).leader
+        self._demand, _ = self._demanded(bodies, ego, self.planned.gap_bias_m)
+        needed, leader = self._demanded(real, ego, 0.0)
         self._steps.append(
             (
                 float(ego.speed_mps[0]),
                 float(leader.gap_m[0]),
                 float(leader.speed_mps[0]),
                 self._demand,
-                self._demanded(real, ego, 0.0),
+                needed,
             )
         )
 
-    def _demanded(self, bodies: Bodies, ego: Egos, bias_m: float) -> float:
-        """Return the acceleration that the driver demands: on its way between two lanes, by those of both."""
+    def _demanded(self, bodies: Bodies, ego: Egos, bias_m: float) -> tuple[float, Others]:
+        """Return the acceleration that the driver demands, between two lanes by those ahead in both, and its leader."""
         road = self.traffic.network.road
         egos = (ego,) if self.change is None else self.change.in_each_lane(ego)
-        beliefs = (biased(believe(bodies, each, road), bias_m) for each in egos)
-        return min(float(decide_by(self.driver, belief).command.accel_mps2[0]) for belief in beliefs)
+        beliefs = [biased(believe(bodies, each, road), bias_m) for each in egos]
+        demands = (decide_by(self.driver, belief).command for belief in beliefs)
+        return min(float(demand.accel_mps2[0]) for demand in demands), beliefs[0].leader
 
     def driven(self) -> Driven:
         """Return the steps from the hand-over on."""

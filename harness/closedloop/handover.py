@@ -22,7 +22,7 @@ from harness.decisions.drivers.protocol import Driver
 from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from harness.truth.sumo.simulation import CAR_LENGTH_M
-from mmpf.compute.arrays import IntArray
+from mmpf.compute.arrays import BoolArray, IntArray
 
 LOOK_AGAIN_S, GIVE_UP_S = {FREE: 2, BRAKE: 2, GAP: 1}, 40
 """Time between moments that are searched for candidates of each kind, and after which there are none."""
@@ -102,8 +102,8 @@ def hand_overs(
 def _find(traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rng: np.random.Generator) -> HandOver:
     """Look for an ego at the present moment; the hand-over's is empty if there is none."""
     now = traffic.frames[-1]
-    ways: dict[int, Way] = {}
-    rows = _eligible(traffic) if traffic.network.plane is None else _eligible_in_plane(traffic, ways)
+    ways = {} if traffic.network.plane is None else _free_ways(traffic)
+    rows = _eligible(traffic) if traffic.network.plane is None else np.array(list(ways), dtype=np.int64)
     order = rows[rng.permutation(len(rows))]
     concerned = _concerned(traffic, kind, settings, driver, order, ways)
     for place, row in enumerate(order):
@@ -136,46 +136,39 @@ def _eligible(traffic: Traffic) -> IntArray:
     now, network, sumo = traffic.frames[-1], traffic.network, traffic.running.sumo
     start_m, end_m = network.section_m
     room_m = DRIVEN_S * np.minimum(now.speed_mps, ROOM_AT_MPS)
-    chosen = (now.lon_m > start_m + SECTION_MARGIN_M) & (now.lon_m + room_m < end_m)
-    chosen &= (now.length_m >= CAR_LENGTH_M[0]) & (now.length_m <= CAR_LENGTH_M[1])
-    chosen &= np.isin(now.lane, np.asarray(network.ego_lanes)) & (now.speed_mps >= SLOWEST_MPS)
-    chosen &= np.abs(now.lat_speed_mps) <= CHANGES_LANE_MPS
-    past = [set(frame.vehicle_id.tolist()) for frame in list(traffic.frames)[:-1]]
+    chosen = _driving_cars(traffic) & (now.lon_m > start_m + SECTION_MARGIN_M) & (now.lon_m + room_m < end_m)
+    chosen &= np.isin(now.lane, np.asarray(network.ego_lanes)) & (np.abs(now.lat_speed_mps) <= CHANGES_LANE_MPS)
     last = network.main_road.edges[-1].name
-    stays = [
-        row
-        for row in np.flatnonzero(chosen)
-        if all(now.vehicle_id[row] in names for names in past)
-        and sumo.vehicle.getRoute(str(now.vehicle_id[row]))[-1] == last
-    ]
+    stays = [row for row in np.flatnonzero(chosen) if sumo.vehicle.getRoute(str(now.vehicle_id[row]))[-1] == last]
     return np.array(stays, dtype=np.int64)
 
 
-def _eligible_in_plane(traffic: Traffic, ways: dict[int, Way]) -> IntArray:
-    """Return the rows that may be the ego where there is no main road: cars with a past and some seconds of free way.
-
-    Args:
-        traffic: The traffic.
-        ways: Takes the way of each row.
-    """
+def _free_ways(traffic: Traffic) -> dict[int, Way]:
+    """Return the ways of the rows that may be the ego where there is no main road: some seconds of each are free."""
     now, road, sumo = traffic.frames[-1], traffic.network.road, traffic.running.sumo
     graph = road.graph
     assert graph is not None
-    chosen = (now.length_m >= CAR_LENGTH_M[0]) & (now.length_m <= CAR_LENGTH_M[1]) & (now.speed_mps >= SLOWEST_MPS)
-    chosen &= now.lane > 0
-    if now.pedestrian is not None:
-        chosen &= ~now.pedestrian
-    chosen &= ~np.append(True, graph.in_junction)[now.lane]
-    past = [set(frame.vehicle_id.tolist()) for frame in list(traffic.frames)[:-1]]
+    chosen = _driving_cars(traffic) & ~np.append(True, graph.in_junction)[now.lane]
+    ways = {}
     for row in np.flatnonzero(chosen):
         name, lane = str(now.vehicle_id[row]), int(now.lane[row]) - 1
         route, edge = list(sumo.vehicle.getRoute(name)), edge_of(graph, lane)
-        if edge not in route or not all(name in names for names in past):
+        if edge not in route:
             continue
         way = way_of(graph, lane, route[route.index(edge) :])
         if way.left_m(graph, lane, float(now.lon_m[row]), float(now.lat_m[row])) > FREE_WAY_S * now.speed_mps[row]:
             ways[int(row)] = way
-    return np.array(list(ways), dtype=np.int64)
+    return ways
+
+
+def _driving_cars(traffic: Traffic) -> BoolArray:
+    """Return which of the present frame are cars that drive and have been there for all of the tracking seconds."""
+    now = traffic.frames[-1]
+    cars = (now.length_m >= CAR_LENGTH_M[0]) & (now.length_m <= CAR_LENGTH_M[1]) & (now.speed_mps >= SLOWEST_MPS)
+    if now.pedestrian is not None:
+        cars &= ~now.pedestrian
+    always = set.intersection(*(set(frame.vehicle_id.tolist()) for frame in traffic.frames))
+    return np.asarray(cars & np.isin(now.vehicle_id, list(always)))
 
 
 def _second_on_way(traffic: Traffic, row: int, way: Way, settings: SensorSettings) -> str:

@@ -15,7 +15,7 @@ from harness.decisions.drivers.following import SAFE_DECEL_MPS2, following
 from harness.scoring.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import Sumo
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.road import Road
 
 NO_CHECKS, ALL_CHECKS = 0, 31
@@ -118,7 +118,7 @@ class Steering:
         )
 
 
-def overlaps(frame: Frame) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def overlaps(frame: Frame) -> BoolArray:
     """Return whose body overlaps the ego's, shape (n,); never the ego's own.
 
     On a main road bodies are taken to lie along it, in the plane they lie as they head.
@@ -133,7 +133,7 @@ def overlaps(frame: Frame) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     return touched
 
 
-def _overlaps_in_plane(frame: Frame, direction_rad: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _overlaps_in_plane(frame: Frame, direction_rad: FloatArray) -> BoolArray:
     """Return whose rectangle overlaps the ego's: no side of either has the two apart, shape (n,)."""
     ego = frame.ego
     lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]

@@ -10,7 +10,7 @@ from harness.truth.sumo.planereading import PlaneReader, Snapshot
 from harness.truth.sumo.planesmoothing import NO_EGO_INDEX, lanes_of
 from harness.truth.sumo.session import Sumo
 from harness.truth.sumo.smoothing import DECIMALS
-from mmpf.compute.arrays import FloatArray
+from mmpf.compute.arrays import BoolArray, FloatArray
 
 
 class PresentPlane:
@@ -53,7 +53,7 @@ class PresentPlane:
             signals=now.signals,
         )
 
-    def _of_each(self, now: Snapshot, on_foot: np.ndarray[tuple[int], np.dtype[np.bool_]], what: str) -> FloatArray:
+    def _of_each(self, now: Snapshot, on_foot: BoolArray, what: str) -> FloatArray:
         """Return a quantity of each vehicle, 0 of who is on foot, shape (n,)."""
         ask = getattr(self._sumo.vehicle, what)
         return np.array([0.0 if walks else ask(name) for name, walks in zip(now.row, on_foot, strict=True)])

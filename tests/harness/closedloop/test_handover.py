@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from harness.closedloop.handover import _eligible_in_plane, hand_overs
+from harness.closedloop.handover import _free_ways, hand_overs
 from harness.closedloop.plan import BRAKE, FREE, GAP
 from harness.decisions.decide import driver_of
 from harness.sensor.profiles import sensor_settings
@@ -41,7 +41,7 @@ ON = ("before", "in", "on", "last")
 
 
 def eligible(traffic):
-    return _eligible_in_plane(traffic, {}).tolist()
+    return list(_free_ways(traffic))
 
 
 def test_a_car_may_be_the_ego_that_has_eight_seconds_of_way_at_its_speed():

@@ -81,20 +81,28 @@ class Rows:
         self.truth = type("Truth", (), {"vehicle": vehicle})
 
 
-def encounter(others_start_m, speed=10.0, lag=0.0, direction=0.5 * np.pi):
-    """The ego crosses the origin along x at 10 m/s after 5 s; another vehicle comes along a direction."""
-    time_s = np.arange(0.0, 12.0, 0.1)
-    n = len(time_s)
-    egos = Egos(
-        np.zeros(n, np.int64), -50.0 + 10.0 * time_s, np.zeros(n), np.full(n, 10.0), np.ones(n, np.int64),
+TIME_S = np.arange(0.0, 12.0, 0.1)
+
+
+def crossing_ego():
+    """The ego crosses the origin along x at 10 m/s after 5 s."""
+    n = len(TIME_S)
+    return Egos(
+        np.zeros(n, np.int64), -50.0 + 10.0 * TIME_S, np.zeros(n), np.full(n, 10.0), np.ones(n, np.int64),
         np.full(n, 4.0), np.full(n, 2.0),
     )  # fmt: skip
-    along = others_start_m + speed * (time_s - lag)
+
+
+def encounter(others_start_m, speed=10.0, lag=0.0, direction=0.5 * np.pi):
+    """Another vehicle comes along a direction to where the ego crosses."""
+    egos = crossing_ego()
+    n = len(egos)
+    along = others_start_m + speed * (TIME_S - lag)
     bodies = Bodies(
         np.arange(n), along * np.cos(direction), along * np.sin(direction), np.full(n, speed),
         np.full(n, direction), np.full(n, 4.0), np.full(n, 2.0),
     )  # fmt: skip
-    return post_encroachment_times(egos, bodies, Rows(time_s, np.zeros(n, np.int64))).tolist()
+    return post_encroachment_times(egos, bodies, Rows(TIME_S, np.zeros(n, np.int64))).tolist()
 
 
 def test_the_second_comes_as_long_after_the_first_as_their_bodies_leave_room():
@@ -123,17 +131,13 @@ def test_who_does_not_come_to_the_crossing_or_goes_along_has_no_encounter():
 
 
 def test_vehicles_that_never_come_near_are_passed_over_and_those_after_them_are_not():
-    time_s = np.arange(0.0, 12.0, 0.1)
-    n = len(time_s)
-    egos = Egos(
-        np.zeros(n, np.int64), -50.0 + 10.0 * time_s, np.zeros(n), np.full(n, 10.0), np.ones(n, np.int64),
-        np.full(n, 4.0), np.full(n, 2.0),
-    )  # fmt: skip
-    crossing = -80.0 + 10.0 * time_s
+    egos = crossing_ego()
+    n = len(egos)
+    crossing = -80.0 + 10.0 * TIME_S
     lon = np.concatenate([np.full(n, 500.0), np.zeros(n), np.full(n, 20.0)])
     lat = np.concatenate([np.full(n, 500.0), crossing, crossing])
     body = np.full(3 * n, 4.0)
     bodies = Bodies(np.tile(np.arange(n), 3), lon, lat, body, np.full(3 * n, 0.5 * np.pi), body, 0.5 * body)
-    found = post_encroachment_times(egos, bodies, Rows(time_s, np.repeat([0, 1, 2], n)))
+    found = post_encroachment_times(egos, bodies, Rows(TIME_S, np.repeat([0, 1, 2], n)))
     # The ego comes to the second crossing 2 s after the first, so that it is met there sooner after.
     assert found.tolist() == pytest.approx([3.0 - 0.6, 1.0 - 0.6])
