@@ -25,6 +25,12 @@ class JointDetectability(Settings):
     """Share of time that vehicles are expected to spend in runs of misses that no shadow explains."""
     run_s: Positive = 0.8
     """Mean length of such a run."""
+    reach_learned: bool = True
+    """Whether it is counted at which distances vehicles are detected; without, the data sheet holds everywhere."""
+    reach_memory_s: Positive = 60.0
+    """Detections count for about so long."""
+    reach_prior_scans: Positive = 20.0
+    """So many detections the data sheet itself counts for, in each of the rings around the sensor."""
 
 
 class JointAssociation(Settings):

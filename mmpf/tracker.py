@@ -9,6 +9,7 @@ import numpy as np
 
 from mmpf.around.on_graph import surroundings_on_graph
 from mmpf.around.openness import LinkWatch
+from mmpf.around.reach import Reach
 from mmpf.around.surroundings import surroundings_of
 from mmpf.around.ways import on_heaviest_way
 from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
@@ -70,6 +71,7 @@ class MixtureTracker:
         self._mixture = self._nobody
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
+        self._reach = Reach.of_data_sheet(sensor.range_m)
         self._links = None if road.graph is None else LinkWatch(road.graph)
         self.last_report = StepReport()
 
@@ -77,6 +79,11 @@ class MixtureTracker:
     def mixture(self) -> Mixture:
         """The belief after the last scan."""
         return self._mixture
+
+    @property
+    def reach(self) -> Reach:
+        """What was learned of how well the sensor sees at each distance."""
+        return self._reach
 
     @one_blas_thread()
     def step(self, scan: Scan) -> Tracks:
@@ -108,6 +115,7 @@ class MixtureTracker:
             clock.lap("occlusion assertion")
             updated = self._rule.measurement_update(prior, moments, occlusion, situation, self._rng)
             self._count_clutter(updated, situation.dt_s)
+            self._reach = updated.reach or self._reach
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
             clock.lap("remove, add, merge")
@@ -170,7 +178,7 @@ class MixtureTracker:
             lat_m=None if self._road.graph is None else np.append(mean[LAT][known], scan.ego.lat_m),
         )
         plane = SensorPlane(scan.ego, self._road)
-        return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic, plane)
+        return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic, plane, self._reach)
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from mmpf.around.reach import Reach
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
@@ -27,6 +28,7 @@ class Situation:
         dt_s: Time since the scan before.
         traffic: Speeds of the vehicles around, for births.
         plane: The plane in which the sensor sees.
+        reach: How well the sensor sees at each distance.
     """
 
     scan: Scan
@@ -35,6 +37,7 @@ class Situation:
     dt_s: float
     traffic: Traffic
     plane: SensorPlane
+    reach: Reach
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Updated:
             one component's.
         effective_share: Mean effective sample size after weighting, as a share of the particles.
         false_detections: Expected number of detections of the scan that no vehicle gave; None if the rule does not say.
+        reach: How well the sensor sees at each distance, after the scan; None if the rule does not say.
     """
 
     mixture: Mixture
@@ -71,6 +75,7 @@ class Updated:
     association_entropy: float
     effective_share: float
     false_detections: float | None = None
+    reach: Reach | None = None
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,16 @@ import numpy as np
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import SensorModel
 
+# What is learned makes no sensor certain: a single miss would prove that nobody is there.
+LARGEST_LEARNED = 0.99
+
 
 def detection_probabilities(
-    visible_fraction: FloatArray, distance_m: FloatArray, sensor: SensorModel, hidden_probability: float
+    visible_fraction: FloatArray,
+    distance_m: FloatArray,
+    sensor: SensorModel,
+    reach_shares: FloatArray,
+    hidden_probability: float,
 ) -> FloatArray:
     """Return the probability of a detection given the visible fraction, the sensor's data sheet as a function.
 
@@ -18,13 +25,16 @@ def detection_probabilities(
         visible_fraction: Visible fraction, shape (n,).
         distance_m: Distance from the sensor, shape (n,).
         sensor: The data sheet.
+        reach_shares: What remains of its detection probability in each ring around the sensor, see
+            ``mmpf.around.reach``, shape (rings,).
         hidden_probability: What remains for a vehicle that seems hidden: the shadow may be wrong.
     """
     probability = np.empty(len(visible_fraction))
+    in_rings = in_plain_view(sensor, reach_shares)
     _by_data_sheet(
         visible_fraction,
         distance_m,
-        sensor.detection_probability,
+        in_rings,
         sensor.full_view_fraction,
         sensor.hidden_fraction,
         sensor.range_m,
@@ -34,11 +44,17 @@ def detection_probabilities(
     return probability
 
 
+def in_plain_view(sensor: SensorModel, reach_shares: FloatArray) -> FloatArray:
+    """Return the probability that a vehicle in plain view is detected, given what remains of the data sheet's."""
+    promised = sensor.detection_probability
+    return np.minimum(promised * reach_shares, max(promised, LARGEST_LEARNED))
+
+
 @numba.njit(cache=True, nogil=True)
 def _by_data_sheet(
     visible: FloatArray,
     distance: FloatArray,
-    in_plain_view: float,
+    in_rings: FloatArray,
     full_view_fraction: float,
     hidden_fraction: float,
     range_m: float,
@@ -46,6 +62,11 @@ def _by_data_sheet(
     probability: FloatArray,
 ) -> None:
     per_fraction = 1.0 / full_view_fraction
+    last = len(in_rings) - 1
+    rings_per_m = len(in_rings) / range_m
     for n in range(len(visible)):
         is_unseen = (visible[n] < hidden_fraction) | (distance[n] > range_m)
-        probability[n] = hidden if is_unseen else in_plain_view * min(1.0, visible[n] * per_fraction)
+        rings = min(max(distance[n] * rings_per_m - 0.5, 0.0), float(last))
+        inner = min(int(rings), last - 1)
+        in_view = in_rings[inner] + (rings - inner) * (in_rings[inner + 1] - in_rings[inner])
+        probability[n] = hidden if is_unseen else in_view * min(1.0, visible[n] * per_fraction)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.detectability import in_plain_view
+from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Traffic, local_speed
 from mmpf.cloud.mixture import Components, Mixture
@@ -39,16 +41,22 @@ class Sightings:
         not_seen: Probability that a vehicle gives no detection there, shape (m,).
         run_probability: Probability of being in a run of misses, before the scan, shape (m,).
         shadow_wrong: Probability that a vehicle there is seen as in plain view, before the scan, shape (m,).
+        reach: What remains of the data sheet's detection probability at its distance, shape (m,).
     """
 
     hit: FloatArray
     not_seen: FloatArray
     run_probability: FloatArray
     shadow_wrong: FloatArray
+    reach: FloatArray
 
     def in_plain_view(self, sensor: SensorModel) -> FloatArray:
         """Return the probability that a vehicle would be detected if no shadow lay on it, shape (m,)."""
-        return np.maximum(1.0 - self.run_probability, 1e-3) * sensor.detection_probability
+        return np.maximum(1.0 - self.run_probability, 1e-3) * in_plain_view(sensor, self.reach)
+
+    def of_false_objects(self, options: JointFalseObjects) -> FloatArray:
+        """Return the probability that a false object would be detected: distance takes its share of it too, (m,)."""
+        return options.seen_probability * np.minimum(self.reach, 1.0)
 
     def of_vehicles(self, sensor: SensorModel) -> FloatArray:
         """Return the probability that a vehicle would be detected, right shadows and wrong ones together, (m,)."""
@@ -86,6 +94,8 @@ def log_odds_at_birth(
     in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = plane.distance_m(lon, lat)
     in_view *= np.clip((sensor.range_m - distance) / ghosts.edge_m - 0.5, 0.0, 1.0)
+    shares = situation.reach.shares(options.joint.detectability.reach_prior_scans)
+    in_view *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
     return _log_odds(ghosts.vehicle_out_of_view + in_view * (ghosts.vehicle_in_view - ghosts.vehicle_out_of_view))
 
 
@@ -125,7 +135,11 @@ def with_log_odds(
 
 
 def regularity_log_odds(
-    sightings: Sightings, unseen_s: FloatArray, sensor: SensorModel, options: JointOptions, dt_s: float
+    sightings: Sightings,
+    unseen_s: FloatArray,
+    sensor: SensorModel,
+    options: JointOptions,
+    dt_s: float,
 ) -> FloatArray:
     """Return what a scan adds to the log odds: vehicles are detected more regularly, and they last, shape (m,).
 
@@ -138,12 +152,13 @@ def regularity_log_odds(
     """
     false, regularity = options.false_objects, options.regularity
     vehicle_seen = sightings.of_vehicles(sensor)
-    seen = np.log(np.maximum(vehicle_seen, 1e-3) / false.seen_probability) + dt_s / false.life_s
+    false_seen = sightings.of_false_objects(false)
+    seen = np.log(np.maximum(vehicle_seen, 1e-3) / false_seen) + dt_s / false.life_s
     # A false object that is not seen for a few scans is usually gone: who returns after them is a vehicle.
     missed_scans = np.clip(unseen_s / dt_s - 1.0, 0.0, regularity.largest_gap_scans)
     in_view = np.clip((1.0 - sightings.not_seen) / sightings.in_plain_view(sensor), 0.0, 1.0)
-    seen = seen - regularity.gap_credit * in_view**2 * missed_scans * np.log(1.0 - false.seen_probability)
-    missed = np.log(np.maximum(1.0 - vehicle_seen, 1e-3) / (1.0 - false.seen_probability))
+    seen = seen - regularity.gap_credit * in_view**2 * missed_scans * np.log(1.0 - false_seen)
+    missed = np.log(np.maximum(1.0 - vehicle_seen, 1e-3) / (1.0 - false_seen))
     return np.asarray(
         sightings.hit * seen + (1.0 - sightings.hit) * np.minimum(missed, regularity.largest_miss_log_odds)
     )

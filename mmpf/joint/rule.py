@@ -13,6 +13,7 @@ import numpy as np
 
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.detectability import detection_probabilities
+from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.mixture import Components, Mixture
@@ -31,6 +32,7 @@ from mmpf.joint.evidence import (
 from mmpf.joint.ghosts import Sightings, is_vehicle, log_odds_at_birth, with_log_odds
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
+from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.missed_runs import run_after_scan, run_expected
 from mmpf.joint.noise import common_factor, with_innovations
@@ -61,7 +63,10 @@ class JointUpdate:
             table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
             distance = plane.distance_m(cloud.state[LON], cloud.state[LAT])
-            probability = detection_probabilities(visible, distance, situation.sensor, options.hidden_probability)
+            shares = situation.reach.shares(options.reach_prior_scans)
+            probability = detection_probabilities(
+                visible, distance, situation.sensor, shares, options.hidden_probability
+            )
         else:
             probability = np.full(len(cloud), options.fixed_probability)
         run = run_expected(prior.components.missed, options.run_share, options.run_s, situation.dt_s)
@@ -115,8 +120,14 @@ class JointUpdate:
         hit_probability = marginals.probability.sum(axis=1)
         was_hit = hit_probability > options.hit_probability
         components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
+        distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
+        detectability, reach = self.options.joint.detectability, situation.reach
+        shares = share_at(distance_m, reach.shares(detectability.reach_prior_scans), reach.ring_m)
+        shadow_wrong = prior.components.shadow_wrong
+        sightings = Sightings(hit_probability, not_seen, occlusion.run_probability, shadow_wrong, shares)
+        if detectability.reach_learned:
+            reach = reach_after(sightings, prior.components, run, distance_m, situation, self.options.joint)
         if self.options.joint.ghosts.weighed:
-            sightings = Sightings(hit_probability, not_seen, occlusion.run_probability, prior.components.shadow_wrong)
             components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
         components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
@@ -131,6 +142,7 @@ class JointUpdate:
             association_entropy=_mean_entropy(marginals.probability),
             effective_share=effective_share,
             false_detections=float(len(detections) - marginals.probability[is_vehicle(components)].sum()),
+            reach=reach,
         )
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:

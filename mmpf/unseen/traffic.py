@@ -16,6 +16,7 @@ from scipy.special import ndtr
 
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.detectability import detection_probabilities
+from mmpf.around.reach import AS_PROMISED
 from mmpf.around.shadows import visible_fractions
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, turned
 from mmpf.plane import SensorPlane
@@ -201,7 +202,7 @@ class UnseenTraffic:
         looked_for = np.full(len(cells), size - 1)
         visible = visible_fractions(plane, cells.lon_m, cells.lat_m, looked_for, bodies, table)
         distance = plane.distance_m(cells.lon_m, cells.lat_m)
-        detected = detection_probabilities(visible, distance, self.sensor, 0.0)
+        detected = detection_probabilities(visible, distance, self.sensor, AS_PROMISED, 0.0)
         return 1.0 - detected
 
     def _learn_density(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mmpf.around.reach import Reach
 from mmpf.cloud.birth import Traffic
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion import motion_model
@@ -91,6 +92,7 @@ def added_noise(motion: MotionModel, options: dict[str, object]) -> float:
     before.cloud.state[SPEED] = 30.0
     surroundings = around(before.cloud.state)
     nobody = Traffic(np.zeros(0), np.zeros(0))
-    situation = Situation(scan, SensorModel(), motion, 0.25, nobody, SensorPlane(scan.ego, ROAD))
+    plane, reach = SensorPlane(scan.ego, ROAD), Reach.of_data_sheet(SensorModel().range_m)
+    situation = Situation(scan, SensorModel(), motion, 0.25, nobody, plane, reach)
     after = prior_update(before, surroundings, situation, bootstrap_proposal, settings, np.random.default_rng(1))
     return float(np.std(after.cloud.state[SPEED])) / 0.5

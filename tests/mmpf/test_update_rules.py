@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mmpf.around.reach import Reach
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
@@ -38,7 +39,8 @@ def mixture_at(places: list[tuple[float, float]], std_m: float = 1.0) -> Mixture
 def situation_with(detections: list[tuple[float, float]]) -> Situation:
     scan = scan_of(0.1, detections)
     traffic = Traffic(np.array([0.0]), np.array([20.0]))
-    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, traffic, SensorPlane(scan.ego, ROAD))
+    plane, reach = SensorPlane(scan.ego, ROAD), Reach.of_data_sheet(SensorModel().range_m)
+    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, traffic, plane, reach)
 
 
 def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float, float]]) -> Mixture:

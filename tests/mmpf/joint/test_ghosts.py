@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mmpf.around.reach import Reach
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, component_moments
@@ -53,10 +54,11 @@ def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
     return Moments(mean, variance)
 
 
-def sighting(hit: float, detected: float = 0.95, run: float = 0.0, shadow_wrong: float = 0.5) -> Sightings:
-    return Sightings(
-        np.array([hit]), np.array([1.0 - (1.0 - run) * detected]), np.array([run]), np.array([shadow_wrong])
-    )
+def sighting(
+    hit: float, detected: float = 0.95, run: float = 0.0, shadow_wrong: float = 0.5, reach: float = 1.0
+) -> Sightings:
+    not_seen = np.array([1.0 - (1.0 - run) * detected])
+    return Sightings(np.array([hit]), not_seen, np.array([run]), np.array([shadow_wrong]), np.array([reach]))
 
 
 def sighted(
@@ -143,9 +145,25 @@ def test_a_scan_in_plain_view_weighs_as_the_two_kinds_detection_probabilities_do
 @given(st.floats(0.65, 1.0))
 def test_detected_as_often_as_a_vehicle_it_becomes_one(detected: float) -> None:
     sensor = replace(SENSOR, detection_probability=detected)
-    each = Sightings(np.array([1.0, 0.0]), np.full(2, 1.0 - detected), np.zeros(2), np.zeros(2))
+    each = Sightings(np.array([1.0, 0.0]), np.full(2, 1.0 - detected), np.zeros(2), np.zeros(2), np.ones(2))
     seen, missed = regularity_log_odds(each, np.zeros(2), sensor, JointOptions(), DT_S)
     assert detected * seen + (1.0 - detected) * missed >= 0.0
+
+
+def test_where_the_sensor_sees_little_a_detection_says_as_much_and_a_miss_hardly_anything() -> None:
+    far = sighting(1.0, detected=0.95 * 0.2, reach=0.2), sighting(0.0, detected=0.95 * 0.2, reach=0.2)
+    seen, missed = (float(regularity_log_odds(each, np.zeros(1), SENSOR, JointOptions(), DT_S)[0]) for each in far)
+    assert seen == pytest.approx(sighted(1.0))
+    assert sighted(0.0) < -2.0 < -0.2 < missed < 0.0
+
+
+def test_where_the_sensor_was_found_to_see_little_a_newcomer_in_plain_view_is_probably_a_vehicle() -> None:
+    distance = np.full(1000, 75.0)
+    blind = Reach.of_data_sheet(100.0).after(distance, np.ones(1000), np.zeros(1000), kept=1.0)
+    nobody, place = belief_of([]), [(75.0, LANE)]
+    situation = replace(situation_with(place), reach=blind)
+    found = log_odds_at_birth(np.arange(1), nobody, component_moments(nobody), situation, FilterOptions())
+    assert found[0] > 0.5 * OUT_OF_VIEW > 0.0 > born_at(place, nobody)[0]
 
 
 def test_detected_as_often_as_a_false_object_it_becomes_one() -> None:

@@ -1,0 +1,45 @@
+"""What a scan says of how well the sensor sees at each distance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.around.reach import Reach
+from mmpf.cloud.mixture import Components
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.ghosts import Sightings
+from mmpf.joint_options import JointOptions
+from mmpf.update import Situation
+
+# Vehicles of which less is to be seen say more of shadows than of distance.
+IN_PLAIN_VIEW = 0.9
+
+
+def reach_after(
+    sightings: Sightings,
+    before: Components,
+    run: FloatArray,
+    distance_m: FloatArray,
+    situation: Situation,
+    options: JointOptions,
+) -> Reach:
+    """Return the counts of detections at each distance after a scan.
+
+    Each vehicle in plain view counts as far as it exists, is a vehicle, and is not in a run of misses, which has
+    nothing to do with distance.
+
+    Args:
+        sightings: What the scan says of the components.
+        before: The components before the scan: what it says of existence would favour detections.
+        run: Probability of a run of misses after the scan, shape (m,).
+        distance_m: Their distances from the sensor, shape (m,).
+        situation: The scan, the sensor's data sheet and the counts before.
+        options: The joint rule's settings.
+    """
+    sensor, detectability = situation.sensor, options.detectability
+    in_view = (1.0 - sightings.not_seen) / np.maximum(sightings.in_plain_view(sensor), 1e-3)
+    known = np.flatnonzero((in_view > IN_PLAIN_VIEW) & (before.hits >= options.existence.confirm_hits))
+    weight = before.existence[known] / (1.0 + np.exp(-before.vehicle_log_odds[known]))
+    expected = weight * (1.0 - run[known]) * sensor.detection_probability
+    kept = np.exp(-situation.dt_s / detectability.reach_memory_s)
+    return situation.reach.after(distance_m[known], expected, weight * sightings.hit[known], kept)
