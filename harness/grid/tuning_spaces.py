@@ -62,6 +62,16 @@ _BOXES: Space = {
     **_NOISE,
     **_BIRTH,
 }
+_OC_SORT: Space = {
+    "longest_unseen_s": (0.2, 1.0, 3.0, 5.0, 10.0),
+    "least_overlap": (-0.7, -0.4, -0.2, 0.0),
+    "momentum_weight": (0.0, 0.2, 0.5, 1.0),
+    "recovery_overlap": (0.0, 0.3, 0.6, 1.0),
+    "momentum_s": (0.3, 0.6, 1.2),
+    "reupdate": (True, False),
+    **_NOISE,
+    **_BIRTH,
+}
 _IMM: Space = {
     **_REMEMBERED,
     **_BELIEF,
@@ -100,6 +110,7 @@ SEARCH_SPACES: dict[str, Space] = {
     "immortal-kalman": _IMMORTAL,
     "stonesoup-particle": _STONE_SOUP,
     "box-kalman": _BOXES,
+    "oc-sort": _OC_SORT,
     "imm-gnn": _IMM,
     "pmbm": _PMBM,
     "oracle-kalman": {**_MOTION, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 5)},

@@ -66,6 +66,11 @@ _CATALOGUE = {
         "Kalman filters of boxes matched by their overlap, as AB3DMOT and SimpleTrack do it",
         "harness.trackers.rivals.box_kalman:BoxKalmanOptions",
     ),
+    "oc-sort": _Entry(
+        "harness.trackers.rivals.oc_sort",
+        "box-kalman's filters with the momentum, recovery and re-update of OC-SORT",
+        "harness.trackers.rivals.oc_sort:OcSortOptions",
+    ),
     "imm-gnn": _Entry(
         "harness.trackers.rivals.imm_gnn",
         "interacting models (constant velocity; constant turn rate and acceleration), global nearest neighbour",

@@ -24,6 +24,7 @@ NAMES = ("oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "stonesoup-jpda-awa
         "stonesoup-jpda-aware",
         "immortal-kalman",
         "box-kalman",
+        "oc-sort",
         "imm-gnn",
         "pmbm",
     ],
