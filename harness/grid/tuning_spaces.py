@@ -62,13 +62,13 @@ _BOXES: Space = {
     **_NOISE,
     **_BIRTH,
 }
+# Its three parts make the method what it is: no search switches one off.
 _OC_SORT: Space = {
     "longest_unseen_s": (0.2, 1.0, 3.0, 5.0, 10.0),
     "least_overlap": (-0.7, -0.4, -0.2, 0.0),
-    "momentum_weight": (0.0, 0.2, 0.5, 1.0),
-    "recovery_overlap": (0.0, 0.3, 0.6, 1.0),
+    "momentum_weight": (0.1, 0.2, 0.5, 1.0),
+    "recovery_overlap": (0.0, 0.3, 0.6),
     "momentum_s": (0.3, 0.6, 1.2),
-    "reupdate": (True, False),
     **_NOISE,
     **_BIRTH,
 }
