@@ -62,23 +62,41 @@ def plane_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> LaneletPlane:
     Raises:
         InputError: None of them is for cars, or they are larger than can be driven on.
     """
+    by_name, lines = _for_cars(lanelets, path)
+    low = np.min([line.min(axis=0) for line in lines.values()], axis=0)
+    # Adding zero turns -0.0 into 0.0.
+    origin = np.floor(low / GRID_M) * GRID_M + 0.0
+    graph = _graph(by_name, {name: line - origin for name, line in lines.items()}, path)
+    return LaneletPlane(road_of_graph(graph), (float(origin[0]), float(origin[1])))
+
+
+def graph_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> LaneGraph:
+    """Return lanelets as lanes in their own plane; see ``plane_of_lanelets``."""
+    return _graph(*_for_cars(lanelets, path), path)
+
+
+def road_of_graph(graph: LaneGraph) -> Road:
+    """Return the road whose frame is the plane of a graph."""
+    start, end = float(graph.xy[:, 0].min()), float(graph.xy[:, 0].max())
+    return Road(lanes=(), section_m=(start, max(end, start + 1.0)), graph=graph)
+
+
+def _for_cars(lanelets: Sequence[Lanelet], path: Path) -> tuple[dict[str, Lanelet], dict[str, FloatArray]]:
+    """Return the lanelets for cars, and the middle lines of those that are long enough to be lanes."""
     by_name = {lanelet.name: lanelet for lanelet in lanelets if NOT_FOR_CARS.isdisjoint(lanelet.kinds)}
     lines = {name: _middle(lanelet) for name, lanelet in by_name.items()}
     lines = {name: line for name, line in lines.items() if _length(line) >= SHORTEST_LANE_M}
     if not lines:
         raise InputError(f"{path}: no lanelet of it is for cars; give a scenario with roads")
-    low = np.min([line.min(axis=0) for line in lines.values()], axis=0)
-    # Adding zero turns -0.0 into 0.0.
-    origin = np.floor(low / GRID_M) * GRID_M + 0.0
-    placed = {name: np.round(line - origin, DECIMALS) for name, line in lines.items()}
-    graph = _assemble(by_name, placed)
+    return by_name, lines
+
+
+def _graph(by_name: Mapping[str, Lanelet], lines: Mapping[str, FloatArray], path: Path) -> LaneGraph:
+    graph = _assemble(by_name, {name: np.round(line, DECIMALS) for name, line in lines.items()})
     problem = graph_problem(graph)
     if problem:
         raise InputError(f"{path}: {problem}; cut out the part that is driven on")
-    start, end = float(graph.xy[:, 0].min()), float(graph.xy[:, 0].max())
-    return LaneletPlane(
-        Road(lanes=(), section_m=(start, max(end, start + 1.0)), graph=graph), (float(origin[0]), float(origin[1]))
-    )
+    return graph
 
 
 def _assemble(by_name: Mapping[str, Lanelet], lines: Mapping[str, FloatArray]) -> LaneGraph:
@@ -97,7 +115,7 @@ def _assemble(by_name: Mapping[str, Lanelet], lines: Mapping[str, FloatArray]) -
         right=_beside(chosen, [lanelet.right for lanelet in chosen], index),
         successor=np.array([to for each in follow for to in each], dtype=np.int64),
         first_successor=np.cumsum([0, *map(len, follow)]),
-        in_junction=_in_junction(crossed, follow),
+        in_junction=_in_junction(chosen, crossed, follow),
     )
     return replace(graph, control=_control(chosen, graph, crossed))
 
@@ -154,9 +172,14 @@ def _crossings(lines: Sequence[FloatArray]) -> list[set[int]]:
 
 
 def _in_junction(
-    crossed: Sequence[set[int]], follow: Sequence[Sequence[int]]
+    chosen: Sequence[Lanelet], crossed: Sequence[set[int]], follow: Sequence[Sequence[int]]
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which lanes lead across a junction: those that others cross, and those that begin or end with them."""
+    """Return which lanes lead across a junction, (l,).
+
+    Where the file doesn't say so it is those that others cross, and those that begin or end with them.
+    """
+    told = np.array([lanelet.in_junction is not None for lanelet in chosen])
+    said = np.array([bool(lanelet.in_junction) for lanelet in chosen])
     crossing = np.array([bool(others) for others in crossed])
     inside = crossing.copy()
     before: dict[int, list[int]] = {}
@@ -168,7 +191,7 @@ def _in_junction(
     for lanes in before.values():
         if len(lanes) > 1 and crossing[lanes].any():
             inside[lanes] = True
-    return inside
+    return np.where(told, said, inside)
 
 
 def _control(chosen: Sequence[Lanelet], graph: LaneGraph, crossed: Sequence[set[int]]) -> LinkControl | None:

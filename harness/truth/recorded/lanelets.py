@@ -42,6 +42,7 @@ class Lanelet:
         kinds: What it is for, as the file calls it.
         gives_way: Whether a sign at it says to give way or to stop.
         signals: Traffic lights at its end.
+        in_junction: Whether it leads across a junction, if the file says so.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Lanelet:
     kinds: tuple[str, ...] = ()
     gives_way: bool = False
     signals: tuple[str, ...] = ()
+    in_junction: bool | None = None
 
     def centre_xy(self) -> FloatArray:
         """Return the middle line, a point every two metres, shape (n, 2)."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.truth.recorded.rows import Rows
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 
@@ -21,16 +20,18 @@ BEYOND_EDGE_M, ASTRAY_RAD = 1.0, np.deg2rad(75.0)
 OFF_ROAD, CHANGE, JUMP = 12.0, 4.0, 15.0
 
 
-def lanes_driven(graph: LaneGraph, stay: IntArray, rows: Rows) -> IntArray:
+def lanes_driven(graph: LaneGraph, stay: IntArray, x: FloatArray, y: FloatArray, heading_rad: FloatArray) -> IntArray:
     """Return the lane that each row's vehicle is on, ``NOWHERE`` off the road, shape (n,).
 
     Args:
         graph: The lanes.
         stay: Stay of each row; its rows are in the order of time, shape (n,).
-        rows: Places and headings in the plane.
+        x: Places in the plane, metres, shape (n,).
+        y: The same.
+        heading_rad: Where vehicles point, shape (n,).
     """
-    near = graph.lanes_near(rows.lon_m, rows.lat_m, most=8)
-    off = np.abs(wrapped(near.heading_rad - rows.heading_rad[:, None]))
+    near = graph.lanes_near(x, y, most=8)
+    off = np.abs(wrapped(near.heading_rad - heading_rad[:, None]))
     cost = 0.5 * (near.left_m / BESIDE_STD_M) ** 2 + 0.5 * (off / ASTRAY_STD_RAD) ** 2
     beyond = np.abs(near.left_m) > 0.5 * graph.width_m[near.lane] + BEYOND_EDGE_M
     cost[(near.lane == NOWHERE) | beyond | (off > ASTRAY_RAD)] = np.inf

@@ -133,7 +133,7 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
         road = replace(road, section_m=recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m))
         lane = road.lane_number_at(rows.lon_m, rows.lat_m)
     else:
-        lane = 1 + lanes_driven(road.graph, stay, rows)
+        lane = 1 + lanes_driven(road.graph, stay, rows.lon_m, rows.lat_m, rows.heading_rad)
     return RecordedTraffic(
         road=road,
         step_starts=np.searchsorted(clocked.step[order], first_step + np.arange(steps + 1)),

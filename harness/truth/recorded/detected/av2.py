@@ -1,8 +1,9 @@
-"""Argoverse 2 sensor logs: cuboids that go on where no laser point fell on them, and poses; no detector.
+"""Argoverse 2 sensor logs: cuboids that go on where no laser point fell on them, poses and lanes; no detector.
 
-A folder holds folders of logs, each with ``annotations.feather`` and ``city_SE3_egovehicle.feather``. Detections are
-drawn: a vehicle is seen where at least three points of the real lidar fell into its cuboid, and the profile says how
-far a box is off. The plane is that of the city, from the car's first place on.
+A folder holds folders of logs, each with ``annotations.feather`` and ``city_SE3_egovehicle.feather``, and with
+``map/log_map_archive_*.json`` if the lanes are to be known. Detections are drawn: a vehicle is seen where at least
+three points of the real lidar fell into its cuboid, and the profile says how far a box is off. The plane is that of the
+city, from the car's first place on.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ import pyarrow.feather
 
 from harness.errors import InputError
 from harness.inputs import check_file
+from harness.truth.recorded.detected.av2map import map_file, read_lanelets
 from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes
+from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.graph import LaneGraph
 
 ANNOTATIONS, POSES = "annotations.feather", "city_SE3_egovehicle.feather"
 FEWEST_POINTS = 3
@@ -35,7 +39,7 @@ MOST_OFF_UNIT, STEP_NS, LONGEST_STEP_NS = 0.01, 100_000_000, 200_000_000
 
 def files_of(path: Path) -> tuple[Path, ...]:
     """Return the files of all logs of a folder, or of the log that it is."""
-    return tuple(log / name for log in _logs(path) for name in (ANNOTATIONS, POSES))
+    return tuple(file for log in _logs(path) for file in (log / ANNOTATIONS, log / POSES, map_file(log)) if file)
 
 
 def read_av2(path: Path) -> tuple[Drive, ...]:
@@ -77,7 +81,8 @@ def _read(log: Path) -> Drive:
         raise InputError(f"{log / ANNOTATIONS}: a thing is twice at one moment")
     then = poses.loc[clock]
     rotation, shift = _rotations(log / POSES, then), then[PLACE].to_numpy(dtype=np.float64)
-    shift = shift - shift[0]
+    origin = shift[0]
+    shift = shift - origin
     step = np.searchsorted(clock, boxes[WHEN].to_numpy(dtype=np.int64)).astype(np.int64)
     place, size = boxes[PLACE].to_numpy(dtype=np.float64), boxes[SIZE].to_numpy(dtype=np.float64)
     check_boxes(log / ANNOTATIONS, step.astype(np.float64), size, place)
@@ -109,7 +114,13 @@ def _read(log: Path) -> Drive:
         given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),
         left_out={"labelled things that are no vehicles": others},
         drawn=True,
+        lanes=_lanes(log, origin[:2]),
     )
+
+
+def _lanes(log: Path, origin_xy: FloatArray) -> LaneGraph | None:
+    path = map_file(log)
+    return None if path is None else graph_of_lanelets(read_lanelets(path, origin_xy), path)
 
 
 def _table(path: Path, columns: list[str]) -> pd.DataFrame:

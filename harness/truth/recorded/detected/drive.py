@@ -9,6 +9,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray, taken
+from mmpf.lanes.graph import LaneGraph
 
 EGO = "ego"
 
@@ -107,6 +108,7 @@ class Drive:
         moves_with_ego: Whether the plane moves and turns with the recording car, of which there are no poses. Boxes
             then point another way than they move, and nobody can be told to be parked.
         drawn: Whether the detections are labels of what was seen, whose errors are to be drawn.
+        lanes: The lanes in the plane; None where there is no map.
     """
 
     name: str
@@ -117,6 +119,7 @@ class Drive:
     left_out: Mapping[str, int] = field(default_factory=dict)
     moves_with_ego: bool = False
     drawn: bool = False
+    lanes: LaneGraph | None = None
 
     def cut(self, first: int, steps: int) -> Drive:
         """Return the drive from a step on, at most so many of them, counted from 0 again."""
@@ -128,10 +131,20 @@ class Drive:
         """Return the drive without the detections of a lower score."""
         return replace(self, given=self.given.take(self.given.score >= least_score))
 
+    def moved(self, x_m: float) -> Drive:
+        """Return the drive in a plane whose origin lies so far back along x."""
+        lanes = self.lanes and replace(self.lanes, xy=self.lanes.xy + np.array([x_m, 0.0]))
+        ego = replace(self.ego, x_m=self.ego.x_m + x_m)
+        return replace(self, ego=ego, labels=_moved(self.labels, x_m), given=_moved(self.given, x_m), lanes=lanes)
+
 
 def _cut(boxes: B, first: int, last: int) -> B:
     inside = boxes.take((boxes.step >= first) & (boxes.step < last))
     return replace(inside, step=inside.step - first)
+
+
+def _moved(boxes: B, x_m: float) -> B:
+    return replace(boxes, x_m=boxes.x_m + x_m)
 
 
 def sorted_by_step(boxes: B) -> B:

@@ -11,11 +11,13 @@ import numpy as np
 from harness.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.detected.drive import EGO, Drive, GivenBoxes, Labels, step_starts
+from harness.truth.recorded.detected.laidapart import laid_apart, road_of
 from harness.truth.recorded.detected.origin import NOTHING, origins
+from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import local_slope
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.lanes.graph import without_map
-from mmpf.road import NO_LANE, Road
+from mmpf.lanes.graph import NOWHERE
+from mmpf.road import NO_LANE
 
 # A station wagon carried KITTI's camera; the sizes of other recording cars differ by little.
 EGO_SIZE_M = 4.8, 1.8
@@ -61,14 +63,20 @@ class Moment:
 class DriveOnClock:
     """A drive whose labels have speeds, and whose detections know what they are of."""
 
-    def __init__(self, drive: Drive) -> None:
-        """Work out what the drive's files don't say."""
+    def __init__(self, drive: Drive, first_lane: int) -> None:
+        """Work out what the drive's files don't say.
+
+        Args:
+            drive: The drive.
+            first_lane: Number of its first lane among those of all drives.
+        """
         self.drive = drive
         self._label_starts = step_starts(drive.labels.step, len(drive.ego))
         self._given_starts = step_starts(drive.given.step, len(drive.ego))
         self._origin = origins(drive)
         self.motion = motion_of(drive.labels, can_park=not drive.moves_with_ego)
         self._unseen = unseen(drive.labels, self._origin)
+        self._lane, self._ego_lane = lane_numbers(drive, first_lane)
         ego = drive.ego
         alone = np.zeros(len(ego), dtype=np.int64)
         x_speed, y_speed = local_slope(ego.x_m, alone), local_slope(ego.y_m, alone)
@@ -96,7 +104,7 @@ class DriveOnClock:
             speed_mps=column(float(self._ego_speed[own_step]), motion.speed_mps),
             lat_speed_mps=column(0.0, motion.lat_speed_mps),
             accel_mps2=column(float(self._ego_accel[own_step]), motion.accel_mps2),
-            lane=np.full(len(heading), NO_LANE, dtype=np.int64),
+            lane=np.concatenate([self._ego_lane[own_step : own_step + 1], self._lane[rows]]),
             length_m=column(EGO_SIZE_M[0], labels.length_m),
             width_m=column(EGO_SIZE_M[1], labels.width_m),
             direction_rad=heading,
@@ -130,6 +138,27 @@ class DriveOnClock:
     def false_detections(self) -> int:
         """How many detections are of nothing that is labelled."""
         return int((self._origin == NOTHING).sum())
+
+
+def lane_numbers(drive: Drive, first_lane: int) -> tuple[IntArray, IntArray]:
+    """Return the numbers of the lanes that labels, (n,), and the recording car, (steps,), are on, ``NO_LANE`` for none.
+
+    Labels that are no vehicles are on none.
+
+    Args:
+        drive: The drive.
+        first_lane: Number of its first lane.
+    """
+    labels, ego = drive.labels, drive.ego
+    numbers = np.full(len(labels) + len(ego), NO_LANE)
+    if drive.lanes is not None:
+        own = np.append(np.flatnonzero(labels.counts), len(labels) + np.arange(len(ego)))
+        columns = ("x_m", "y_m", "heading_rad")
+        x, y, heading = (np.concatenate([getattr(labels, name), getattr(ego, name)])[own] for name in columns)
+        stay = np.concatenate([labels.thing, np.full(len(ego), len(drive.names))])[own]
+        lane = lanes_driven(drive.lanes, stay, x, y, heading)
+        numbers[own] = np.where(lane == NOWHERE, NO_LANE, lane + first_lane)
+    return numbers[: len(labels)], numbers[len(labels) :]
 
 
 def motion_of(labels: Labels, can_park: bool = True) -> Motion:
@@ -186,7 +215,7 @@ class DriveTruth:
     """Frames of drives, one episode a drive.
 
     Attributes:
-        road: The plane without a map.
+        road: The lanes of all drives, these laid apart; the plane without a map if none has any.
         step_s: Time between frames.
         expected_steps: How many frames there are.
         drives: The drives.
@@ -194,9 +223,12 @@ class DriveTruth:
 
     def __init__(self, path: Path, format_name: str, drives: Sequence[Drive]) -> None:
         """Take the drives in the order in which they are played."""
-        self.road = Road(lanes=(), graph=without_map())
+        placed = laid_apart(drives)
+        self.road = road_of(placed)
         self.step_s = STEP_S
-        self.drives = tuple(DriveOnClock(drive) for drive in drives)
+        lanes = [0 if drive.lanes is None else len(drive.lanes) for drive in placed]
+        first_lanes = 1 + np.cumsum([0, *lanes])[:-1]
+        self.drives = tuple(DriveOnClock(*each) for each in zip(placed, first_lanes.tolist(), strict=True))
         self._starts = np.concatenate([[0], np.cumsum([len(drive.ego) for drive in drives])]).astype(np.int64)
         self.expected_steps = int(self._starts[-1])
         self._path, self._format = path, format_name
@@ -221,7 +253,8 @@ class DriveTruth:
         return (
             f"{self._path.name} ({self._format}): {len(self.drives)} drives, {self.expected_steps * STEP_S:.1f} s, "
             f"{summary['vehicles_kept']} labelled vehicles, {summary['parked']} of them parked; "
-            f"{summary['detections']} detections given, {summary['false_detections']} of nothing that is labelled\n"
+            f"{summary['detections']} detections given, {summary['false_detections']} of nothing that is labelled; "
+            f"{f'maps with {lanes} lanes' if (lanes := summary['lanes']) else 'no map'}\n"
             f"left out: {left_out}"
         )
 
@@ -240,6 +273,7 @@ class DriveTruth:
             "parked": sum(map(len, parked)),
             "detections": sum(len(drive.drive.given) for drive in self.drives),
             "false_detections": sum(drive.false_detections for drive in self.drives),
+            "lanes": sum(len(drive.drive.lanes or ()) for drive in self.drives),
             "left_out": self._left_out(),
         }
 

@@ -1,0 +1,102 @@
+"""Argoverse 2's maps: a log's lane segments, of those that vehicles drive on, as lanelets."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.errors import InputError
+from harness.inputs import MOST_JSON_BYTES, check_file
+from harness.truth.recorded.detected.numbers import FARTHEST_M
+from harness.truth.recorded.lanelets import Lanelet
+from mmpf.compute.arrays import FloatArray
+
+ARCHIVES = "map/log_map_archive_*.json"
+FOR_VEHICLES = ("VEHICLE", "BUS")
+LONGEST_M = 1e4
+
+
+def map_file(log: Path) -> Path | None:
+    """Return the map of a log's folder, if there is one.
+
+    Raises:
+        InputError: There are several.
+    """
+    found = sorted(log.glob(ARCHIVES))
+    if len(found) > 1:
+        raise InputError(f"{log} has {len(found)} files {ARCHIVES}; leave the one that is the log's")
+    return found[0] if found else None
+
+
+def read_lanelets(path: Path, origin_xy: FloatArray) -> tuple[Lanelet, ...]:
+    """Read the lanes for vehicles of a map.
+
+    Args:
+        path: The map.
+        origin_xy: The city's coordinates of the plane's origin, metres, shape (2,).
+
+    Raises:
+        InputError: The file is broken, or has no lane for vehicles; the message names it.
+    """
+    check_file(path, MOST_JSON_BYTES)
+    try:
+        segments = json.loads(path.read_text(encoding="utf-8"))["lane_segments"]
+        chosen = [segment for segment in segments.values() if segment["lane_type"] in FOR_VEHICLES]
+        lanelets = {str(segment["id"]): _lanelet(segment, origin_xy) for segment in chosen}
+    except OSError as error:
+        raise InputError(f"{path}: can't be read: {error.strerror}") from None
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(f"{path}: no map of Argoverse 2: {' '.join(str(error).split())}") from None
+    except KeyError as error:
+        raise InputError(f"{path}: no map of Argoverse 2: {error} is missing") from None
+    if not lanelets:
+        raise InputError(f"{path}: no lane of it is for vehicles; remove the file to go without a map")
+    if len(lanelets) < len(chosen):
+        raise InputError(f"{path}: a lane segment's id is there twice")
+    return tuple(_with_neighbours(lanelet, lanelets) for lanelet in lanelets.values())
+
+
+def _lanelet(segment: Mapping[str, Any], origin_xy: FloatArray) -> Lanelet:
+    if not isinstance(segment["is_intersection"], bool):
+        raise TypeError("is_intersection is neither true nor false")
+    return Lanelet(
+        name=str(segment["id"]),
+        left_xy=_points(segment["left_lane_boundary"]) - origin_xy,
+        right_xy=_points(segment["right_lane_boundary"]) - origin_xy,
+        successors=tuple(str(other) for other in segment["successors"]),
+        left=_neighbour(segment["left_neighbor_id"]),
+        right=_neighbour(segment["right_neighbor_id"]),
+        in_junction=segment["is_intersection"],
+    )
+
+
+def _points(boundary: Sequence[Mapping[str, float]]) -> FloatArray:
+    points = np.array([(point["x"], point["y"]) for point in boundary], dtype=np.float64)
+    if len(points) < 2 or not np.abs(points).max() <= FARTHEST_M:
+        raise ValueError(f"a boundary needs two points or more within {FARTHEST_M:g} m")
+    if np.hypot(*np.diff(points, axis=0).T).sum() > LONGEST_M:
+        raise ValueError(f"a boundary is longer than {LONGEST_M:g} m")
+    return points
+
+
+def _neighbour(name: int | None) -> str | None:
+    return None if name is None else str(name)
+
+
+def _with_neighbours(lanelet: Lanelet, others: Mapping[str, Lanelet]) -> Lanelet:
+    """Return a lanelet whose neighbours lead its way: the map names oncoming lanes too."""
+    left, right = (
+        name if name is not None and name in others and _way(others[name]) @ _way(lanelet) > 0.0 else None
+        for name in (lanelet.left, lanelet.right)
+    )
+    return replace(lanelet, left=left, right=right)
+
+
+def _way(lanelet: Lanelet) -> FloatArray:
+    line = lanelet.centre_xy()
+    return np.asarray(line[-1] - line[0])
