@@ -10,8 +10,8 @@ import numpy as np
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, gate_table
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.motion.free import heading_ratio
 from mmpf.motion.guided import HEADING
+from mmpf.motion.pointing import heading_ratio
 from mmpf.scan import BodyHeadings, Detections
 from mmpf.state import LAT, LON, SPEED
 

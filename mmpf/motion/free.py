@@ -14,6 +14,7 @@ import numpy as np
 from mmpf.compute.arrays import FloatArray, turned, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
+from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
@@ -22,8 +23,6 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 SLOWEST_TURN_MPS = 1.0
 TIGHTEST_CURVATURE_PER_M = 0.2
 MOST_TURN_RAD = 1.0
-WRONG_SHARE = 0.05
-"""Share of measured directions that have nothing to do with the vehicle's."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +61,8 @@ class Unguided:
 
     def towards(self, latents: FloatArray, headings: BodyHeadings, rng: np.random.Generator) -> FloatArray:
         """Draw directions around measured ones; see ``TakesHeadings.towards``."""
-        each = latents.shape[1] // len(headings.heading_rad)
-        measured, std, flipped = (
-            np.repeat(column, each) for column in (headings.heading_rad, headings.std_rad, headings.flip_probability)
-        )
-        drawn, doubt = rng.uniform(size=(2, latents.shape[1]))
-        heading = measured + std * rng.standard_normal(latents.shape[1]) + np.pi * (drawn < flipped)
         after = latents.copy()
-        after[HEADING] = np.where(doubt < WRONG_SHARE, latents[HEADING], wrapped(heading))
+        after[HEADING] = drawn_directions(latents[HEADING], headings, rng)
         return after
 
     def propagate(
@@ -100,20 +93,6 @@ def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> Floa
     """Return by how much vehicles turn that drift, no more than their tightest bend lets them in a step, shape (n,)."""
     most = np.minimum(TIGHTEST_CURVATURE_PER_M * speed_mps * dt_s, MOST_TURN_RAD)
     return np.asarray(np.clip(np.arctan2(lat_speed_mps, np.maximum(speed_mps, SLOWEST_TURN_MPS)), -most, most))
-
-
-def heading_ratio(direction_rad: FloatArray, headings: BodyHeadings) -> FloatArray:
-    """Return by how much likelier a measured direction is of a particle than of anything, whose direction is any.
-
-    Args:
-        direction_rad: Directions of particles, shape (n,).
-        headings: What was measured of each, of shape (n,).
-    """
-    off = np.abs(wrapped(direction_rad - headings.heading_rad)) / headings.std_rad
-    back = np.pi / headings.std_rad - off
-    flipped = headings.flip_probability
-    peak = (1.0 - flipped) * np.exp(-0.5 * off**2) + flipped * np.exp(-0.5 * back**2)
-    return np.asarray(WRONG_SHARE + (1.0 - WRONG_SHARE) * peak * np.sqrt(2.0 * np.pi) / headings.std_rad)
 
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneGuided | Unguided:

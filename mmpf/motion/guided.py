@@ -13,7 +13,9 @@ import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LON, SPEED
 
 GATE, LANE, NEXT, HEADING = -4, -3, -2, -1
@@ -93,6 +95,17 @@ class LaneGuided:
         latents[LANE], latents[HEADING] = lane, heading
         latents[NEXT], latents[GATE] = self._pick_successors(lane, rng), rng.uniform(size=len(lane))
         return latents
+
+    def towards(self, latents: FloatArray, headings: BodyHeadings, rng: np.random.Generator) -> FloatArray:
+        """Take particles off lanes that lead another way than was measured, and let those off lanes point as measured.
+
+        See ``TakesHeadings.towards``.
+        """
+        pointing, after = drawn_directions(latents[HEADING], headings, rng), latents.copy()
+        free = (latents[LANE] == NOWHERE) | (np.abs(wrapped(latents[HEADING] - pointing)) > ASTRAY_RAD)
+        after[LANE, free] = after[NEXT, free] = NOWHERE
+        after[HEADING, free] = pointing[free]
+        return after
 
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator

@@ -7,9 +7,10 @@ import pytest
 
 from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import NOWHERE, without_map
-from mmpf.motion.free import Unguided, heading_ratio, in_plane
+from mmpf.motion.free import Unguided, in_plane
 from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
 from mmpf.motion.kinematic import ProcessNoise, kinematic
+from mmpf.motion.pointing import heading_ratio
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED

@@ -7,6 +7,7 @@ from mmpf.compute.arrays import FloatArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
+from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.lanes.scenes import arc, graph_of
 
@@ -133,3 +134,19 @@ def test_off_every_lane_a_vehicle_goes_on_as_it_points() -> None:
     drive.go(10)
     assert (drive.state[LON, 0], drive.state[LAT, 0]) == (pytest.approx(50.0), pytest.approx(26.0))
     assert drive.lanes == ["none"]
+
+
+def test_particles_born_with_a_direction_stay_on_lanes_that_lead_there_and_point_there_off_lanes() -> None:
+    east = np.array([[0.0, 0.0], [100.0, 0.0]])
+    graph = graph_of({"there": east, "back": east[::-1] + np.array([0.0, 3.5])})
+    drive = Drive(graph, ["there"] * 1000 + ["back"] * 1000, [50.0] * 2000, 10.0)
+    drive.latents[LANE, ::2] = NOWHERE
+    measured = BodyHeadings(np.array([0.1]), np.array([0.02]), np.zeros(1))
+    latents = drive.motion.towards(drive.latents, measured, drive.rng)
+    on_lane = latents[LANE] != NOWHERE
+    assert on_lane[1:1000:2].all()
+    # One measured direction of twenty has nothing to do with the vehicle's.
+    assert on_lane[1001::2].mean() == pytest.approx(0.05, abs=0.03)
+    assert (np.abs(latents[HEADING, ~on_lane] - 0.1) < 0.1).mean() == pytest.approx(0.97, abs=0.03)
+    assert latents[HEADING, on_lane] == pytest.approx(np.where(latents[LANE, on_lane] == 0, 0.0, np.pi))
+    assert (latents[NEXT, ~on_lane] == NOWHERE).all()
