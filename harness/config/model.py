@@ -47,6 +47,8 @@ class RecordingConfig(_Strict):
     """Of a recording that brings its own detections those with a lower score are left out; as the format has it if not
     set.
     """
+    map: bool = False
+    """Whether the map beside a recording that brings its own detections is the road; the plane without lanes if not."""
 
 
 class TrafficConfig(_Strict):

@@ -67,12 +67,14 @@ def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
 
 
 def _recorded(path: Path, config: RunConfig) -> Looks:
-    from harness.truth.recorded.formats import brings_detections, files_of  # noqa: PLC0415
+    from harness.truth.recorded.formats import brings_detections, check_map, files_of  # noqa: PLC0415
     from harness.truth.recorded.source import open_recorded_traffic  # noqa: PLC0415
 
     traffic, recording = config.traffic, config.traffic.recording
     if recording is None:
         raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
+    if recording.map:
+        check_map(recording.format)
     if brings_detections(recording.format):
         return _given(path, config, recording)
     sensor = _sensor(config)
@@ -94,7 +96,7 @@ def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
     from harness.truth.recorded.formats import files_of, least_score_of, read_drives  # noqa: PLC0415
 
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
-    drives = read_drives(path, recording.format)
+    drives = read_drives(path, recording.format, recording.map)
     least_score = least_score_of(recording.format, recording.least_score)
     truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
     return replace(

@@ -58,6 +58,8 @@ class RecordingFormat:
         sensor: Profile that tells what is known of the detector whose boxes a recording brings; its reader returns
             drives (``harness.truth.recorded.detected``). None of one that brings no detections.
         least_score: Detections of a lower score are left out unless the user says otherwise.
+        brings_map: Whether a recording that brings detections may have a map beside it; its reader then takes whether
+            to read it as well.
     """
 
     name: str
@@ -66,6 +68,7 @@ class RecordingFormat:
     reader: str | None
     sensor: str | None = None
     least_score: float = -np.inf
+    brings_map: bool = False
 
     def read(self, path: Path, net: str) -> ReadTraffic:
         """Read a file that was driven on a network."""
@@ -73,10 +76,10 @@ class RecordingFormat:
             return outside.read_outside(self.name, path, net)
         return self.function(path) if self.brings_road else self.function(path, net)
 
-    def drives(self, path: Path) -> tuple[Drive, ...]:
-        """Read a recording that brings its own detections."""
-        read = cast("Callable[[Path], tuple[Drive, ...]]", self.function)
-        return read(path)
+    def drives(self, path: Path, with_map: bool) -> tuple[Drive, ...]:
+        """Read a recording that brings its own detections, with the map beside it or without."""
+        read = cast("Callable[..., tuple[Drive, ...]]", self.function)
+        return read(path, with_map) if self.brings_map else read(path)
 
     def own_files(self, path: Path) -> tuple[Path, ...]:
         """Return the files of a recording that brings its own detections."""
@@ -177,13 +180,31 @@ def brings_detections(format_name: str) -> bool:
     return format_name in FORMATS and FORMATS[format_name].sensor is not None
 
 
+def check_map(format_name: str) -> None:
+    """Refuse to take the map beside a recording as its road where the format has none.
+
+    Raises:
+        InputError: It has none.
+    """
+    if format_name not in FORMATS or not FORMATS[format_name].brings_map:
+        having = ", ".join(name for name, entry in FORMATS.items() if entry.brings_map)
+        raise InputError(
+            f"`traffic.recording.map`: only {having} has a map beside it, {format_name} does not; leave it out"
+        )
+
+
 def least_score_of(name: str, chosen: float | None) -> float:
     """Return below which score a format's detections are left out: as the user chose, or else as the format has it."""
     return FORMATS[name].least_score if chosen is None else chosen
 
 
-def read_drives(path: Path, format_name: str) -> tuple[Drive, ...]:
+def read_drives(path: Path, format_name: str, with_map: bool = False) -> tuple[Drive, ...]:
     """Read a recording that brings its own detections, whose format is known.
+
+    Args:
+        path: The file or folder.
+        format_name: Name of the format.
+        with_map: Whether to read the map beside it, of a format that may have one.
 
     Raises:
         InputError: A file is missing or broken, or they contradict each other.
@@ -191,7 +212,7 @@ def read_drives(path: Path, format_name: str) -> tuple[Drive, ...]:
     entry = recognise(path, format_name)
     try:
         with np.errstate(all="ignore"):
-            return entry.drives(path)
+            return entry.drives(path, with_map)
     except NOT_UNDERSTOOD as error:
         raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
 
@@ -265,7 +286,9 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat(
             "kitti-tracking", True, _is_never_recognised, f"{_ROOM}.detected.kitti:read_kitti", "kitti-pointrcnn", 2.0
         ),
-        RecordingFormat("av2", True, _is_never_recognised, f"{_ROOM}.detected.av2:read_av2", "av2-points"),
+        RecordingFormat(
+            "av2", True, _is_never_recognised, f"{_ROOM}.detected.av2:read_av2", "av2-points", brings_map=True
+        ),
         RecordingFormat(
             "v2v4real",
             True,

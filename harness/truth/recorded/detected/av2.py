@@ -1,7 +1,7 @@
 """Argoverse 2 sensor logs: cuboids that go on where no laser point fell on them, poses and lanes; no detector.
 
 A folder holds folders of logs, each with ``annotations.feather`` and ``city_SE3_egovehicle.feather``, and with
-``map/log_map_archive_*.json`` if the lanes are to be known. Detections are drawn: a vehicle is seen where at least
+``map/log_map_archive_*.json`` where the lanes are to be known. Detections are drawn: a vehicle is seen where at least
 three points of the real lidar fell into its cuboid, and the profile says how far a box is off. The plane is that of the
 city, from the car's first place on.
 """
@@ -17,7 +17,7 @@ import pyarrow.feather
 
 from harness.errors import InputError
 from harness.inputs import check_file
-from harness.truth.recorded.detected.av2map import map_file, read_lanelets
+from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
 from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
@@ -39,16 +39,20 @@ MOST_OFF_UNIT, STEP_NS, LONGEST_STEP_NS = 0.01, 100_000_000, 200_000_000
 
 def files_of(path: Path) -> tuple[Path, ...]:
     """Return the files of all logs of a folder, or of the log that it is."""
-    return tuple(file for log in _logs(path) for file in (log / ANNOTATIONS, log / POSES, map_file(log)) if file)
+    return tuple(file for log in _logs(path) for file in (log / ANNOTATIONS, log / POSES, *map_files(log)))
 
 
-def read_av2(path: Path) -> tuple[Drive, ...]:
+def read_av2(path: Path, with_map: bool = False) -> tuple[Drive, ...]:
     """Read a folder of logs, or one log's folder or annotations.
+
+    Args:
+        path: The folder or file.
+        with_map: Whether to read the logs' maps too.
 
     Raises:
         InputError: A file is missing or broken, or they contradict each other; the message names it.
     """
-    return tuple(_read(log) for log in _logs(path))
+    return tuple(_read(log, with_map) for log in _logs(path))
 
 
 def argoverse_logs(path: Path) -> list[Path]:
@@ -65,7 +69,7 @@ def _logs(path: Path) -> list[Path]:
     return logs
 
 
-def _read(log: Path) -> Drive:
+def _read(log: Path, with_map: bool) -> Drive:
     boxes = _table(log / ANNOTATIONS, [WHEN, *OF_BOX])
     boxes = boxes[boxes["category"] != RECORDING_CAR]
     poses = _table(log / POSES, [WHEN, *TURN, *PLACE]).drop_duplicates(WHEN).set_index(WHEN)
@@ -114,13 +118,13 @@ def _read(log: Path) -> Drive:
         given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),
         left_out={"labelled things that are no vehicles": others},
         drawn=True,
-        lanes=_lanes(log, origin[:2]),
+        lanes=_lanes(log, origin[:2]) if with_map else None,
     )
 
 
-def _lanes(log: Path, origin_xy: FloatArray) -> LaneGraph | None:
+def _lanes(log: Path, origin_xy: FloatArray) -> LaneGraph:
     path = map_file(log)
-    return None if path is None else graph_of_lanelets(read_lanelets(path, origin_xy), path)
+    return graph_of_lanelets(read_lanelets(path, origin_xy), path)
 
 
 def _table(path: Path, columns: list[str]) -> pd.DataFrame:

@@ -21,16 +21,23 @@ FOR_VEHICLES = ("VEHICLE", "BUS")
 LONGEST_M = 1e4
 
 
-def map_file(log: Path) -> Path | None:
-    """Return the map of a log's folder, if there is one.
+def map_files(log: Path) -> list[Path]:
+    """Return what may be the map of a log's folder."""
+    return sorted(log.glob(ARCHIVES))
+
+
+def map_file(log: Path) -> Path:
+    """Return the map of a log's folder.
 
     Raises:
-        InputError: There are several.
+        InputError: There is none, or there are several.
     """
-    found = sorted(log.glob(ARCHIVES))
+    found = map_files(log)
+    if not found:
+        raise InputError(f"`traffic.recording.map`: {log} has no {ARCHIVES}; leave the setting out or add the map")
     if len(found) > 1:
         raise InputError(f"{log} has {len(found)} files {ARCHIVES}; leave the one that is the log's")
-    return found[0] if found else None
+    return found[0]
 
 
 def read_lanelets(path: Path, origin_xy: FloatArray) -> tuple[Lanelet, ...]:
@@ -55,7 +62,7 @@ def read_lanelets(path: Path, origin_xy: FloatArray) -> tuple[Lanelet, ...]:
     except KeyError as error:
         raise InputError(f"{path}: no map of Argoverse 2: {error} is missing") from None
     if not lanelets:
-        raise InputError(f"{path}: no lane of it is for vehicles; remove the file to go without a map")
+        raise InputError(f"{path}: no lane of it is for vehicles; leave `traffic.recording.map` out")
     if len(lanelets) < len(chosen):
         raise InputError(f"{path}: a lane segment's id is there twice")
     return tuple(_with_neighbours(lanelet, lanelets) for lanelet in lanelets.values())

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from harness.config.layers import resolve_run_config
 from harness.errors import InputError
-from harness.truth.recorded.detected.av2 import files_of, read_av2
+from harness.running.open import open_looks
+from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.source import DriveTruth
 from mmpf.lanes.graph import NOWHERE
 from mmpf.road import NO_LANE
@@ -19,6 +22,7 @@ from tests.harness.truth.recorded.detected.test_av2 import CITY, STEPS, YAW_RAD,
 AHEAD = np.array([np.cos(YAW_RAD), np.sin(YAW_RAD)])
 LEFT = np.array([-AHEAD[1], AHEAD[0]])
 WIDTH_M = 3.5
+WITH_MAP = ("traffic.recording.map=true",)
 # Middle lines as the recording car sees them at its first place, and what else the map says of each.
 SEGMENTS: dict[int, tuple[list[tuple[float, float]], dict[str, Any]]] = {
     1: ([(-20, 0), (30, 0)], {"successors": [2, 3, 99], "left_neighbor_id": 4, "right_neighbor_id": 6}),
@@ -64,7 +68,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_vehicles_lanes_are_the_road_and_bicycles_lanes_are_not(folder: Path) -> None:
-    (drive,) = read_av2(folder)
+    (drive,) = read_av2(folder, with_map=True)
     graph = drive.lanes
     assert graph is not None
     assert graph.name == ("1", "2", "3", "4", "5", "6")
@@ -73,7 +77,7 @@ def test_vehicles_lanes_are_the_road_and_bicycles_lanes_are_not(folder: Path) ->
 
 
 def test_both_ways_across_the_junction_follow_and_are_in_it(folder: Path) -> None:
-    (drive,) = read_av2(folder)
+    (drive,) = read_av2(folder, with_map=True)
     graph = drive.lanes
     assert graph is not None
     assert graph.successor[graph.first_successor[0] : graph.first_successor[1]].tolist() == [1, 2]
@@ -81,7 +85,7 @@ def test_both_ways_across_the_junction_follow_and_are_in_it(folder: Path) -> Non
 
 
 def test_an_oncoming_lane_is_no_neighbour(folder: Path) -> None:
-    (drive,) = read_av2(folder)
+    (drive,) = read_av2(folder, with_map=True)
     graph = drive.lanes
     assert graph is not None
     assert (graph.left[0], graph.right[0]) == (NOWHERE, 5)
@@ -89,7 +93,7 @@ def test_an_oncoming_lane_is_no_neighbour(folder: Path) -> None:
 
 
 def test_the_ego_drives_on_its_lane_and_who_walks_is_on_none(folder: Path) -> None:
-    truth = DriveTruth(folder, "av2", read_av2(folder))
+    truth = DriveTruth(folder, "av2", read_av2(folder, with_map=True))
     graph = truth.road.graph
     assert graph is not None
     for frame in truth.frames():
@@ -105,9 +109,9 @@ def test_logs_with_maps_lie_beside_each_other(tmp_path: Path) -> None:
         write_av2(tmp_path / name)
         (tmp_path / name / "log").rename(tmp_path / f"log {name}")
         (tmp_path / name).rmdir()
-    for name in ("a", "c"):
         write_map(tmp_path / f"log {name}", json.dumps(made_map()))
-    truth = DriveTruth(tmp_path, "av2", read_av2(tmp_path))
+    a, b, c = read_av2(tmp_path, with_map=True)
+    truth = DriveTruth(tmp_path, "av2", (a, replace(b, lanes=None), c))
     graph = truth.road.graph
     assert graph is not None
     assert graph.name[::6] == ("log a/1", "log c/1")
@@ -119,12 +123,26 @@ def test_logs_with_maps_lie_beside_each_other(tmp_path: Path) -> None:
     assert graph.successor.tolist() == [1, 2, 4, 7, 8, 10]
 
 
-def test_without_a_map_nothing_is_known_of_lanes(tmp_path: Path) -> None:
-    truth = DriveTruth(tmp_path, "av2", read_av2(write_av2(tmp_path)))
+def test_unless_the_map_is_asked_for_nothing_is_known_of_lanes(folder: Path) -> None:
+    truth = DriveTruth(folder, "av2", read_av2(folder))
     assert truth.road.graph is not None
     assert not truth.road.graph.has_map
     assert all((frame.lane == NO_LANE).all() for frame in truth.frames())
-    assert len(files_of(tmp_path)) == 2
+
+
+def test_the_setting_takes_the_map_as_the_road_of_a_run(folder: Path) -> None:
+    looks = open_looks(resolve_run_config(None, {"replay": str(folder), "format": "av2"}, WITH_MAP))
+    assert looks.road.graph is not None
+    assert looks.road.graph.name == ("1", "2", "3", "4", "5", "6")
+    assert any("map" in name for name in looks.files)
+
+
+def test_a_map_that_is_not_there_is_named(tmp_path: Path) -> None:
+    asked = {"replay": str(write_av2(tmp_path)), "format": "av2"}
+    with pytest.raises(InputError, match=r"`traffic.recording.map`: .*/log has no map"):
+        open_looks(resolve_run_config(None, asked, WITH_MAP))
+    with pytest.raises(InputError, match=r"`traffic.recording.map`: only av2 has a map"):
+        open_looks(resolve_run_config(None, asked | {"format": "kitti-tracking"}, WITH_MAP))
 
 
 def broken(**changes: Any) -> str:
@@ -157,7 +175,7 @@ def broken(**changes: Any) -> str:
 def test_broken_maps_are_named_in_one_line(tmp_path: Path, content: str, says: str) -> None:
     path = write_map(write_av2(tmp_path) / "log", content)
     with pytest.raises(InputError, match=says) as error:
-        read_av2(tmp_path)
+        read_av2(tmp_path, with_map=True)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -166,4 +184,4 @@ def test_two_maps_of_one_log_are_refused(folder: Path) -> None:
     path = next((folder / "log" / "map").iterdir())
     path.with_name("log_map_archive_other.json").write_text("{}", encoding="utf-8")
     with pytest.raises(InputError, match="has 2 files"):
-        read_av2(folder)
+        read_av2(folder, with_map=True)
