@@ -99,9 +99,9 @@ def _cells_of_graph(graph: LaneGraph) -> tuple[LaneCells, Links]:
     source, target = _within_lanes(of_lane)
     links = range(len(graph.successor)) if graph.has_map else range(0)
     link_from, link_to = graph.link_from[links], graph.successor[links]
-    share = np.ones(len(graph))
     across = np.bincount(link_to, 1.0 / ways[link_from], minlength=len(graph)) if len(links) else np.zeros(len(graph))
-    share[graph.in_junction] = np.minimum(across, 1.0)[graph.in_junction]
+    # A map may end within a junction: to a path that no lane on it leads to traffic comes as to any lane.
+    share = np.where(graph.in_junction & (across > 0.0), np.minimum(across, 1.0), 1.0)
     entered = np.zeros(len(graph), dtype=np.bool_)
     entered[link_to] = True
     entry = np.zeros(len(of_lane), dtype=np.bool_)

@@ -62,6 +62,15 @@ def test_ways_across_a_junction_share_the_traffic_of_the_lane_before_them():
     assert shares == {"in": 1.0, "ahead": 0.5, "left": 0.5, "out": 1.0, "left out": 1.0, "alone": 1.0}
 
 
+def test_a_path_across_a_junction_that_the_map_cuts_has_the_usual_traffic():
+    cut = graph_of(
+        {"path": [(0.0, 0.0), (20.0, 0.0)], "out": [(20.0, 0.0), (60.0, 0.0)]}, [("path", "out")], [], ("path",)
+    )
+    cells, _ = cells_of(Road(lanes=(), graph=cut))
+    assert (cells.share == 1.0).all()
+    assert cells.entry.tolist() == [True, *[False] * (len(cells) - 1)]
+
+
 def test_traffic_from_beyond_the_map_begins_where_no_lane_leads():
     cells, _ = cells_of(Road(lanes=(), graph=FORK))
     assert [FORK.name[lane - 1] for lane in cells.lane[cells.entry]] == ["in", "alone"]
