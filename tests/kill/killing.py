@@ -25,9 +25,9 @@ from harness.reference.registry import TABLES as TABLES_OF_REFERENCES
 from harness.reference.tree import SOURCES
 
 REPOSITORY = Path(__file__).parents[2]
-RUN = ("run", "--duration", "2", "--particles", "20", "--seed", "3", "--quiet")
+RUN = ("run", "--density", "10", "--duration", "2", "--particles", "20", "--seed", "3", "--quiet")
 STRESS = (
-    *("stress", "--densities", "20,40", "--seeds", "1", "--models", "cvm,cam", "--particles", "20"),
+    *("stress", "--densities", "10,15", "--seeds", "1", "--models", "cvm,cam", "--particles", "20"),
     *("--duration", "1", "--quiet", "--resume"),
 )
 DRIVE = (

@@ -118,21 +118,16 @@ def test_impossible_numbers_of_vehicles_are_refused(capsys):
 
 
 @pytest.mark.slow
-def test_the_command_leaves_rows_with_the_agreed_keys(tmp_path, capsys):
+def test_the_command_leaves_rows_with_the_agreed_keys_and_the_filter_follows_every_vehicle_of_the_made_scene(
+    tmp_path, capsys
+):
     words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "24", "--json"]
     assert run_command_line([*words, "--out", str(tmp_path / "bench")]) == 0
     result = json.loads(capsys.readouterr().out)
     keys = {"tracker", "model", "vehicles", "particles", "ms_p50", "ms_p95", "peak_mb"}
-    assert [row["vehicles"] for row in result["rows"]] == [5, 30]
+    assert [row["vehicles"] for row in result["rows"]] == [row["tracks"] for row in result["rows"]] == [5, 30]
     assert all(keys <= set(row) for row in result["rows"])
     assert [(row["components"], row["inputs"]) for row in result["gmm"]] == [(28, 5), (60, 14)]
     assert {"particles", "ms", "matrix_product_ms"} <= set(result["gmm"][0])
     assert (tmp_path / "bench" / "bench.png").is_file()
     assert len(plot(result).axes[0].get_lines()) == 2
-
-
-@pytest.mark.slow
-def test_the_filter_follows_every_vehicle_of_the_made_scene(tmp_path, capsys):
-    words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "24", "--json"]
-    assert run_command_line([*words, "--out", str(tmp_path / "bench")]) == 0
-    assert [row["tracks"] for row in json.loads(capsys.readouterr().out)["rows"]] == [5, 30]

@@ -19,15 +19,15 @@ from tests.harness.grid.test_stress import table_of
 REPOSITORY = Path(__file__).parents[3]
 GRID = (
     "--densities",
-    "20,40",
+    "10,15",
     "--seeds",
     "2",
     "--models",
     "cvm",
     "--particles",
-    "50",
+    "20",
     "--duration",
-    "2",
+    "1",
     "--quiet",
 )
 
@@ -87,7 +87,7 @@ def _wait_until(condition, limit_s: float = 120.0) -> None:
         time.sleep(0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=45)
 def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluster, tmp_path):
     address, workers = cluster
     local, remote = tmp_path / "local", tmp_path / "remote"
@@ -101,7 +101,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluste
     assert len(table_of(remote)) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=30)
 def test_a_lost_scheduler_ends_a_grid_in_one_line_and_it_goes_on_without(tmp_path):
     out = tmp_path / "grid"
     with dask_cluster(tmp_path) as (address, processes):

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 REPOSITORY = Path(__file__).parents[3]
-RUN = ("run", "--duration", "2", "--density", "20", "--particles", "50", "--seed", "3", "--quiet")
+RUN = ("run", "--duration", "2", "--density", "10", "--particles", "50", "--seed", "3", "--quiet")
 OTHERS = {
     "another BLAS kernel": {"OPENBLAS_CORETYPE": "Prescott"},
     "no vectors of 512 bits": {
@@ -30,7 +30,7 @@ def run_as(out: Path, environment: dict[str, str]) -> Path:
     return out
 
 
-@pytest.mark.slow
+@pytest.mark.slow(seconds=25)
 def test_traffic_and_detections_are_the_same_bytes_on_other_processors_and_tracks_begin_alike(tmp_path):
     here = run_as(tmp_path / "here", {})
     for number, environment in enumerate(OTHERS.values()):
