@@ -227,12 +227,12 @@ def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_l
 
 @pytest.mark.slow(seconds=50)
 def test_calibrate_runs_end_to_end_on_a_small_budget(own_network, tmp_path, capsys):
-    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0805", "--trials", "2", "--minutes", "2"]
+    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0750", "--trials", "2", "--minutes", "2"]
     options = ["--seeds", "1000:1001", "--json", "--quiet", "--out", str(tmp_path / "out")]
     assert run_command_line([*arguments, *options]) == 0
     trials = json.loads(capsys.readouterr().out)["trials"]
     assert len(trials) == 2
-    assert all(2.0 < trial["simulated"]["us101-0805"]["mean_speed_mps"] < 20.0 for trial in trials)
+    assert all(2.0 < trial["simulated"]["us101-0750"]["mean_speed_mps"] < 20.0 for trial in trials)
 
 
 @pytest.mark.skipif(not FIELDS.is_dir(), reason="the recorded fields are not in ../shared/realdata")

@@ -249,7 +249,7 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("runs")
     return {
         name: run(
-            resolve_run_config(options={"duration": 2.0, "seed": 1, "particles": 200, **extra}),
+            resolve_run_config(options={"density": 10.0, "duration": 2.0, "seed": 1, "particles": 200, **extra}),
             out=folder / name,
             draw=DRAWING if name == "one" else None,
         ).folder
