@@ -13,7 +13,7 @@ README = Path(__file__).parents[1] / "README.md"
 HARNESS, FILTER = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
-@pytest.mark.slow(seconds=35)
+@pytest.mark.slow
 def test_the_harness_from_python_runs_and_compares_as_in_the_readme(tmp_path: Path) -> None:
     words = [sys.executable, "-c", HARNESS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=True, cwd=tmp_path)

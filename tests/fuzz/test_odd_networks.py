@@ -14,7 +14,7 @@ def test_there_are_at_least_fifty_odd_networks():
     assert len(ODD) >= FEWEST
 
 
-@pytest.mark.slow(seconds=35)
+@pytest.mark.slow
 def test_every_odd_network_gives_a_run_or_one_clear_line(tmp_path):
     cases = run_cases(tmp_path, ["tests.fuzz.odd_child"], 0, len(chosen()))
     assert len(cases) == len(chosen())

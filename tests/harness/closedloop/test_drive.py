@@ -23,7 +23,7 @@ def made(out, **options):
     return make_drives({"out": out, **SMALL, **options}, "test", quiet=True).folder
 
 
-@pytest.mark.slow(seconds=15)
+@pytest.mark.slow
 def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_its_own_way():
     cell = plan_drives(DriveRequest("truth,detections,driverstate", 1, seed=100, density=30.0)).cells[0]
     tables = {}
@@ -41,7 +41,7 @@ def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_
         assert name == "truth" or not whole.equals(other.truth)
 
 
-@pytest.mark.slow(seconds=40)
+@pytest.mark.slow
 def test_the_same_command_leaves_the_same_bytes_and_so_does_one_that_was_killed_and_taken_up(tmp_path):
     first, second = made(tmp_path / "first"), made(tmp_path / "second")
     names = ("runs.parquet", "table.md", "summary.json")
@@ -57,7 +57,7 @@ def test_the_same_command_leaves_the_same_bytes_and_so_does_one_that_was_killed_
     assert set(truth["episode.kind"]) == {FREE, BRAKE}
 
 
-@pytest.mark.slow(seconds=20)
+@pytest.mark.slow
 def test_collisions_grow_with_the_bias_of_the_gaps_and_the_page_leads_to_replays_of_them(tmp_path):
     folder = made(tmp_path / "out", density=30.0, beliefs="truth", gap_bias="0,10")
     rows = read_table(folder, "runs.parquet", "folder", ())

@@ -225,7 +225,7 @@ def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_l
     assert outcome == pytest.approx((third + fourth) / 2, abs=1e-4)
 
 
-@pytest.mark.slow(seconds=50)
+@pytest.mark.slow
 def test_calibrate_runs_end_to_end_on_a_small_budget(own_network, tmp_path, capsys):
     arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0750", "--trials", "2", "--minutes", "2"]
     options = ["--seeds", "1000:1001", "--json", "--quiet", "--out", str(tmp_path / "out")]

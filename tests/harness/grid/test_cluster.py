@@ -87,7 +87,7 @@ def _wait_until(condition, limit_s: float = 120.0) -> None:
         time.sleep(0.05)
 
 
-@pytest.mark.slow(seconds=45)
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluster, tmp_path):
     address, workers = cluster
     local, remote = tmp_path / "local", tmp_path / "remote"
@@ -101,7 +101,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluste
     assert len(table_of(remote)) == 4
 
 
-@pytest.mark.slow(seconds=30)
+@pytest.mark.slow
 def test_a_lost_scheduler_ends_a_grid_in_one_line_and_it_goes_on_without(tmp_path):
     out = tmp_path / "grid"
     with dask_cluster(tmp_path) as (address, processes):

@@ -294,7 +294,7 @@ def command(out: Path, *arguments: str) -> list[str]:
     ]  # fmt: skip
 
 
-@pytest.mark.slow(seconds=25)
+@pytest.mark.slow
 def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_reason(tmp_path):
     trackers = ",".join([*(f"{BROKEN}:{name}" for name in ("raising", "hanging", "dying")), ECHO])
     outcome = subprocess.run(

@@ -30,7 +30,7 @@ def run_as(out: Path, environment: dict[str, str]) -> Path:
     return out
 
 
-@pytest.mark.slow(seconds=25)
+@pytest.mark.slow
 def test_traffic_and_detections_are_the_same_bytes_on_other_processors_and_tracks_begin_alike(tmp_path):
     here = run_as(tmp_path / "here", {})
     for number, environment in enumerate(OTHERS.values()):

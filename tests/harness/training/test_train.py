@@ -39,7 +39,7 @@ def test_a_card_names_the_best_size_and_the_limits(tmp_path):
     assert (tmp_path / "model_bic.png").exists()
 
 
-@pytest.mark.slow(seconds=25)
+@pytest.mark.slow
 def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
     for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
