@@ -7,6 +7,7 @@ is decided here, from the tables alone and alike for every tracker: the nearest 
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from harness.truth.recorded.formats import least_score_of
 from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 
 NAME = "kitti-tracking"
+SCRIPT, SCRIPT_NAME = "trackeval_kitti_script.py", "score.py"
 COASTED_S = 0.2
 """A track is written for this long after the last detection at it: the benchmark wants boxes of what is in sight."""
 
@@ -62,7 +64,7 @@ class _Box:
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
-    """Write ``data_0/NNNN.txt`` for each sequence of the run.
+    """Write ``data_0/NNNN.txt`` for each sequence of the run, and ``score.py``, which has TrackEval score them.
 
     Raises:
         InputError: The run is not over KITTI tracking, or the recording is no longer where it was.
@@ -83,7 +85,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         path = folder / "data_0" / name
         path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
         written.append(path)
-    return written
+    return [*written, Path(shutil.copyfile(Path(__file__).with_name(SCRIPT), folder / SCRIPT_NAME))]
 
 
 def _read(files: SequenceFiles, least_score: float) -> _Sequence:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +12,7 @@ import pytest
 
 from harness.api import run
 from harness.errors import InputError
+from harness.export import kitti
 from harness.export.formats import export_run
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded.detected.made import AHEAD_M, GAP, PARKED_XY, SPEED_MPS, STEPS, write_kitti
@@ -19,8 +23,8 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     folder = tmp_path_factory.mktemp("kitti")
     write_kitti(folder / "data", "0007")
     run(replay=folder / "data", format="kitti-tracking", tracker="oracle-kalman", out=folder / "run")
-    (written,) = export_run(folder / "run", "kitti")
-    assert written.name == "0007.txt"
+    written, script = export_run(folder / "run", "kitti")
+    assert (written.name, script.name) == ("0007.txt", "score.py")
     lines = [line.split() for line in written.read_text().splitlines()]
     assert {line[2] for line in lines} == {"Car"}
     return np.array([[*line[:2], *line[3:]] for line in lines], dtype=float)
@@ -51,3 +55,36 @@ def test_a_track_is_written_for_two_steps_without_a_detection_and_keeps_its_numb
 def test_a_run_over_anything_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no run over a kitti-tracking recording"):
         export_run(write_recorded_scene(tmp_path / "run"), "kitti")
+
+
+SEEN, SURE, UNSURE = 10, 9.0, 1.0
+
+
+@pytest.fixture
+def scored(tmp_path: Path) -> tuple[str, ...]:
+    """What the script says of a car found in each of its frames, and of a false object as long, at two least scores."""
+    pytest.importorskip("trackeval", reason="TrackEval is the reader of this format")
+    picture, box = "100 100 200 200", "1.5 1.8 4.4 0 1.7 20 0"
+    elsewhere = "700 100 800 200"
+    labels, tracks = tmp_path / "label_02", tmp_path / "data_0"
+    labels.mkdir()
+    tracks.mkdir()
+    truth = [f"{step} 1 Car 0 0 0 {picture} {box}\n" for step in range(SEEN)]
+    found = [
+        f"{step} {number} Car 0 0 0 {where} {box} {score}\n"
+        for step in range(SEEN)
+        for number, where, score in ((1, picture, SURE), (2, elsewhere, UNSURE))
+    ]
+    (labels / "0007.txt").write_text("".join(truth))
+    (tracks / "0007.txt").write_text("".join(found))
+    shutil.copyfile(Path(kitti.__file__).with_name(kitti.SCRIPT), tmp_path / "score.py")
+    command = [sys.executable, str(tmp_path / "score.py"), str(labels), "0", "5"]
+    return tuple(subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines())
+
+
+@pytest.mark.slow
+def test_the_script_beside_the_files_has_trackeval_score_them_from_a_least_score_on(scored: tuple[str, ...]) -> None:
+    every, sure = ([float(word) for word in line.split()] for line in scored[1:])
+    # Half of the boxes are false: DetA is 1/2, and HOTA the root of it.
+    assert every == pytest.approx([0.0, 100 * np.sqrt(0.5), 50.0, 100.0, 0.0, 200 / 3, 0.0], abs=0.01)
+    assert sure == pytest.approx([5.0, 100.0, 100.0, 100.0, 100.0, 100.0, 0.0])
