@@ -1,9 +1,9 @@
 """Argoverse 2 sensor logs: cuboids that go on where no laser point fell on them, poses and lanes; no detector.
 
-A folder holds folders of logs, each with ``annotations.feather`` and ``city_SE3_egovehicle.feather``, and with
-``map/log_map_archive_*.json`` where the lanes are to be known. Detections are drawn: a vehicle is seen where at least
-three points of the real lidar fell into its cuboid, and the profile says how far a box is off. The plane is that of the
-city, from the car's first place on.
+A folder holds folders of logs, each with ``annotations.feather`` (or ``annotations_with_ego.feather``) and
+``city_SE3_egovehicle.feather``, and with ``map/log_map_archive_*.json`` where the lanes are to be known. Detections are
+drawn: a vehicle is seen where at least three points of the real lidar fell into its cuboid, and the profile says how
+far a box is off. The plane is that of the city, from the car's first place on.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from mmpf.compute.arrays import FloatArray
 from mmpf.lanes.graph import LaneGraph
 
 ANNOTATIONS, POSES = "annotations.feather", "city_SE3_egovehicle.feather"
+WITH_EGO = "annotations_with_ego.feather"
+"""What the data set for scenario mining calls them; the recording car is among its boxes."""
 FEWEST_POINTS = 3
 VEHICLES = (
     *("REGULAR_VEHICLE", "LARGE_VEHICLE", "BOX_TRUCK", "TRUCK", "TRUCK_CAB", "BUS", "SCHOOL_BUS", "ARTICULATED_BUS"),
@@ -39,7 +41,7 @@ MOST_OFF_UNIT, STEP_NS, LONGEST_STEP_NS = 0.01, 100_000_000, 200_000_000
 
 def files_of(path: Path) -> tuple[Path, ...]:
     """Return the files of all logs of a folder, or of the log that it is."""
-    return tuple(file for log in _logs(path) for file in (log / ANNOTATIONS, log / POSES, *map_files(log)))
+    return tuple(file for log in _logs(path) for file in (_annotations(log), log / POSES, *map_files(log)))
 
 
 def read_av2(path: Path, with_map: bool = False) -> tuple[Drive, ...]:
@@ -59,7 +61,14 @@ def argoverse_logs(path: Path) -> list[Path]:
     """Return the folders of the logs that a folder is or holds; none of anything else."""
     if not path.is_dir():
         return []
-    return [path] if (path / ANNOTATIONS).exists() else sorted(file.parent for file in path.glob(f"*/{ANNOTATIONS}"))
+    return (
+        [path] if _annotations(path).exists() else [log for log in sorted(path.iterdir()) if _annotations(log).exists()]
+    )
+
+
+def _annotations(log: Path) -> Path:
+    usual, with_ego = log / ANNOTATIONS, log / WITH_EGO
+    return with_ego if with_ego.exists() and not usual.exists() else usual
 
 
 def _logs(path: Path) -> list[Path]:
@@ -70,27 +79,28 @@ def _logs(path: Path) -> list[Path]:
 
 
 def _read(log: Path, with_map: bool) -> Drive:
-    boxes = _table(log / ANNOTATIONS, [WHEN, *OF_BOX])
+    annotations = _annotations(log)
+    boxes = _table(annotations, [WHEN, *OF_BOX])
     boxes = boxes[boxes["category"] != RECORDING_CAR]
     poses = _table(log / POSES, [WHEN, *TURN, *PLACE]).drop_duplicates(WHEN).set_index(WHEN)
     clock = np.unique(boxes[WHEN].to_numpy(dtype=np.int64))
     if not 1 <= len(clock) <= MOST_STEPS:
-        raise InputError(f"{log / ANNOTATIONS} has {len(clock)} moments; 1 to {MOST_STEPS} can be played")
+        raise InputError(f"{annotations} has {len(clock)} moments; 1 to {MOST_STEPS} can be played")
     steps = np.diff(clock)
     if len(steps) and (np.median(steps) > 1.5 * STEP_NS or steps.max() > LONGEST_STEP_NS):
-        raise InputError(f"{log / ANNOTATIONS}: its moments are not a tenth of a second apart")
+        raise InputError(f"{annotations}: its moments are not a tenth of a second apart")
     if not np.isin(clock, poses.index.to_numpy()).all():
-        raise InputError(f"{log / POSES} lacks the pose of a moment that {ANNOTATIONS} has")
+        raise InputError(f"{log / POSES} lacks the pose of a moment that {annotations.name} has")
     if boxes.duplicated([WHEN, "track_uuid"]).any():
-        raise InputError(f"{log / ANNOTATIONS}: a thing is twice at one moment")
+        raise InputError(f"{annotations}: a thing is twice at one moment")
     then = poses.loc[clock]
     rotation, shift = _rotations(log / POSES, then), then[PLACE].to_numpy(dtype=np.float64)
     origin = shift[0]
     shift = shift - origin
     step = np.searchsorted(clock, boxes[WHEN].to_numpy(dtype=np.int64)).astype(np.int64)
     place, size = boxes[PLACE].to_numpy(dtype=np.float64), boxes[SIZE].to_numpy(dtype=np.float64)
-    check_boxes(log / ANNOTATIONS, step.astype(np.float64), size, place)
-    front = (rotation[step] @ _rotations(log / ANNOTATIONS, boxes)[:, :, :1])[:, :, 0]
+    check_boxes(annotations, step.astype(np.float64), size, place)
+    front = (rotation[step] @ _rotations(annotations, boxes)[:, :, :1])[:, :, 0]
     where = (rotation[step] @ place[:, :, None])[:, :, 0] + shift[step]
     names, thing = np.unique(boxes["track_uuid"].to_numpy(dtype=np.str_), return_inverse=True)
     counts = boxes["category"].isin(VEHICLES).to_numpy()

@@ -55,6 +55,16 @@ def test_what_is_parked_stays_in_the_city_s_plane(tmp_path: Path) -> None:
     assert drive.ego.x_m[-1] == pytest.approx(0.4 * (STEPS - 1) * cosine)
 
 
+def test_annotations_by_the_name_of_another_data_set_are_read_beside_a_log_with_the_usual_one(tmp_path: Path) -> None:
+    usual, other = write_av2(tmp_path) / "log", write_av2(tmp_path / "other") / "log"
+    (other / "annotations.feather").rename(other / "annotations_with_ego.feather")
+    other.rename(tmp_path / "second")
+    (tmp_path / "other").rmdir()
+    assert argoverse_logs(tmp_path) == [usual, tmp_path / "second"]
+    first, second = read_av2(tmp_path)
+    np.testing.assert_array_equal(first.labels.x_m, second.labels.x_m)
+
+
 def test_fewer_than_three_points_are_no_detection(tmp_path: Path) -> None:
     truth = DriveTruth(tmp_path, "av2", read_av2(write_av2(tmp_path)))
     for frame in truth.frames():
