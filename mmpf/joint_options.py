@@ -25,11 +25,16 @@ class JointDetectability(Settings):
     """Share of time that vehicles are expected to spend in runs of misses that no shadow explains."""
     run_s: Positive = 0.8
     """Mean length of such a run."""
-    reach_learned: bool = True
+
+
+class JointReach(Settings):
+    """How well the sensor sees at each distance."""
+
+    learned: bool = True
     """Whether it is counted at which distances vehicles are detected; without, the data sheet holds everywhere."""
-    reach_memory_s: Positive = 60.0
+    memory_s: Positive = 60.0
     """Detections count for about so long."""
-    reach_prior_scans: Positive = 20.0
+    prior_scans: Positive = 20.0
     """So many detections the data sheet itself counts for, in each of the rings around the sensor."""
 
 
@@ -218,6 +223,8 @@ class JointOptions(Settings):
 
     detectability: JointDetectability = JointDetectability()
     """How probably a vehicle is detected where it is."""
+    reach: JointReach = JointReach()
+    """How well the sensor sees at each distance."""
     association: JointAssociation = JointAssociation()
     """Which detection may belong to which component."""
     existence: JointExistence = JointExistence()

@@ -94,7 +94,7 @@ def log_odds_at_birth(
     in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = plane.distance_m(lon, lat)
     in_view *= np.clip((sensor.range_m - distance) / ghosts.edge_m - 0.5, 0.0, 1.0)
-    shares = situation.reach.shares(options.joint.detectability.reach_prior_scans)
+    shares = situation.reach.shares(options.joint.reach.prior_scans)
     in_view *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
     return _log_odds(ghosts.vehicle_out_of_view + in_view * (ghosts.vehicle_in_view - ghosts.vehicle_out_of_view))
 

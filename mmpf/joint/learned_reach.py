@@ -36,10 +36,10 @@ def reach_after(
         situation: The scan, the sensor's data sheet and the counts before.
         options: The joint rule's settings.
     """
-    sensor, detectability = situation.sensor, options.detectability
+    sensor = situation.sensor
     in_view = (1.0 - sightings.not_seen) / np.maximum(sightings.in_plain_view(sensor), 1e-3)
     known = np.flatnonzero((in_view > IN_PLAIN_VIEW) & (before.hits >= options.existence.confirm_hits))
     weight = before.existence[known] / (1.0 + np.exp(-before.vehicle_log_odds[known]))
     expected = weight * (1.0 - run[known]) * sensor.detection_probability
-    kept = np.exp(-situation.dt_s / detectability.reach_memory_s)
+    kept = np.exp(-situation.dt_s / options.reach.memory_s)
     return situation.reach.after(distance_m[known], expected, weight * sightings.hit[known], kept)

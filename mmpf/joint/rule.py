@@ -63,7 +63,7 @@ class JointUpdate:
             table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
             distance = plane.distance_m(cloud.state[LON], cloud.state[LAT])
-            shares = situation.reach.shares(options.reach_prior_scans)
+            shares = situation.reach.shares(self.options.joint.reach.prior_scans)
             probability = detection_probabilities(
                 visible, distance, situation.sensor, shares, options.hidden_probability
             )
@@ -121,11 +121,11 @@ class JointUpdate:
         was_hit = hit_probability > options.hit_probability
         components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
         distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
-        detectability, reach = self.options.joint.detectability, situation.reach
-        shares = share_at(distance_m, reach.shares(detectability.reach_prior_scans), reach.ring_m)
+        reach = situation.reach
+        shares = share_at(distance_m, reach.shares(self.options.joint.reach.prior_scans), reach.ring_m)
         shadow_wrong = prior.components.shadow_wrong
         sightings = Sightings(hit_probability, not_seen, occlusion.run_probability, shadow_wrong, shares)
-        if detectability.reach_learned:
+        if self.options.joint.reach.learned:
             reach = reach_after(sightings, prior.components, run, distance_m, situation, self.options.joint)
         if self.options.joint.ghosts.weighed:
             components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
