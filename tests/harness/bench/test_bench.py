@@ -121,7 +121,7 @@ def test_impossible_numbers_of_vehicles_are_refused(capsys):
 def test_the_command_leaves_rows_with_the_agreed_keys_and_the_filter_follows_every_vehicle_of_the_made_scene(
     tmp_path, capsys
 ):
-    words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "24", "--json"]
+    words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "40", "--json"]
     assert run_command_line([*words, "--out", str(tmp_path / "bench")]) == 0
     result = json.loads(capsys.readouterr().out)
     keys = {"tracker", "model", "vehicles", "particles", "ms_p50", "ms_p95", "peak_mb"}
