@@ -39,6 +39,11 @@ def along_their_motion(tracks: Tracks) -> Tracks:
     return replace(tracks, speed_mps=speed, lat_speed_mps=np.zeros(len(tracks)), accel_mps2=tracks.accel_mps2 * cosine)
 
 
+def fitted(tracker: Tracker, setting: TrackerSetting) -> Tracker:
+    """Return a tracker of two coordinates for the frame of its road: as it is along one road, else for the plane."""
+    return PlaneTracker(tracker) if is_in_plane(setting) else tracker
+
+
 class PlaneTracker:
     """A tracker of x and y, given scans without directions; its speeds are those along its tracks' motion."""
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from harness.trackers.kalman import LAT, LON
-from harness.trackers.plane import PlaneTracker, is_in_plane
+from harness.trackers.plane import fitted, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.box_tracks import (
     BoxOptions,
@@ -82,9 +82,7 @@ class BoxKalman:
 def build_box_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of boxes."""
     chosen = in_frame(BoxKalmanOptions.model_validate(dict(options)), setting)
-    in_plane = is_in_plane(setting)
-    tracker = BoxKalman(chosen, setting.sensor, in_plane)
-    return PlaneTracker(tracker) if in_plane else tracker
+    return fitted(BoxKalman(chosen, setting.sensor, is_in_plane(setting)), setting)
 
 
 def _matched(tracks: BoxTracks, detections: Detections, options: BoxKalmanOptions) -> tuple[IntArray, IntArray]:

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 
 from harness.trackers.kalman import LAT, LON, newborn
-from harness.trackers.plane import PlaneTracker, is_in_plane
+from harness.trackers.plane import fitted
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.imm import (
@@ -141,5 +141,5 @@ class ImmGnn:
 @trackers.register("imm-gnn")
 def build_imm_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of interacting models."""
-    tracker = ImmGnn(in_frame(ImmGnnOptions.model_validate(dict(options)), setting), setting.sensor)
-    return PlaneTracker(tracker) if is_in_plane(setting) else tracker
+    chosen = in_frame(ImmGnnOptions.model_validate(dict(options)), setting)
+    return fitted(ImmGnn(chosen, setting.sensor), setting)

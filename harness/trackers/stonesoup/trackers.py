@@ -45,7 +45,7 @@ from stonesoup.updater import Updater
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.particle import ParticleUpdater
 
-from harness.trackers.plane import PlaneTracker, is_in_plane
+from harness.trackers.plane import fitted, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
 from harness.trackers.stonesoup.aware_parts import CarFollowingPredictor, MissedInViewDeleter, ShadowAwareHypothesiser
@@ -156,7 +156,7 @@ def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str,
 
 
 def _in_frame(setting: TrackerSetting, tracker: StoneSoupTracker) -> Tracker:
-    return PlaneTracker(tracker) if is_in_plane(setting) else tracker
+    return fitted(tracker, setting)
 
 
 def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict_constant_velocity
-from harness.trackers.plane import PlaneTracker, is_in_plane
+from harness.trackers.plane import fitted, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
@@ -177,8 +177,7 @@ class Pmbm:
 @trackers.register("pmbm")
 def build_pmbm(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the PMBM tracker."""
-    tracker = Pmbm(in_frame(PmbmOptions.model_validate(dict(options)), setting), setting)
-    return PlaneTracker(tracker) if tracker._in_plane else tracker
+    return fitted(Pmbm(in_frame(PmbmOptions.model_validate(dict(options)), setting), setting), setting)
 
 
 def _widest(covariance: FloatArray) -> FloatArray:
