@@ -6,6 +6,7 @@ LABELS is KITTI's folder label_02. HOTA has no sweep over scores: for each SCORE
 counts if the mean score of its track up to there is as high. Choose one on sequences that are not reported.
 """
 
+import argparse
 import contextlib
 import io
 import sys
@@ -48,9 +49,21 @@ def lay_out(folder: Path, labels: Path, least_score: float) -> trackeval.dataset
     return trackeval.datasets.Kitti2DBox({**folders, "CLASSES_TO_EVAL": ["car"], "SPLIT_TO_EVAL": "these"})
 
 
+def what_is_asked() -> tuple[Path, list[float]]:
+    """Return the folder of labels and the least scores; ends with one line where a sequence's labels are not there."""
+    parser = argparse.ArgumentParser(description="Have TrackEval score data_0 beside this script.")
+    parser.add_argument("labels", type=Path, help="KITTI's folder label_02")
+    parser.add_argument("score", type=float, nargs="*", help="least mean score of a track; all boxes if left out")
+    asked = parser.parse_args()
+    for file in sorted((Path(__file__).resolve().parent / "data_0").glob("*.txt")):
+        if not (asked.labels / file.name).is_file():
+            parser.error(f"LABELS: {asked.labels} has no {file.name}; give KITTI's folder label_02")
+    return asked.labels, asked.score or [EVERY_BOX]
+
+
 def main() -> None:
     """Print the scores over all sequences, a line for each least score."""
-    labels, least_scores = Path(sys.argv[1]), [float(word) for word in sys.argv[2:]] or [EVERY_BOX]
+    labels, least_scores = what_is_asked()
     quiet = {"PRINT_CONFIG": False}
     metrics = (trackeval.metrics.HOTA(), trackeval.metrics.CLEAR(quiet), trackeval.metrics.Identity(quiet))
     names = ("least score", "HOTA", "DetA", "AssA", "MOTA", "IDF1", "switches")

@@ -88,3 +88,16 @@ def test_the_script_beside_the_files_has_trackeval_score_them_from_a_least_score
     # Half of the boxes are false: DetA is 1/2, and HOTA the root of it.
     assert every == pytest.approx([0.0, 100 * np.sqrt(0.5), 50.0, 100.0, 0.0, 200 / 3, 0.0], abs=0.01)
     assert sure == pytest.approx([5.0, 100.0, 100.0, 100.0, 100.0, 100.0, 0.0])
+
+
+def test_the_script_says_in_one_line_that_labels_are_missing(tmp_path: Path) -> None:
+    pytest.importorskip("trackeval", reason="TrackEval is the reader of this format")
+    (tmp_path / "data_0").mkdir()
+    (tmp_path / "data_0" / "0007.txt").touch()
+    shutil.copyfile(Path(kitti.__file__).with_name(kitti.SCRIPT), tmp_path / "score.py")
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "score.py"), str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].endswith("has no 0007.txt; give KITTI's folder label_02")
+    assert "Traceback" not in done.stderr

@@ -61,9 +61,8 @@ def argoverse_logs(path: Path) -> list[Path]:
     """Return the folders of the logs that a folder is or holds; none of anything else."""
     if not path.is_dir():
         return []
-    return (
-        [path] if _annotations(path).exists() else [log for log in sorted(path.iterdir()) if _annotations(log).exists()]
-    )
+    logs = [path] if _annotations(path).exists() else sorted(path.glob("*"))
+    return [log for log in logs if _annotations(log).exists()]
 
 
 def _annotations(log: Path) -> Path:
