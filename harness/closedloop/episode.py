@@ -6,8 +6,9 @@ only when the tracks of the last have been watched, and by then the driver has a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from harness.closedloop.beliefs import (
     DRIVERSTATE,
     TRUTH,
+    WITHOUT_TRACKER,
     HumanPerception,
     Perception,
     TrackedPerception,
@@ -25,17 +27,20 @@ from harness.closedloop.beliefs import (
 )
 from harness.closedloop.changing import LaneChange
 from harness.closedloop.handover import HandOver
-from harness.closedloop.plan import DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
+from harness.closedloop.passing import Passage
+from harness.closedloop.plan import CROSS, DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
 from harness.closedloop.traffic import Traffic, with_ego
-from harness.decisions.belief import Others, believe
+from harness.decisions.belief import Belief, Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import decide_by, driver_of
 from harness.decisions.drivers.protocol import Driver
+from harness.decisions.yielding import Course
 from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks
 from harness.running.open import as_believed, tracker_builder
+from harness.running.unseen import UnseenOfTracks
 from harness.scoring.closedloop import (
     BY_COLLISION,
     IN_TIME,
@@ -44,6 +49,7 @@ from harness.scoring.closedloop import (
     Contact,
     Driven,
     score_change,
+    score_crossing,
     score_drive,
 )
 from harness.scoring.settings import ScoringSettings
@@ -54,12 +60,15 @@ from harness.trackers.protocol import AnyTracker
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import sumo_errors_in_words
 from mmpf.tracks import Tracks
+from mmpf.unseen.traffic import Unseen
 
 SENSOR, TRACKER, HUMAN = range(3)
 """Streams of an episode's randomness; none depends on the belief."""
 # As far as the road is known beyond the section, less what a driver looks ahead.
 BEYOND_SECTION_M = 30.0
 STOP_LINE_M = 1.0
+Minded = Callable[[Belief], Belief]
+"""What becomes of a belief on the way to where the ego must yield."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +114,8 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
     road = traffic.network.road
     if at.kind == GAP:
         loop.change = LaneChange(loop.driver, road, at.lane, traffic.step_s, planned.gap_bias_m)
+    if road.graph is not None:
+        loop.passage = Passage.over(road.graph, at.route, traffic.step_s, planned.heed_unseen)
     looks = Looks(
         road=road,
         step_s=traffic.step_s,
@@ -113,11 +124,16 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         stream=loop.looks(),
     )
     recorder, times, build = ColumnRecorder(), StageTimes(), tracker_builder(config)
-    follow(as_believed(looks, config), build, recorder, _child(stream, TRACKER), (loop.watch,), times)
+    believed = as_believed(looks, config)
+    if planned.heed_unseen is not None and loop.passage is not None and planned.variant not in WITHOUT_TRACKER:
+        loop.unseen = UnseenOfTracks(believed.road, believed.sensor)
+    follow(believed, build, recorder, _child(stream, TRACKER), (loop.watch,), times)
     drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
     if loop.change is not None:
         drove |= score_change(loop.change.changed())
-    episode = {
+    if loop.passage is not None and loop.passage.crossings:
+        drove |= score_crossing(loop.passage.crossed(at.provoked if at.kind == CROSS else "", loop.contact))
+    episode: dict[str, Any] = {
         "ego": at.ego,
         "provoked": at.provoked or None,
         "candidates": at.candidates,
@@ -125,6 +141,8 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
     }
     if at.lane:
         episode["lane"] = at.lane
+    if at.seen_before is not None:
+        episode["seen_before"] = float(at.seen_before)
     return Drove({"episode": episode, "drive": drove}, recorder.tables(), times)
 
 
@@ -148,6 +166,8 @@ class _Loop:
     ended: str = IN_TIME
     contact: Contact | None = None
     change: LaneChange | None = None
+    passage: Passage | None = None
+    unseen: UnseenOfTracks | None = None
     _steps: list[tuple[float, ...]] = field(default_factory=list)
     _demand: float = 0.0
     _aim_m: float | None = None
@@ -195,16 +215,18 @@ class _Loop:
         left_m = self.at.way.left_m(network.plane.graph, int(frame.lane[frame.ego]) - 1, lon_m, lat_m)
         return left_m < STOP_LINE_M + 0.5 * float(frame.length_m[frame.ego])
 
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
         """Let the driver decide by the tracks, and note what it would do by the truth."""
         bodies = self.perception.bodies(look, tracks)
+        unseen = None if self.unseen is None else self.unseen.after(look.observation.scan, tracks, tracker)
         if look.frame.step < len(self.at.frames) - 1:
             return
         ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
         if self.change is not None:
             self._aim_m = self.change.decide(bodies, real, ego)
-        self._demand, _ = self._demanded(bodies, ego, self.planned.gap_bias_m)
-        needed, leader = self._demanded(real, ego, 0.0)
+        minded, really = self._pass(look.frame, bodies, real, ego, unseen)
+        self._demand, _ = self._demanded(bodies, ego, self.planned.gap_bias_m, minded)
+        needed, leader = self._demanded(real, ego, 0.0, really)
         self._steps.append(
             (
                 float(ego.speed_mps[0]),
@@ -215,12 +237,25 @@ class _Loop:
             )
         )
 
-    def _demanded(self, bodies: Bodies, ego: Egos, bias_m: float) -> tuple[float, Others]:
+    def _pass(
+        self, frame: Frame, told: Bodies, real: Bodies, ego: Egos, unseen: Unseen | None
+    ) -> tuple[Minded, Minded]:
+        """Return how the ego minds its way to where it must yield, by what it believes and by the truth."""
+        passage = self.passage
+        if passage is None:
+            return _as_is, _as_is
+        course = Course.of(passage.way, ego)
+        holds, must = passage.room_m(course, told, unseen), passage.room_m(course, real)
+        passage.note(frame, course, real, holds is not None, must is not None)
+        by_belief, by_truth = (partial(passage.minded, course=course, room_m=room_m) for room_m in (holds, must))
+        return by_belief, by_truth
+
+    def _demanded(self, bodies: Bodies, ego: Egos, bias_m: float, minded: Minded) -> tuple[float, Others]:
         """Return the acceleration that the driver demands, between two lanes by those ahead in both, and its leader."""
         road = self.traffic.network.road
         egos = (ego,) if self.change is None else self.change.in_each_lane(ego)
         beliefs = [biased(believe(bodies, each, road), bias_m) for each in egos]
-        demands = (decide_by(self.driver, belief).command for belief in beliefs)
+        demands = (decide_by(self.driver, minded(belief)).command for belief in beliefs)
         return min(float(demand.accel_mps2[0]) for demand in demands), beliefs[0].leader
 
     def driven(self) -> Driven:
@@ -233,6 +268,10 @@ class _Loop:
         self._frame = frame
         rng = np.random.default_rng(_child(self.noise, frame.step))
         return Look(frame, self.sensor.observe(frame, self.traffic.network.road, rng))
+
+
+def _as_is(belief: Belief) -> Belief:
+    return belief
 
 
 def _child(stream: np.random.SeedSequence, number: int) -> np.random.SeedSequence:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from harness.closedloop.plan import BRAKE, GAP
+from harness.closedloop.plan import BRAKE, CROSS, GAP
 from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, Score
 from harness.scoring.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
 from harness.writing.plots import strip
@@ -21,6 +21,7 @@ STYLES = {
     PROVOKED_ONES: ("#D55E00", "^"),
     BRAKE: ("#CC79A7", "v"),
     GAP: ("#009E73", "D"),
+    CROSS: ("#E69F00", "P"),
 }
 
 

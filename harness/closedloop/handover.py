@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.closedloop.approaches import hidden_with_right_of_way
 from harness.closedloop.beliefs import believed_by_each, ego_of, true_bodies
 from harness.closedloop.gaps import Occupied
-from harness.closedloop.plan import BRAKE, DRIVEN_S, FREE, GAP, KINDS, TRACKED_S
+from harness.closedloop.plan import BRAKE, CROSS, DRIVEN_S, FREE, GAP, KINDS, TRACKED_S
 from harness.closedloop.routes import Way, edge_of, way_of
 from harness.closedloop.sight import hidden_after_sight
 from harness.closedloop.traffic import Traffic, with_ego
@@ -24,12 +25,14 @@ from harness.truth.frame import Frame
 from harness.truth.sumo.simulation import CAR_LENGTH_M
 from mmpf.compute.arrays import BoolArray, IntArray
 
-LOOK_AGAIN_S, GIVE_UP_S = {FREE: 2, BRAKE: 2, GAP: 1}, 40
-"""Time between moments that are searched for candidates of each kind, and after which there are none."""
+LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, GAP: 1, CROSS: 1}
+"""Time between moments that are searched for candidates of each kind."""
+GIVE_UP_S = {FREE: 40, BRAKE: 40, GAP: 40, CROSS: 600}
+"""After so long there are none."""
 SECTION_MARGIN_M = 20.0
 # An ego needs so much road as it covers in an episode at this speed at most.
 ROOM_AT_MPS = 12.0
-# On a network without a main road an ego needs so many seconds of way before it has to stop or give way.
+# On a network without a main road an ego needs so many seconds of way before the first signal.
 FREE_WAY_S = 8.0
 FARTHEST_LEADER_M, FARTHEST_HIDDEN_M = 40.0, 70.0
 CHANGES_LANE_MPS = 0.2
@@ -51,6 +54,8 @@ class HandOver:
         frames: The tracking seconds, the last frame is the hand-over's.
         lane: Number of the lane that the ego's route needs; 0 where it keeps its own.
         way: The lanes that it is to drive on a network without a main road; None on one with.
+        seen_before: Whether the vehicle that it must let pass had been in sight, or never had; None where it is no such
+            episode.
     """
 
     kind: str
@@ -61,6 +66,7 @@ class HandOver:
     frames: tuple[Frame, ...]
     lane: int = 0
     way: Way | None = None
+    seen_before: bool | None = None
 
     @property
     def route(self) -> tuple[int, ...]:
@@ -85,15 +91,15 @@ def hand_overs(
     looked = dict.fromkeys(waiting, 0)
     for _ in range(round(TRACKED_S / step_s)):
         traffic.advance()
-    for second in range(GIVE_UP_S):
-        for kind in [kind for kind in waiting if second % LOOK_AGAIN_S[kind] == 0]:
+    for second in range(max(GIVE_UP_S[kind] for kind in kinds)):
+        for kind in [kind for kind in waiting if second < GIVE_UP_S[kind] and second % LOOK_AGAIN_S[kind] == 0]:
             found = _find(traffic, kind, settings, driver, streams[kind])
             looked[kind] += found.looked_through
             if found.ego:
                 waiting.remove(kind)
                 yield replace(found, looked_through=looked[kind])
-        if not waiting:
-            return
+        if all(second + 1 >= GIVE_UP_S[kind] for kind in waiting):
+            break
         for _ in range(round(1.0 / step_s)):
             traffic.advance()
     yield from waiting
@@ -102,33 +108,51 @@ def hand_overs(
 def _find(traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rng: np.random.Generator) -> HandOver:
     """Look for an ego at the present moment; the hand-over's is empty if there is none."""
     now = traffic.frames[-1]
-    ways = {} if traffic.network.plane is None else _free_ways(traffic)
+    ways = {} if traffic.network.plane is None else _ways(traffic) if kind == CROSS else _free_ways(traffic)
     rows = _eligible(traffic) if traffic.network.plane is None else np.array(list(ways), dtype=np.int64)
     order = rows[rng.permutation(len(rows))]
     concerned = _concerned(traffic, kind, settings, driver, order, ways)
     for place, row in enumerate(order):
-        provoked, lane = concerned(place)
-        if kind == FREE or provoked:
+        about = concerned(place)
+        if kind == FREE or about.provoked:
             ego = str(now.vehicle_id[row])
-            frames = (with_ego(frame, ego, step, traffic.step_s) for step, frame in enumerate(traffic.frames))
-            return HandOver(kind, ego, provoked, len(rows), place + 1, tuple(frames), lane, ways.get(int(row)))
+            frames = tuple(with_ego(frame, ego, step, traffic.step_s) for step, frame in enumerate(traffic.frames))
+            way = ways.get(int(row))
+            return HandOver(kind, ego, about.provoked, len(rows), place + 1, frames, about.lane, way, about.seen_before)
     return HandOver(kind, "", "", len(rows), len(rows), ())
+
+
+@dataclass(frozen=True)
+class _Concerned:
+    """Whom a provocation of a car would concern; see ``HandOver``."""
+
+    provoked: str = ""
+    lane: int = 0
+    seen_before: bool | None = None
 
 
 def _concerned(
     traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rows: IntArray, ways: Mapping[int, Way]
-) -> Callable[[int], tuple[str, int]]:
-    """Return what tells of each of some cars whom a provocation of it would concern, and the lane that it needs."""
+) -> Callable[[int], _Concerned]:
+    """Return what tells of each of some cars whom a provocation of it would concern."""
     now, road = traffic.frames[-1], traffic.network.road
     if kind == BRAKE and traffic.network.plane is None:
         belief = believed_by_each(now, rows, road)
-        return lambda place: (_hidden_second_leader(traffic, belief, place, rows[place], settings), 0)
+        return lambda place: _Concerned(_hidden_second_leader(traffic, belief, place, rows[place], settings))
     if kind == BRAKE:
-        return lambda place: (_second_on_way(traffic, rows[place], ways[int(rows[place])], settings), 0)
+        return lambda place: _Concerned(_second_on_way(traffic, rows[place], ways[int(rows[place])], settings))
     if kind == GAP and traffic.network.plane is None:
         occupied = Occupied(traffic, driver, rows)
-        return lambda place: occupied.by_hidden(place, settings)
-    return lambda _: ("", 0)
+        return lambda place: _Concerned(*occupied.by_hidden(place, settings))
+    if kind == CROSS and traffic.network.plane is not None:
+
+        def with_right_of_way(place: int) -> _Concerned:
+            row = int(rows[place])
+            name, seen = hidden_with_right_of_way(traffic, row, ways[row], settings)
+            return _Concerned(name, seen_before=seen)
+
+        return with_right_of_way
+    return lambda _: _Concerned()
 
 
 def _eligible(traffic: Traffic) -> IntArray:
@@ -145,6 +169,18 @@ def _eligible(traffic: Traffic) -> IntArray:
 
 def _free_ways(traffic: Traffic) -> dict[int, Way]:
     """Return the ways of the rows that may be the ego where there is no main road: some seconds of each are free."""
+    now, graph = traffic.frames[-1], traffic.network.road.graph
+    assert graph is not None
+
+    def is_free(row: int, way: Way) -> bool:
+        left_m = way.left_m(graph, int(now.lane[row]) - 1, float(now.lon_m[row]), float(now.lat_m[row]))
+        return left_m > FREE_WAY_S * float(now.speed_mps[row])
+
+    return {row: way for row, way in _ways(traffic).items() if is_free(row, way)}
+
+
+def _ways(traffic: Traffic) -> dict[int, Way]:
+    """Return the ways of the cars that drive with a past and are on no junction, by their rows."""
     now, road, sumo = traffic.frames[-1], traffic.network.road, traffic.running.sumo
     graph = road.graph
     assert graph is not None
@@ -155,9 +191,7 @@ def _free_ways(traffic: Traffic) -> dict[int, Way]:
         route, edge = list(sumo.vehicle.getRoute(name)), edge_of(graph, lane)
         if edge not in route:
             continue
-        way = way_of(graph, lane, route[route.index(edge) :])
-        if way.left_m(graph, lane, float(now.lon_m[row]), float(now.lat_m[row])) > FREE_WAY_S * now.speed_mps[row]:
-            ways[int(row)] = way
+        ways[int(row)] = way_of(graph, lane, route[route.index(edge) :])
     return ways
 
 

@@ -39,7 +39,7 @@ class DriveOptions(TypedDict, total=False):
         str,
         Option(
             "Provocations, in turns: brake (the hidden leader's leader brakes hard), gap (the route needs the lane "
-            "beside, where a hidden car is in the way).",
+            "beside, where a hidden car is in the way), cross (a hidden car has right of way over the ego).",
             panel=DRIVES,
             default="brake",
         ),
@@ -53,6 +53,17 @@ class DriveOptions(TypedDict, total=False):
             "Metres by which believed gaps are too long, a list: a check that collisions grow.",
             panel=DRIVES,
             default="0",
+        ),
+    ]
+    heed_unseen: Annotated[
+        float | None,
+        Option(
+            "Probability of a vehicle that nobody has seen and that it must let pass, from which on the ego creeps up "
+            "to a crossing; by trackers. (default: never)",
+            panel=DRIVES,
+            metavar="PROBABILITY",
+            least=0.0,
+            most=1.0,
         ),
     ]
     sensor: Annotated[
@@ -90,6 +101,7 @@ def request_of(values: Mapping[str, Any]) -> DriveRequest:
             sensor=values["sensor"],
             provoke=values["provoke"],
             gap_bias=values["gap_bias"],
+            heed_unseen=values["heed_unseen"],
             settings=tuple(setting_words(values["settings"])),
         )
     )

@@ -19,9 +19,9 @@ from harness.errors import InputError
 from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 
-FREE, BRAKE, GAP = "free", "brake", "gap"
-PROVOKED = (BRAKE, GAP)
-KINDS = (FREE, BRAKE, GAP)
+FREE, BRAKE, GAP, CROSS = "free", "brake", "gap", "cross"
+PROVOKED = (BRAKE, GAP, CROSS)
+KINDS = (FREE, *PROVOKED)
 KIND, BIAS = "episode.kind", "gap_bias_m"
 AXES = (KIND, BIAS)
 TRACKED_S, DRIVEN_S = 5.0, 20.0
@@ -46,6 +46,7 @@ class DriveRequest:
         sensor: Sensor profile.
         provoke: Kinds of provocation, a list, in turns.
         gap_bias: Metres by which believed gaps are too long, a list.
+        heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
         settings: ``KEY=VALUE`` words that hold for all.
     """
 
@@ -59,6 +60,7 @@ class DriveRequest:
     sensor: str | None = None
     provoke: str = BRAKE
     gap_bias: str = "0"
+    heed_unseen: float | None = None
     settings: tuple[str, ...] = ()
 
     def as_table(self) -> dict[str, Any]:
@@ -73,15 +75,20 @@ class PlannedDrive(PlannedRun):
     Attributes:
         kind: ``free``, or how it is provoked.
         gap_bias_m: By how much believed gaps are too long.
+        heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
     """
 
     kind: str = FREE
     gap_bias_m: float = 0.0
+    heed_unseen: float | None = None
 
     @property
     def key(self) -> str:
         """Name of its result file."""
-        content = json.dumps([self.config.as_table(), self.variant, self.kind, self.gap_bias_m], sort_keys=True)
+        told = [self.config.as_table(), self.variant, self.kind, self.gap_bias_m]
+        if self.heed_unseen is not None:
+            told.append(self.heed_unseen)
+        content = json.dumps(told, sort_keys=True)
         readable = f"s{self.config.seed}-{self.kind}-{self.variant}"
         if self.gap_bias_m:
             readable += f"-bias-{self.gap_bias_m:g}"
@@ -119,6 +126,7 @@ def plan_drives(request: DriveRequest) -> Grid:
                 variant=belief,
                 kind=kind,
                 gap_bias_m=bias,
+                heed_unseen=request.heed_unseen,
             )
             for kind in both
             for bias in biases

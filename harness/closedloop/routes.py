@@ -1,7 +1,4 @@
-"""The way that an ego takes over a graph of lanes, up to where it would have to mind more than who is before it.
-
-Signals and the right of way are in no belief, so an episode ends at the first link that has either.
-"""
+"""The way that an ego takes over a graph of lanes, up to the first signal: signals are in no belief."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.lanes.control import FREE
+from mmpf.lanes.control import SIGNAL
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 
 MOST_PATHS = 4
@@ -63,10 +60,10 @@ def edge_of(graph: LaneGraph, lane: int) -> str:
 
 
 def _path_to(graph: LaneGraph, lane: int, edge: str, paths: int = MOST_PATHS) -> list[int] | None:
-    """Return the lanes after a lane up to an edge by links that are free; None where there are none."""
+    """Return the lanes after a lane up to an edge by links without signals; None where there are none."""
     for link in range(int(graph.first_successor[lane]), int(graph.first_successor[lane + 1])):
         following = int(graph.successor[link])
-        if following == NOWHERE or (graph.control is not None and graph.control.kind[link] != FREE):
+        if following == NOWHERE or (graph.control is not None and graph.control.kind[link] == SIGNAL):
             continue
         if edge_of(graph, following) == edge:
             return [following]

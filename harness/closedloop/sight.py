@@ -20,8 +20,12 @@ def hidden_after_sight(frames: Sequence[Frame], ego: str, name: str, road: Road,
     """Return whether a vehicle is hidden in the last frame and was in sight often enough before."""
     if not is_hidden(frames[-1], ego, name, road, settings):
         return False
-    seen = sum(not is_hidden(frame, ego, name, road, settings) for frame in frames[:-1:SEEN_EVERY])
-    return seen >= SEEN_OFTEN
+    return moments_in_sight(frames, ego, name, road, settings) >= SEEN_OFTEN
+
+
+def moments_in_sight(frames: Sequence[Frame], ego: str, name: str, road: Road, settings: SensorSettings) -> int:
+    """Return at how many of every fifth frame before the last a vehicle was in sight."""
+    return sum(not is_hidden(frame, ego, name, road, settings) for frame in frames[:-1:SEEN_EVERY])
 
 
 def is_hidden(frame: Frame, ego: str, name: str, road: Road, settings: SensorSettings) -> bool:

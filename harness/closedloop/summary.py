@@ -12,7 +12,7 @@ from harness.closedloop.beliefs import TRUTH
 from harness.closedloop.plan import BIAS, FREE, GAP, KIND, PROVOKED
 from harness.comparison.effects import paired_effect
 from harness.grid.rows import column_of
-from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, OF_CHANGES, QUANTITIES
+from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, OF_SOME, QUANTITIES
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import few_groups_ci
 from harness.writing.markdown import markdown_table
@@ -69,7 +69,7 @@ def scores(table: pd.DataFrame) -> list[Score]:
         truth = episodes[(episodes["variant"] == TRUTH) & (episodes[BIAS] == 0.0)]
         for belief, bias in dict.fromkeys(zip(episodes["variant"], episodes[BIAS], strict=True)):
             rows = episodes[(episodes["variant"] == belief) & (episodes[BIAS] == bias)]
-            told = (*QUANTITIES, *(each for each in OF_CHANGES if np.isfinite(column_of(episodes, each.key)).any()))
+            told = (*QUANTITIES, *(each for each in OF_SOME if np.isfinite(column_of(episodes, each.key)).any()))
             found += [_score(belief, bias, name, quantity, rows, truth) for quantity in told]
     return found
 
@@ -182,7 +182,7 @@ def _excesses(part: Sequence[Score]) -> list[str]:
 
 
 def _laid_out(part: Sequence[Score], cell_of: Callable[[Score, int], str]) -> list[str]:
-    shown = [quantity for quantity in (*QUANTITIES, *OF_CHANGES) if any(score.metric == quantity.key for score in part)]
+    shown = [quantity for quantity in (*QUANTITIES, *OF_SOME) if any(score.metric == quantity.key for score in part)]
     biases = len({score.gap_bias_m for score in part}) > 1 or any(score.gap_bias_m for score in part)
     rows = []
     for belief, bias in dict.fromkeys((score.belief, score.gap_bias_m) for score in part):

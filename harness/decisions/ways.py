@@ -113,7 +113,7 @@ class Ways:
 def ways_of(egos: Egos, graph: LaneGraph) -> tuple[Ways, Ways, Ways]:
     """Return the ways through the ego's lane, the one to its left and the one to its right."""
     lane = _kept_through_gaps(np.where(egos.lane > 0, egos.lane - 1, NOWHERE), egos.episode)
-    before = _predecessors(graph)
+    before = predecessors(graph)
     sides = []
     for beside in (np.arange(len(graph)), graph.left, graph.right):
         of_lane = np.where(lane == NOWHERE, NOWHERE, beside[lane])
@@ -151,18 +151,18 @@ def _points(lane: int, taken: set[int], graph: LaneGraph, before: list[list[int]
         following = graph.successor[graph.first_successor[at] : graph.first_successor[at + 1]].tolist()
         if not following:
             break
-        at = _chosen(at, following, taken, graph)
+        at = next_lane(at, following, taken, graph)
         lanes.append(at)
         ahead += float(graph.length_m[at])
     behind, at = 0.0, lane
     while behind < BEHIND_M and before[at] and len(lanes) < 2 * MOST_LANES:
-        at = _chosen(at, before[at], taken, graph, back=True)
+        at = next_lane(at, before[at], taken, graph, back=True)
         lanes.insert(0, at)
         behind += float(graph.length_m[at])
     return np.concatenate([graph.line(number) for number in lanes])
 
 
-def _chosen(lane: int, others: list[int], taken: set[int], graph: LaneGraph, back: bool = False) -> int:
+def next_lane(lane: int, others: list[int], taken: set[int], graph: LaneGraph, back: bool = False) -> int:
     """Return the lane that the way goes on by: one that the ego takes, beside such a one, or the straightest."""
 
     def rank(other: int) -> tuple[int, float]:
@@ -180,7 +180,8 @@ def _heading(lane: int, graph: LaneGraph) -> float:
     return float(np.arctan2(end[1] - start[1], end[0] - start[0]))
 
 
-def _predecessors(graph: LaneGraph) -> list[list[int]]:
+def predecessors(graph: LaneGraph) -> list[list[int]]:
+    """Return the lanes that lead to each lane."""
     before: list[list[int]] = [[] for _ in range(len(graph))]
     for lane in range(len(graph)):
         for other in graph.successor[graph.first_successor[lane] : graph.first_successor[lane + 1]].tolist():

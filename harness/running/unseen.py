@@ -11,7 +11,7 @@ from harness.trackers.protocol import AnyTracker, TellsUnseen
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Road
-from mmpf.scan import SensorModel
+from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import Tracks
 from mmpf.unseen.traffic import Unseen, UnseenTraffic
 
@@ -19,11 +19,25 @@ EVERY_S = 0.5
 PLACE_DECIMALS, EXPECTED_DECIMALS = 4, 6
 
 
-class UnseenKeeper:
-    """Works out, scan by scan, where unseen vehicles are to be expected, and collects it by stretches of lane.
+class UnseenOfTracks:
+    """Works out, scan by scan, where unseen vehicles are to be expected; who tells it itself is taken at its word."""
 
-    A tracker that tells it itself is taken at its word.
-    """
+    def __init__(self, road: Road, sensor: SensorModel) -> None:
+        """Begin.
+
+        Args:
+            road: The lanes, as trackers believe them to lie.
+            sensor: The sensor's data sheet, as trackers believe it.
+        """
+        self._traffic = UnseenTraffic(road, sensor)
+
+    def after(self, scan: Scan, tracks: Tracks, tracker: AnyTracker) -> Unseen:
+        """Return what is expected after a scan, which a tracker has taken in."""
+        return tracker.unseen if isinstance(tracker, TellsUnseen) else self._traffic.step(scan, tracks)
+
+
+class UnseenKeeper:
+    """Collects, scan by scan, where unseen vehicles are to be expected, by stretches of lane."""
 
     def __init__(self, road: Road, sensor: SensorModel) -> None:
         """Begin.
@@ -40,11 +54,8 @@ class UnseenKeeper:
         """Look at one step."""
         if look.frame.episode != self._episode:
             self._episode, self._next_s = look.frame.episode, -np.inf
-            self._traffic = UnseenTraffic(self._road, self._sensor)
-        if isinstance(tracker, TellsUnseen):
-            unseen = tracker.unseen
-        else:
-            unseen = self._traffic.step(look.observation.scan, tracks)
+            self._unseen = UnseenOfTracks(self._road, self._sensor)
+        unseen = self._unseen.after(look.observation.scan, tracks, tracker)
         if look.frame.time_s >= self._next_s:
             self._rows.append(by_stretch(look.frame, unseen))
             self._next_s = look.frame.time_s + EVERY_S - TIME_TOLERANCE_S

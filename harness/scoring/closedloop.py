@@ -58,6 +58,29 @@ OF_CHANGES = (
     ),
 )  # fmt: skip
 """What episodes alone have in which the ego needs another lane."""
+OF_CROSSINGS = (
+    Quantity(
+        f"{TABLE}.crossed_percent", "episodes in which the ego got across, %",
+        higher_is_better=True, decimals=1, heading="crossed %", compared=True,
+    ),
+    Quantity(
+        f"{TABLE}.yielded_percent", "episodes in which it let the provoked vehicle pass first, %",
+        higher_is_better=True, decimals=1, heading="yielded %", compared=True,
+    ),
+    Quantity(f"{TABLE}.waited_s", "time of waiting before it, s", decimals=1, heading="waited s", compared=True),
+    Quantity(
+        f"{TABLE}.pet_below_1_5_percent", "episodes with a post-encroachment time below 1.5 s, %",
+        decimals=1, heading="PET < 1.5 s %", compared=True,
+    ),
+    Quantity(
+        f"{TABLE}.unsafe_to_go_percent", "moments at which it goes, of those at which the truth has it hold, %",
+        decimals=1, heading="unsafe to go %", compared=True,
+    ),
+)  # fmt: skip
+"""What episodes alone have in which the ego comes to where it must yield."""
+OF_SOME = (*OF_CHANGES, *OF_CROSSINGS)
+"""What some kinds of episodes alone have."""
+SHORT_PET_S = 1.5
 PRIMARY = (COLLIDED, TTC, HARD_BRAKES)
 """What ``compare`` judges of a closed loop unless asked otherwise."""
 
@@ -128,6 +151,44 @@ def score_change(changed: Changed) -> dict[str, object]:
         "forbidden_change_percent": 0.0 if all(changed.begins) else 100.0,
         "forbidden_gaps": int(forbidden.sum()),
         "unsafe_gaps_percent": unsafe,
+    }
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """What came of the first place on the ego's way where it must yield.
+
+    Attributes:
+        entered_s: When its front came to the place, since the hand-over; None for never.
+        left_s: When its rear left it.
+        waited_s: How long it was slower than 1 m/s before it.
+        holds: Whether it held by what it believed, at each step until it was there, shape (n,).
+        must_hold: Whether it would have by the truth, shape (n,).
+        encroachment_s: Least post-encroachment time with those who had right of way; None where it met none of them.
+        yielded: Whether the provoked vehicle came there first; None where they did not meet.
+    """
+
+    entered_s: float | None
+    left_s: float | None
+    waited_s: float
+    holds: BoolArray
+    must_hold: BoolArray
+    encroachment_s: float | None
+    yielded: bool | None
+
+
+def score_crossing(crossed: Crossed) -> dict[str, object]:
+    """Return what a crossing adds to the table ``drive``; what there is none of is None."""
+    must, time_s = crossed.must_hold, crossed.encroachment_s
+    return {
+        "crossed_percent": 0.0 if crossed.left_s is None else 100.0,
+        "enters_s": crossed.entered_s,
+        "waited_s": crossed.waited_s,
+        "yielded_percent": None if crossed.yielded is None else 100.0 * crossed.yielded,
+        "pet_s": time_s,
+        "pet_below_1_5_percent": 100.0 * (time_s is not None and time_s < SHORT_PET_S),
+        "must_hold": int(must.sum()),
+        "unsafe_to_go_percent": 100.0 * float((~crossed.holds[must]).mean()) if must.any() else None,
     }
 
 

@@ -6,6 +6,8 @@ comes to it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
@@ -35,21 +37,34 @@ def post_encroachment_times(egos: Egos, bodies: Bodies, rows: RunRows) -> FloatA
     found: list[float] = []
     for episode in np.unique(egos.episode):
         steps = np.flatnonzero((egos.episode == episode) & np.isfinite(egos.lon_m))
-        own = _Path(egos.lon_m[steps], egos.lat_m[steps], rows.time_s[steps])
+        own = TimedPath(egos.lon_m[steps], egos.lat_m[steps], rows.time_s[steps])
         size = float(egos.length_m[steps].max(initial=0.0)), float(egos.width_m[steps].max(initial=0.0))
         inside = np.flatnonzero(egos.episode[bodies.step] == episode)
         for vehicle in np.unique(rows.truth.vehicle[inside]).tolist():
             row = inside[rows.truth.vehicle[inside] == vehicle]
             if not own.comes_near(bodies.lon_m[row], bodies.lat_m[row]):
                 continue
-            other = _Path(bodies.lon_m[row], bodies.lat_m[row], rows.time_s[bodies.step[row]])
+            other = TimedPath(bodies.lon_m[row], bodies.lat_m[row], rows.time_s[bodies.step[row]])
             time_s = _encounter(own, size, other, (float(bodies.length_m[row[0]]), float(bodies.width_m[row[0]])))
             if time_s is not None:
                 found.append(time_s)
     return np.array(found)
 
 
-class _Path:
+@dataclass(frozen=True)
+class Encounter:
+    """Two vehicles at the place where their paths cross.
+
+    Attributes:
+        time_s: The post-encroachment time.
+        own_first: Whether the first path's vehicle came there first.
+    """
+
+    time_s: float
+    own_first: bool
+
+
+class TimedPath:
     """A vehicle's path: places in order of time, repeated ones left out."""
 
     def __init__(self, x: FloatArray, y: FloatArray, time_s: FloatArray) -> None:
@@ -82,8 +97,24 @@ class _Path:
         return float(self.time_s[before] + share * (self.time_s[after] - self.time_s[before]))
 
 
-def _encounter(own: _Path, size: tuple[float, float], other: _Path, others: tuple[float, float]) -> float | None:
-    """Return the post-encroachment time at the first crossing of two paths, None where they don't cross."""
+def _encounter(
+    own: TimedPath, size: tuple[float, float], other: TimedPath, others: tuple[float, float]
+) -> float | None:
+    found = encounter(own, size, other, others)
+    return None if found is None else found.time_s
+
+
+def encounter(
+    own: TimedPath, size: tuple[float, float], other: TimedPath, others: tuple[float, float]
+) -> Encounter | None:
+    """Return the encounter at the first crossing of two paths; None where they don't cross, or one never gets there.
+
+    Args:
+        own: One path.
+        size: Length and width of the vehicle on it.
+        other: The other path.
+        others: Length and width of its vehicle.
+    """
     crossing = _first_crossing(own, other)
     if crossing is None:
         return None
@@ -95,10 +126,10 @@ def _encounter(own: _Path, size: tuple[float, float], other: _Path, others: tupl
     first, second = sorted(spans, key=lambda span: np.inf if span[0] is None else span[0])
     if first[1] is None or second[0] is None:
         return None
-    return max(second[0] - first[1], 0.0)
+    return Encounter(max(second[0] - first[1], 0.0), own_first=first is spans[0])
 
 
-def _first_crossing(own: _Path, other: _Path) -> tuple[float, float, float] | None:
+def _first_crossing(own: TimedPath, other: TimedPath) -> tuple[float, float, float] | None:
     """Return arc lengths of both at their paths' first crossing and its angle; None without one."""
     if len(own.x) < 2 or len(other.x) < 2:
         return None
@@ -121,6 +152,6 @@ def _first_crossing(own: _Path, other: _Path) -> tuple[float, float, float] | No
     return float(along), float(across), float(angle[i, j])
 
 
-def _pieces(path: _Path) -> IntArray:
+def _pieces(path: TimedPath) -> IntArray:
     length = np.diff(path.along_m)
     return np.flatnonzero((length > 1e-6) & (length < LONGEST_PIECE_M))

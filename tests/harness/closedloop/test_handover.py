@@ -50,7 +50,7 @@ def test_a_car_may_be_the_ego_that_has_eight_seconds_of_way_at_its_speed():
     assert eligible(Standing(GRAPH, [20.0], [ON], speed=23.0)) == []
 
 
-def test_one_that_has_to_give_way_soon_stands_is_unknown_or_on_no_edge_of_its_route_may_not():
+def test_one_that_comes_to_a_signal_soon_stands_is_unknown_or_on_no_edge_of_its_route_may_not():
     assert eligible(Standing(held_at(0), [20.0], [ON])) == []
     assert eligible(Standing(GRAPH, [20.0], [ON], speed=2.0)) == []
     assert eligible(Standing(GRAPH, [20.0], [ON], past=False)) == []

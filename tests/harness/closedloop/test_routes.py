@@ -1,4 +1,4 @@
-"""The way of an ego over a graph of lanes, up to where it would have to stop or give way."""
+"""The way of an ego over a graph of lanes, up to the first signal."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.routes import way_of
 from harness.decisions.belief import believe
-from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.lanes.control import FREE, NO_SIGNAL, SIGNAL, LinkControl
 from mmpf.road import Road
 from tests.harness.closedloop.frames import frame_of
 from tests.mmpf.lanes.scenes import graph_of
@@ -29,10 +29,11 @@ GRAPH = graph_of(
 
 def held_at(link):
     kind = np.full(len(GRAPH.successor), FREE)
-    kind[link] = YIELD
+    kind[link] = SIGNAL
+    signal = np.where(kind == SIGNAL, 0, NO_SIGNAL)
     none = np.array([], dtype=np.int64)
     first = np.zeros(len(kind) + 1, dtype=np.int64)
-    return replace(GRAPH, control=LinkControl(kind, np.full(len(kind), NO_SIGNAL), (), none, first))
+    return replace(GRAPH, control=LinkControl(kind, signal, ("s",), none, first))
 
 
 def names(graph, way):
@@ -44,7 +45,7 @@ def test_the_way_goes_where_the_route_does():
     assert names(GRAPH, way_of(GRAPH, 0, ["in", "up"])) == ["in_0", ":j_1", "up_0"]
 
 
-def test_it_ends_where_the_ego_would_have_to_give_way_and_where_no_lane_leads_on():
+def test_it_ends_before_a_signal_and_where_no_lane_leads_on():
     graph = held_at(0)
     assert names(graph, way_of(graph, 0, ["in", "on", "last"])) == ["in_0"]
     assert names(GRAPH, way_of(GRAPH, 0, ["in", "elsewhere"])) == ["in_0"]

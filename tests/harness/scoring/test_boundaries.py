@@ -16,7 +16,7 @@ from harness.scoring.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, s
 from harness.scoring.conflicts import ConflictPart, conflicts
 from harness.scoring.coverage import NoisePart, detection_noise
 from harness.scoring.directions import nearest_row
-from harness.scoring.encroachment import _encounter, _first_crossing, _Path, _pieces
+from harness.scoring.encroachment import TimedPath, _encounter, _first_crossing, _pieces
 from harness.scoring.events import _row_after, _track_ids
 from harness.scoring.hidden_by import cause_between
 from harness.scoring.history import last_row_where
@@ -134,9 +134,9 @@ def test_a_step_lasts_until_the_next_and_the_last_of_an_episode_as_long_as_usual
     assert [each.tolist() for each in none] == [[], []]
 
 
-def path(*places: tuple[float, float], begin_s: float = 3.0) -> _Path:
+def path(*places: tuple[float, float], begin_s: float = 3.0) -> TimedPath:
     x, y = np.array(places).T
-    return _Path(x, y, begin_s + np.arange(len(x), dtype=float))
+    return TimedPath(x, y, begin_s + np.arange(len(x), dtype=float))
 
 
 def test_a_place_on_a_path_is_reached_between_its_steps_and_its_ends_belong_to_it():
@@ -152,7 +152,7 @@ def test_places_within_six_metres_of_a_paths_box_come_near():
     assert [along.comes_near(np.array([x]), np.array([y])) for x, y in (*inside, *outside)] == [True] * 4 + [False] * 4
     assert along.comes_near(np.array([500.0, 0.0]), np.array([500.0, 10.0]))
     assert not along.comes_near(np.zeros(0), np.zeros(0))
-    assert not _Path(*[np.zeros(0)] * 3).comes_near(np.zeros(1), np.zeros(1))
+    assert not TimedPath(*[np.zeros(0)] * 3).comes_near(np.zeros(1), np.zeros(1))
 
 
 def test_standing_and_jumps_are_no_pieces_of_a_path():

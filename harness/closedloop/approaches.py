@@ -1,0 +1,91 @@
+"""Which car can be the ego of an episode ``cross``: one that comes up to where it must let a hidden car pass."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.closedloop.beliefs import ego_of, true_bodies
+from harness.closedloop.routes import Way, edge_of
+from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
+from harness.closedloop.traffic import Traffic, row_of, with_ego
+from harness.decisions.crossings import Conflict, Crossing, Lanes, crossings_of
+from harness.decisions.yielding import Course, meets, on_way, room_before, windows_of
+from harness.sensor.settings import SensorSettings
+from harness.truth.frame import Frame
+
+SOON_S = 5.0
+"""An ego that would be at the place of conflict later is not coming up to it yet."""
+NOBODY = "", False
+
+
+def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: SensorSettings) -> tuple[str, bool]:
+    """Return a hidden car that a car which comes up to its path must let pass, and whether it had been in sight.
+
+    Both would be at the place of conflict within the margin if the one went on as it would on a free road, and the
+    other as fast as now; the ego can still stop at the line, and nobody is before it on its way
+    there.
+
+    Args:
+        traffic: The traffic.
+        row: Row of the present frame that is the ego's.
+        way: The ego's way.
+        settings: The sensor.
+
+    Returns:
+        The car's name, empty if there is none, and whether it was in sight often enough to be known of; otherwise it
+        never was.
+    """
+    road, frames = traffic.network.road, tuple(traffic.frames)
+    graph = road.graph
+    assert graph is not None
+    ego_name = str(frames[-1].vehicle_id[row])
+    now = with_ego(frames[-1], ego_name, frames[-1].step, traffic.step_s)
+    lanes = Lanes.of(graph, way.lanes)
+    crossing, course = next(iter(crossings_of(graph, lanes)), None), Course.of(lanes, ego_of(now))
+    if crossing is None or not _comes_up_first(course, crossing, now):
+        return NOBODY
+    for conflict in crossing.conflicts:
+        for name in _meeting(course, conflict, now):
+            if not _takes(traffic, name, conflict) or not is_hidden(
+                now, ego_name, name, traffic.network.road, settings
+            ):
+                continue
+            seen = moments_in_sight(frames, ego_name, name, road, settings)
+            if seen == 0 or seen >= SEEN_OFTEN:
+                return name, seen > 0
+    return NOBODY
+
+
+def _comes_up_first(course: Course, crossing: Crossing, now: Frame) -> bool:
+    """Return whether the ego is soon there and can still stop at the line, and nobody is before it on its way there."""
+    if course.window((crossing.begins_m, crossing.ends_m))[0] > SOON_S:
+        return False
+    on, along_m, _ = on_way(course.way, true_bodies(now))
+    ahead = (along_m > course.along_m) & (along_m < crossing.stop_m)
+    return room_before(course, (crossing.stop_m,)) is not None and not (len(on) and ahead.any())
+
+
+def _meeting(course: Course, conflict: Conflict, now: Frame) -> list[str]:
+    """Return who would be at a place of conflict when the ego would, if it goes on as fast as now."""
+    bodies, names = true_bodies(now), np.delete(now.vehicle_id, now.ego)
+    on, along_m, speed_mps = on_way(conflict.way, bodies)
+    windows = windows_of(conflict.other_m, along_m, speed_mps, bodies.length_m[on], speed_mps)
+    return [str(name) for name in names[on][meets(course, conflict, windows, speed_mps)]]
+
+
+def _in_range(now: Frame, name: str, settings: SensorSettings) -> bool:
+    row = row_of(now, name)
+    away_m = np.hypot(now.lon_m[row] - now.lon_m[now.ego], now.lat_m[row] - now.lat_m[now.ego])
+    return bool(away_m <= settings.range_m)
+
+
+def _takes(traffic: Traffic, name: str, conflict: Conflict) -> bool:
+    """Return whether a vehicle's route goes the way that has right of way."""
+    graph = traffic.network.road.graph
+    assert graph is not None
+    edges = [edge_of(graph, lane) for lane in conflict.way.lanes if not graph.in_junction[lane]]
+    last = int(conflict.way.lanes[-1])
+    follow = graph.successor[graph.first_successor[last] : graph.first_successor[last + 1]].tolist()
+    route = list(traffic.running.sumo.vehicle.getRoute(name))
+    at = route.index(edges[-1]) if edges and edges[-1] in route else len(route)
+    return at + 1 < len(route) and route[at + 1] in {edge_of(graph, lane) for lane in follow}

@@ -1,0 +1,129 @@
+"""The ego's way over places where it must yield: what it does there by what it believes, and what came of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from harness.decisions.belief import Belief
+from harness.decisions.bodies import Bodies
+from harness.decisions.crossings import Crossing, Lanes, crossings_of
+from harness.decisions.yielding import Course, room_before, unseen_in_conflict, who_conflicts, with_standing_leader
+from harness.scoring.closedloop import Contact, Crossed
+from harness.scoring.encroachment import Encounter, TimedPath, encounter
+from harness.truth.frame import Frame
+from mmpf.lanes.graph import LaneGraph
+from mmpf.unseen.traffic import Unseen
+
+WAITS_MPS = 1.0
+"""Whoever is slower before a place of conflict waits."""
+
+
+@dataclass
+class Passage:
+    """The ego's way over places where it must yield, in an episode.
+
+    Attributes:
+        way: Its way.
+        crossings: The places, the nearest first.
+        step_s: Time between steps.
+        heed: From which probability of an unseen vehicle in its way on the ego holds; None for never.
+    """
+
+    way: Lanes
+    crossings: tuple[Crossing, ...]
+    step_s: float
+    heed: float | None = None
+    _frames: list[Frame] = field(default_factory=list)
+    _holds: list[tuple[bool, bool]] = field(default_factory=list)
+    _had_way: set[str] = field(default_factory=set)
+    _entered_s: float | None = None
+    _left_s: float | None = None
+    _waited: int = 0
+
+    @classmethod
+    def over(cls, graph: LaneGraph, lanes: tuple[int, ...], step_s: float, heed: float | None = None) -> Passage:
+        """Return the passage over some lanes."""
+        way = Lanes.of(graph, lanes)
+        return cls(way, crossings_of(graph, way), step_s, heed)
+
+    def room_m(self, course: Course, bodies: Bodies, unseen: Unseen | None = None) -> float | None:
+        """Return how far ahead the ego is to hold by what it takes for real; None where it may go.
+
+        For a vehicle that it knows of it holds at the stop line, or past that before the place of conflict. For one
+        that nobody has seen it goes up to there, since it sees more from there.
+        """
+        crossing = next((each for each in self.crossings if course.front_m < each.begins_m), None)
+        if crossing is None:
+            return None
+        if who_conflicts(course, crossing, bodies).any():
+            return room_before(course, (crossing.stop_m, crossing.begins_m))
+        if self.heed is None or unseen is None or unseen_in_conflict(course, crossing, unseen) <= self.heed:
+            return None
+        return room_before(course, (crossing.begins_m,))
+
+    def minded(self, belief: Belief, course: Course, room_m: float | None) -> Belief:
+        """Return what the driver decides by: it slows down for bends, and somebody stands where it is to hold."""
+        belief = replace(belief, speed_limit_mps=course.speed_limits(np.array([course.along_m])))
+        return belief if room_m is None else with_standing_leader(belief, room_m)
+
+    def note(self, frame: Frame, course: Course, real: Bodies, holds: bool, must_hold: bool) -> None:
+        """Note a step.
+
+        Args:
+            frame: The truth.
+            course: Where the ego is.
+            real: The vehicles of the frame but the ego.
+            holds: Whether the ego holds by what it believes.
+            must_hold: Whether it would by the truth.
+        """
+        if not self.crossings:
+            return
+        time_s, first = round(len(self._frames) * self.step_s, 6), self.crossings[0]
+        self._frames.append(frame)
+        others = np.delete(frame.vehicle_id, frame.ego)
+        self._had_way |= set(others[who_conflicts(course, first, real)].tolist())
+        if self._entered_s is None and course.front_m >= first.begins_m:
+            self._entered_s = time_s
+        if self._left_s is None and course.front_m - course.length_m > first.ends_m:
+            self._left_s = time_s
+        if self._entered_s is None:
+            self._holds.append((holds, must_hold))
+            self._waited += course.speed_mps < WAITS_MPS
+
+    def crossed(self, provoked: str, contact: Contact | None) -> Crossed:
+        """Return what came of the first crossing.
+
+        Args:
+            provoked: The vehicle that the episode provokes; empty for none.
+            contact: The ego's collision; None for none.
+        """
+        holds = np.array(self._holds, dtype=bool).reshape(-1, 2)
+        names = self._had_way | ({provoked} - {""})
+        met = {name: found for name in sorted(names) if (found := self._encounter(name)) is not None}
+        times = [found.time_s for found in met.values()]
+        if contact is not None and contact.vehicle_id in names:
+            times.append(0.0)
+        return Crossed(
+            entered_s=self._entered_s,
+            left_s=self._left_s,
+            waited_s=round(self._waited * self.step_s, 6),
+            holds=holds[:, 0],
+            must_hold=holds[:, 1],
+            encroachment_s=min(times, default=None),
+            yielded=None if provoked not in met else not met[provoked].own_first,
+        )
+
+    def _encounter(self, name: str) -> Encounter | None:
+        """Return how the ego and another met where their paths cross; None where they did not."""
+        own = [(frame, frame.ego) for frame in self._frames]
+        its = [(frame, int(row)) for frame in self._frames for row in np.flatnonzero(frame.vehicle_id == name)]
+        return encounter(*_path(own), *_path(its)) if its else None
+
+
+def _path(places: list[tuple[Frame, int]]) -> tuple[TimedPath, tuple[float, float]]:
+    """Return a vehicle's path, and its length and width."""
+    x, y, time_s = np.array([(frame.lon_m[row], frame.lat_m[row], frame.time_s) for frame, row in places]).T
+    frame, row = places[0]
+    return TimedPath(x, y, time_s), (float(frame.length_m[row]), float(frame.width_m[row]))

@@ -1,0 +1,157 @@
+"""Where the ego's way over a graph of lanes meets ways that have right of way over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.decisions.ways import Line, next_lane, predecessors
+from mmpf.compute.arrays import FloatArray
+from mmpf.lanes.control import YIELD
+from mmpf.lanes.graph import LaneGraph
+
+APPROACH_M = 200.0
+"""So far before a junction ways that have right of way are known."""
+MEET_M = 2.5
+"""Where the middles of two ways are nearer, vehicles on them meet; oncoming lanes are 3 m apart or more."""
+SAMPLE_M = 0.5
+SAME_END_M = 1.0
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """Lanes one after the other as one line.
+
+    Attributes:
+        lanes: Their indices.
+        line: The line.
+        begins_m: Arc length of each lane's beginning, and of the last one's end, shape (l + 1,).
+        limit_mps: Speed limit of each, shape (l,).
+    """
+
+    lanes: tuple[int, ...]
+    line: Line
+    begins_m: FloatArray
+    limit_mps: FloatArray
+
+    @classmethod
+    def of(cls, graph: LaneGraph, lanes: Sequence[int]) -> Lanes:
+        """Return the lanes of a graph as one line."""
+        lines = [graph.line(lane) for lane in lanes]
+        points = np.concatenate(lines)
+        along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+        first = np.cumsum([0, *map(len, lines)])
+        return cls(
+            lanes=tuple(lanes),
+            line=Line.through(points),
+            begins_m=np.append(along_m[first[:-1]], along_m[-1]),
+            limit_mps=graph.speed_limit_mps[list(lanes)],
+        )
+
+    def sampled(self, from_m: float, to_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return arc lengths and places of a stretch, shapes (k,) and (k, 2)."""
+        along_m = np.linspace(from_m, to_m, max(int((to_m - from_m) / SAMPLE_M), 1) + 1)
+        line = self.line
+        piece = np.clip(np.searchsorted(line.along_m, along_m, side="right") - 1, 0, len(line.length_m) - 1)
+        share = (along_m - line.along_m[piece]) / line.length_m[piece]
+        return along_m, line.xy[piece] + share[:, None] * line.step[piece]
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """The place where a way with right of way meets the ego's.
+
+    Attributes:
+        way: That way, from its approach through the junction.
+        own_m: From where to where on the ego's way the place goes.
+        other_m: The same on the other way.
+        merges: Whether both leave the junction by the same lane.
+    """
+
+    way: Lanes
+    own_m: tuple[float, float]
+    other_m: tuple[float, float]
+    merges: bool
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A place on the ego's way where it must yield.
+
+    Attributes:
+        stop_m: Arc length of the stop line on the ego's way.
+        conflicts: Where ways that have right of way meet it.
+    """
+
+    stop_m: float
+    conflicts: tuple[Conflict, ...]
+
+    @property
+    def begins_m(self) -> float:
+        """Arc length on the ego's way up to which nobody is in its way."""
+        return min(conflict.own_m[0] for conflict in self.conflicts)
+
+    @property
+    def ends_m(self) -> float:
+        """Arc length from which on nobody is any more."""
+        return max(conflict.own_m[1] for conflict in self.conflicts)
+
+
+def crossings_of(graph: LaneGraph, way: Lanes) -> tuple[Crossing, ...]:
+    """Return the places on a way where it must yield, the nearest first."""
+    if graph.control is None:
+        return ()
+    before = predecessors(graph)
+    found = []
+    for place, (lane, following) in enumerate(zip(way.lanes, way.lanes[1:], strict=False)):
+        links = range(int(graph.first_successor[lane]), int(graph.first_successor[lane + 1]))
+        link = next((k for k in links if graph.successor[k] == following), None)
+        if link is None or graph.control.kind[link] != YIELD:
+            continue
+        first, last = graph.control.first_foe[link : link + 2]
+        foes = (_way_over(graph, int(foe), before) for foe in graph.control.foe[first:last])
+        conflicts = tuple(conflict for foe in foes if (conflict := _conflict(graph, way, place + 1, foe)) is not None)
+        if conflicts:
+            found.append(Crossing(float(way.begins_m[place + 1]), conflicts))
+    return tuple(found)
+
+
+def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> Lanes:
+    """Return the way over a link: as straight an approach as there is, and the junction."""
+    lanes = [int(graph.link_from[link]), int(graph.successor[link])]
+    while graph.in_junction[lanes[-1]]:
+        at = lanes[-1]
+        following = graph.successor[graph.first_successor[at] : graph.first_successor[at + 1]].tolist()
+        if not following or not graph.in_junction[chosen := next_lane(at, following, set(), graph)]:
+            break
+        lanes.append(chosen)
+    ahead_m = float(graph.length_m[lanes[0]])
+    while ahead_m < APPROACH_M and before[lanes[0]]:
+        lanes.insert(0, next_lane(lanes[0], before[lanes[0]], set(lanes), graph, back=True))
+        ahead_m += float(graph.length_m[lanes[0]])
+    return Lanes.of(graph, lanes)
+
+
+def _conflict(graph: LaneGraph, way: Lanes, place: int, other: Lanes) -> Conflict | None:
+    """Return where another way meets the ego's from one of its lanes on to the junction's end; None for nowhere."""
+    end = place
+    while end < len(way.lanes) and graph.in_junction[way.lanes[end]]:
+        end += 1
+    own_m, own = way.sampled(float(way.begins_m[place]), float(way.begins_m[max(end, place + 1)]))
+    entry = len(other.lanes) - 1
+    while entry and graph.in_junction[other.lanes[entry - 1]]:
+        entry -= 1
+    other_m, theirs = other.sampled(float(other.begins_m[entry]), float(other.begins_m[-1]))
+    apart_m = np.hypot(*(own[:, None] - theirs).transpose(2, 0, 1))
+    meet = apart_m < MEET_M
+    if not meet.any():
+        return None
+    mine, its = own_m[meet.any(axis=1)], other_m[meet.any(axis=0)]
+    return Conflict(
+        way=other,
+        own_m=(float(mine[0]), float(mine[-1])),
+        other_m=(float(its[0]), float(its[-1])),
+        merges=bool(apart_m[-1, -1] < SAME_END_M),
+    )
