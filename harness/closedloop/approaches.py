@@ -8,13 +8,13 @@ from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.routes import Way, edge_of
 from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
 from harness.closedloop.traffic import Traffic, row_of, with_ego
-from harness.decisions.crossings import Conflict, Crossing, Lanes, crossings_of
+from harness.decisions.crossings import Conflict, Lanes, crossings_of, yields_on
 from harness.decisions.yielding import Course, meets, on_way, room_before, windows_of
 from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 
 SOON_S = 5.0
-"""An ego that would be at the place of conflict later is not coming up to it yet."""
+"""An ego that would be at the stop line later is not coming up to it yet."""
 NOBODY = "", False
 
 
@@ -22,8 +22,7 @@ def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: Sen
     """Return a hidden car that a car which comes up to its path must let pass, and whether it had been in sight.
 
     Both would be at the place of conflict within the margin if the one went on as it would on a free road, and the
-    other as fast as now; the ego can still stop at the line, and nobody is before it on its way
-    there.
+    other as fast as now.
 
     Args:
         traffic: The traffic.
@@ -38,31 +37,28 @@ def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: Sen
     road, frames = traffic.network.road, tuple(traffic.frames)
     graph = road.graph
     assert graph is not None
-    ego_name = str(frames[-1].vehicle_id[row])
-    now = with_ego(frames[-1], ego_name, frames[-1].step, traffic.step_s)
+    ego = str(frames[-1].vehicle_id[row])
+    now = with_ego(frames[-1], ego, frames[-1].step, traffic.step_s)
     lanes = Lanes.of(graph, way.lanes)
-    crossing, course = next(iter(crossings_of(graph, lanes)), None), Course.of(lanes, ego_of(now))
-    if crossing is None or not _comes_up_first(course, crossing, now):
+    course, yields = Course.of(lanes, ego_of(now)), yields_on(graph, lanes)
+    if not yields or not _comes_up_first(course, float(lanes.begins_m[yields[0][0]]), now):
         return NOBODY
-    for conflict in crossing.conflicts:
+    for conflict in (conflict for crossing in crossings_of(graph, lanes)[:1] for conflict in crossing.conflicts):
         for name in _meeting(course, conflict, now):
-            if not _takes(traffic, name, conflict) or not is_hidden(
-                now, ego_name, name, traffic.network.road, settings
-            ):
+            if not _in_range(now, name, settings) or not is_hidden(now, ego, name, road, settings):
                 continue
-            seen = moments_in_sight(frames, ego_name, name, road, settings)
-            if seen == 0 or seen >= SEEN_OFTEN:
+            seen = moments_in_sight(frames, ego, name, road, settings)
+            if _takes(traffic, name, conflict) and (seen == 0 or seen >= SEEN_OFTEN):
                 return name, seen > 0
     return NOBODY
 
 
-def _comes_up_first(course: Course, crossing: Crossing, now: Frame) -> bool:
-    """Return whether the ego is soon there and can still stop at the line, and nobody is before it on its way there."""
-    if course.window((crossing.begins_m, crossing.ends_m))[0] > SOON_S:
+def _comes_up_first(course: Course, stop_m: float, now: Frame) -> bool:
+    """Return whether the ego is soon at a stop line and can still stop there, and nobody is before it on its way."""
+    if course.window((stop_m, stop_m))[0] > SOON_S or room_before(course, (stop_m,)) is None:
         return False
-    on, along_m, _ = on_way(course.way, true_bodies(now))
-    ahead = (along_m > course.along_m) & (along_m < crossing.stop_m)
-    return room_before(course, (crossing.stop_m,)) is not None and not (len(on) and ahead.any())
+    _, along_m, _ = on_way(course.way, true_bodies(now))
+    return not ((along_m > course.along_m) & (along_m < stop_m)).any()
 
 
 def _meeting(course: Course, conflict: Conflict, now: Frame) -> list[str]:

@@ -10,7 +10,7 @@ from harness.decisions.belief import Belief
 from harness.decisions.bodies import Bodies
 from harness.decisions.crossings import Crossing, Lanes, crossings_of
 from harness.decisions.yielding import Course, room_before, unseen_in_conflict, who_conflicts, with_standing_leader
-from harness.scoring.closedloop import Contact, Crossed
+from harness.scoring.closedloop import HARD_BRAKE_MPS2, Contact, Crossed
 from harness.scoring.encroachment import Encounter, TimedPath, encounter
 from harness.truth.frame import Frame
 from mmpf.lanes.graph import LaneGraph
@@ -59,7 +59,7 @@ class Passage:
             return None
         if who_conflicts(course, crossing, bodies).any():
             return room_before(course, (crossing.stop_m, crossing.begins_m))
-        if self.heed is None or unseen is None or unseen_in_conflict(course, crossing, unseen) <= self.heed:
+        if self.heed is None or unseen is None or unseen_in_conflict(course, crossing, bodies, unseen) <= self.heed:
             return None
         return room_before(course, (crossing.begins_m,))
 
@@ -113,7 +113,14 @@ class Passage:
             must_hold=holds[:, 1],
             encroachment_s=min(times, default=None),
             yielded=None if provoked not in met else not met[provoked].own_first,
+            made_brake=any(self._braked_hard(name) for name in names),
         )
+
+    def _braked_hard(self, name: str) -> bool:
+        """Return whether a vehicle braked hard before the ego had left the place."""
+        until = len(self._frames) if self._left_s is None else round(self._left_s / self.step_s)
+        speed = [float(its) for frame in self._frames[:until] for its in frame.speed_mps[frame.vehicle_id == name]]
+        return bool((np.diff(speed) < HARD_BRAKE_MPS2 * self.step_s).any())
 
     def _encounter(self, name: str) -> Encounter | None:
         """Return how the ego and another met where their paths cross; None where they did not."""

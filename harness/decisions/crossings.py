@@ -101,21 +101,28 @@ class Crossing:
 
 def crossings_of(graph: LaneGraph, way: Lanes) -> tuple[Crossing, ...]:
     """Return the places on a way where it must yield, the nearest first."""
-    if graph.control is None:
+    control = graph.control
+    if control is None or not (links := yields_on(graph, way)):
         return ()
     before = predecessors(graph)
     found = []
-    for place, (lane, following) in enumerate(zip(way.lanes, way.lanes[1:], strict=False)):
-        links = range(int(graph.first_successor[lane]), int(graph.first_successor[lane + 1]))
-        link = next((k for k in links if graph.successor[k] == following), None)
-        if link is None or graph.control.kind[link] != YIELD:
-            continue
-        first, last = graph.control.first_foe[link : link + 2]
-        foes = (_way_over(graph, int(foe), before) for foe in graph.control.foe[first:last])
-        conflicts = tuple(conflict for foe in foes if (conflict := _conflict(graph, way, place + 1, foe)) is not None)
-        if conflicts:
-            found.append(Crossing(float(way.begins_m[place + 1]), conflicts))
+    for place, link in links:
+        foes = control.foe[control.first_foe[link] : control.first_foe[link + 1]].tolist()
+        others = (_conflict(graph, way, place, _way_over(graph, foe, before)) for foe in foes)
+        if conflicts := tuple(other for other in others if other is not None):
+            found.append(Crossing(float(way.begins_m[place]), conflicts))
     return tuple(found)
+
+
+def yields_on(graph: LaneGraph, way: Lanes) -> list[tuple[int, int]]:
+    """Return the links on a way that must yield, each with the place on the way of the lane that it leads to."""
+    found = []
+    for place, (lane, following) in enumerate(zip(way.lanes, way.lanes[1:], strict=False), start=1):
+        links = np.arange(graph.first_successor[lane], graph.first_successor[lane + 1])
+        link = int(links[graph.successor[links] == following][0])
+        if graph.control is not None and graph.control.kind[link] == YIELD:
+            found.append((place, link))
+    return found
 
 
 def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> Lanes:

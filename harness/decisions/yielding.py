@@ -165,21 +165,23 @@ def on_way(way: Lanes, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray
     return on, along[on], np.maximum(share * bodies.speed_mps[on], 0.0)
 
 
-def unseen_in_conflict(course: Course, crossing: Crossing, unseen: Unseen) -> float:
-    """Return the probability that a vehicle which nobody has seen would be one that the ego must let pass.
+def unseen_in_conflict(course: Course, crossing: Crossing, bodies: Bodies, unseen: Unseen) -> float:
+    """Return the probability that a vehicle which nobody has seen is one that the ego must let pass.
 
-    Of unseen vehicles, a Poisson field, those count that would be if they drove as fast as their lane allows.
+    Of unseen vehicles, a Poisson field, those count that would be if they drove as fast as their lane allows. They
+    overtake nobody: behind a known vehicle none comes before that has left the place.
     """
     cells, counts = unseen.cells, np.zeros(len(unseen.expected), dtype=bool)
     for conflict in crossing.conflicts:
         way = conflict.way
-        place = {lane + 1: number for number, lane in enumerate(way.lanes)}
-        on = np.flatnonzero(np.isin(cells.lane, list(place)))
-        along_m = way.line.project(cells.lon_m[on], cells.lat_m[on])[0]
-        speed_mps = _limits(way, along_m)
-        length_m = np.full(len(on), UNSEEN_LENGTH_M)
-        windows = windows_of(conflict.other_m, along_m, speed_mps, length_m, speed_mps)
-        counts[on] |= meets(course, conflict, windows, speed_mps)
+        cell = np.flatnonzero(np.isin(cells.lane, np.add(way.lanes, 1)))
+        cell_m = way.line.project(cells.lon_m[cell], cells.lat_m[cell])[0]
+        limit_mps = _limits(way, cell_m)
+        its = windows_of(conflict.other_m, cell_m, limit_mps, np.full(len(cell), UNSEEN_LENGTH_M), limit_mps)
+        on, along_m, speed_mps = on_way(way, bodies)
+        known = windows_of(conflict.other_m, along_m, speed_mps, bodies.length_m[on], speed_mps)
+        gone_s = np.where(along_m > cell_m[:, None], known.leave_s, -np.inf).max(axis=1, initial=-np.inf)
+        counts[cell] |= meets(course, conflict, replace(its, enter_s=np.maximum(its.enter_s, gone_s)), limit_mps)
     return float(-np.expm1(-unseen.expected[counts].sum()))
 
 

@@ -73,6 +73,10 @@ OF_CROSSINGS = (
         decimals=1, heading="PET < 1.5 s %", compared=True,
     ),
     Quantity(
+        f"{TABLE}.made_brake_percent", "episodes in which one with right of way brakes harder than 3 m/s², %",
+        decimals=1, heading="made brake %", compared=True,
+    ),
+    Quantity(
         f"{TABLE}.unsafe_to_go_percent", "moments at which it goes, of those at which the truth has it hold, %",
         decimals=1, heading="unsafe to go %", compared=True,
     ),
@@ -166,6 +170,7 @@ class Crossed:
         must_hold: Whether it would have by the truth, shape (n,).
         encroachment_s: Least post-encroachment time with those who had right of way; None where it met none of them.
         yielded: Whether the provoked vehicle came there first; None where they did not meet.
+        made_brake: Whether one who had right of way braked hard before the ego's rear had left the place.
     """
 
     entered_s: float | None
@@ -175,6 +180,7 @@ class Crossed:
     must_hold: BoolArray
     encroachment_s: float | None
     yielded: bool | None
+    made_brake: bool
 
 
 def score_crossing(crossed: Crossed) -> dict[str, object]:
@@ -187,6 +193,7 @@ def score_crossing(crossed: Crossed) -> dict[str, object]:
         "yielded_percent": None if crossed.yielded is None else 100.0 * crossed.yielded,
         "pet_s": time_s,
         "pet_below_1_5_percent": 100.0 * (time_s is not None and time_s < SHORT_PET_S),
+        "made_brake_percent": 100.0 * crossed.made_brake,
         "must_hold": int(must.sum()),
         "unsafe_to_go_percent": 100.0 * float((~crossed.holds[must]).mean()) if must.any() else None,
     }
