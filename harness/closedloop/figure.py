@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from harness.closedloop.plan import BRAKE, CROSS, GAP
-from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, Score
+from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, Score
 from harness.scoring.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
 from harness.writing.plots import strip
 
@@ -22,6 +22,8 @@ STYLES = {
     BRAKE: ("#CC79A7", "v"),
     GAP: ("#009E73", "D"),
     CROSS: ("#E69F00", "P"),
+    SEEN_BEFORE: ("#56B4E9", "<"),
+    NEVER_SEEN: ("#F0E442", ">"),
 }
 
 

@@ -112,14 +112,23 @@ class Passage:
             holds=holds[:, 0],
             must_hold=holds[:, 1],
             encroachment_s=min(times, default=None),
-            yielded=None if provoked not in met else not met[provoked].own_first,
+            yielded=self._yielded(met.get(provoked)) if provoked else None,
             made_brake=any(self._braked_hard(name) for name in names),
         )
 
+    def _yielded(self, met: Encounter | None) -> bool | None:
+        """Return whether the ego let the vehicle pass that it met, or has waited until the end."""
+        if self._entered_s is None:
+            return True
+        return None if met is None else not met.own_first
+
     def _braked_hard(self, name: str) -> bool:
-        """Return whether a vehicle braked hard before the ego had left the place."""
-        until = len(self._frames) if self._left_s is None else round(self._left_s / self.step_s)
-        speed = [float(its) for frame in self._frames[:until] for its in frame.speed_mps[frame.vehicle_id == name]]
+        """Return whether a vehicle braked hard while the ego was at the place."""
+        if self._entered_s is None:
+            return False
+        last = len(self._frames) if self._left_s is None else round(self._left_s / self.step_s) + 1
+        during = self._frames[round(self._entered_s / self.step_s) : last]
+        speed = [float(its) for frame in during for its in frame.speed_mps[frame.vehicle_id == name]]
         return bool((np.diff(speed) < HARD_BRAKE_MPS2 * self.step_s).any())
 
     def _encounter(self, name: str) -> Encounter | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
-from harness.closedloop.plan import BIAS, FREE, GAP, KIND, PROVOKED
+from harness.closedloop.plan import BIAS, CROSS, FREE, GAP, KIND, PROVOKED
 from harness.comparison.effects import paired_effect
 from harness.grid.rows import column_of
 from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, OF_SOME, QUANTITIES
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ALL, PROVOKED_ONES, FREE_ONES = "all", "provoked", "free"
+SEEN_BEFORE, NEVER_SEEN = "cross, seen before", "cross, never seen"
 UNPAIRED = (IMPACT,)
 """What only some episodes have, other ones with each belief, so that no pairs are left."""
 WORST_LISTED = 60
@@ -82,8 +83,8 @@ def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failure
         lines += [f"## {_heading(name, part)}", "", *_means(part), ""]
         if any(score.excess is not None for score in part):
             lines += ["In excess of driving by the truth in the same episodes:", "", *_excesses(part), ""]
-    explanation = f"{EXPLANATION} {OF_GAPS}" if GAP in set(table[KIND]) else EXPLANATION
-    lines += [*_collisions(table), explanation, ""]
+    explanation = [EXPLANATION, *(text for kind, text in EXPLANATIONS.items() if kind in set(table[KIND]))]
+    lines += [*_collisions(table), " ".join(explanation), ""]
     if failures:
         lines += ["## Failed drives", "", *(f"- {failure}" for failure in failures), ""]
     return "\n".join(lines)
@@ -101,6 +102,15 @@ OF_GAPS = (
     "*unsafe gaps* are the moments at which it believed that it may, of those at which it might not."
 )
 
+OF_CROSSINGS = (
+    "In episodes *cross* the ego comes up to a place where it must let a hidden car pass. *Yielded* says whether it "
+    "did, or waited until the end; *waited* is the time slower than 1 m/s before the place, *PET* the post-encroachment time with "
+    "those who had right of way, 0 after a collision with one; *made brake* says whether one of them braked harder "
+    "than 3 m/s² while the ego was at the place; *unsafe to go* are the moments at which it went on, of those at which "
+    "by the truth it would have held."
+)
+EXPLANATIONS = {GAP: OF_GAPS, CROSS: OF_CROSSINGS}
+
 
 def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     yield ALL, done
@@ -111,6 +121,10 @@ def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     provoked = [kind for kind in PROVOKED if (done[KIND] == kind).any()]
     for kind in provoked if len(provoked) > 1 else ():
         yield kind, done[done[KIND] == kind]
+    seen = column_of(done, "episode.seen_before")
+    if (seen == 0.0).any() and (seen == 1.0).any():
+        yield SEEN_BEFORE, done[seen == 1.0]
+        yield NEVER_SEEN, done[seen == 0.0]
 
 
 def _score(

@@ -73,7 +73,7 @@ OF_CROSSINGS = (
         decimals=1, heading="PET < 1.5 s %", compared=True,
     ),
     Quantity(
-        f"{TABLE}.made_brake_percent", "episodes in which one with right of way brakes harder than 3 m/s², %",
+        f"{TABLE}.made_brake_percent", "episodes in which one with right of way brakes hard while the ego crosses, %",
         decimals=1, heading="made brake %", compared=True,
     ),
     Quantity(
@@ -169,8 +169,9 @@ class Crossed:
         holds: Whether it held by what it believed, at each step until it was there, shape (n,).
         must_hold: Whether it would have by the truth, shape (n,).
         encroachment_s: Least post-encroachment time with those who had right of way; None where it met none of them.
-        yielded: Whether the provoked vehicle came there first; None where they did not meet.
-        made_brake: Whether one who had right of way braked hard before the ego's rear had left the place.
+        yielded: Whether the ego let the provoked vehicle pass, or waited until the end; None where their paths do not
+            cross.
+        made_brake: Whether one who had right of way braked hard while the ego was at the place.
     """
 
     entered_s: float | None
