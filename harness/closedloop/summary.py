@@ -104,10 +104,10 @@ OF_GAPS = (
 
 OF_CROSSINGS = (
     "In episodes *cross* the ego comes up to a place where it must let a hidden car pass. *Yielded* says whether it "
-    "did, or waited until the end; *waited* is the time slower than 1 m/s before the place, *PET* the post-encroachment time with "
-    "those who had right of way, 0 after a collision with one; *made brake* says whether one of them braked harder "
-    "than 3 m/s² while the ego was at the place; *unsafe to go* are the moments at which it went on, of those at which "
-    "by the truth it would have held."
+    "did, or waited until the end; *waited* is the time slower than 1 m/s before the place; *PET* is the "
+    "post-encroachment time with those who had right of way, 0 after a collision with one; *made brake* says whether "
+    "one of them braked harder than 3 m/s² while the ego was at the place; *unsafe to go* are the moments at which it "
+    "went on, of those at which by the truth it would have held."
 )
 EXPLANATIONS = {GAP: OF_GAPS, CROSS: OF_CROSSINGS}
 
