@@ -7,7 +7,7 @@ import pytest
 from harness.closedloop import worker
 from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver
-from harness.closedloop.plan import BRAKE, FREE, GAP, DriveRequest, plan_drives
+from harness.closedloop.plan import BRAKE, CROSS, FREE, GAP, DriveRequest, plan_drives
 from harness.commands.drive import make_drives
 from harness.errors import InputError, RunError
 from harness.grid.worker import Finished
@@ -101,6 +101,7 @@ def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row()
         ({"demand": "rush"}, "rush"),
         ({"episodes": 0}, "`episodes`"),
         ({"gap_bias": "x"}, "`gap_bias`"),
+        ({"heed_unseen": 1.5}, "`heed_unseen`"),
     ],
 )
 def test_wrong_input_is_one_line_that_names_the_option_and_leaves_nothing(tmp_path, options, said):
@@ -131,3 +132,16 @@ def test_whoever_knows_of_the_hidden_car_leaves_it_the_gap_and_whoever_does_not_
     assert drove["truth"]["unsafe_gaps_percent"] == 0.0
     assert drove["detections"]["forbidden_change_percent"] == 100.0
     assert drove["detections"]["unsafe_gaps_percent"] > 10.0
+
+
+@pytest.mark.slow
+def test_drives_over_a_crossing_are_the_same_bytes_again_and_tell_who_yielded(tmp_path):
+    asked = {"net": "priority", "density": None, "provoke": "cross", "heed_unseen": 0.1, "seed": 103}
+    first, second = (made(tmp_path / name, **asked) for name in ("first", "second"))
+    assert (first / "runs.parquet").read_bytes() == (second / "runs.parquet").read_bytes()
+    rows = read_table(first, "runs.parquet", "folder", ())
+    crossing = rows[rows["episode.kind"] == CROSS].set_index("variant")
+    assert (crossing["episode.seen_before"] == 0.0).all()
+    assert crossing["drive.yielded_percent"]["truth"] == 100.0
+    assert crossing["drive.unsafe_to_go_percent"]["truth"] == 0.0
+    assert crossing["drive.must_hold"]["truth"] > 0

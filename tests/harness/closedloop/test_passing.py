@@ -117,18 +117,18 @@ def test_who_knows_nothing_of_it_goes_though_the_truth_has_it_hold():
 
 
 def test_an_intensity_of_zero_changes_nothing_and_of_one_it_creeps_past_the_line_up_to_the_place():
-    free = driven(passage())
-    assert (driven(passage(heed=0.1), unseen=expecting(0.0)) == free).all()
-    assert (driven(passage(), unseen=expecting(1.0)) == free).all()
+    free = driven(passage(), seconds=4.0)
+    assert (driven(passage(heed=0.1), unseen=expecting(0.0), seconds=4.0) == free).all()
+    assert (driven(passage(), unseen=expecting(1.0), seconds=4.0) == free).all()
     crept = driven(passage(heed=0.1), unseen=_everywhere())
-    assert free[-1] > BEGINS_M + 20.0
+    assert free[-1] > BEGINS_M
     assert STOP_M < crept[-1] < BEGINS_M
     assert crept[-1] - crept[-2] < 0.1
 
 
 def _everywhere():
     on = CELLS.lane == GRAPH.name.index("west_in_0") + 1
-    return Unseen(CELLS, np.where(on, 1.0 / on.sum() * 5.0, 0.0))
+    return Unseen(CELLS, np.where(on, 5.0 / on.sum(), 0.0))
 
 
 def test_one_unseen_vehicle_forty_metres_off_holds_who_stands_before_the_place():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.closedloop.plan import BRAKE, FREE, GAP, DriveRequest, plan_drives, with_truth
+from harness.closedloop.plan import BRAKE, CROSS, FREE, GAP, DriveRequest, plan_drives, with_truth
 from harness.errors import InputError
 
 
@@ -17,8 +17,8 @@ def test_every_second_episode_is_provoked_and_each_pair_has_a_seed_of_its_own():
 
 
 def test_provocations_take_turns_and_leave_what_is_free_as_it_is():
-    both, usual = (plan_drives(request(provoke=kinds)).runs for kinds in ("brake,gap", "brake"))
-    assert [run.kind for run in both if run.variant == "truth"] == [FREE, BRAKE, FREE, GAP, FREE]
+    both, usual = (plan_drives(request(provoke=kinds)).runs for kinds in ("cross,gap", "brake"))
+    assert [run.kind for run in both if run.variant == "truth"] == [FREE, CROSS, FREE, GAP, FREE]
     assert [run.key for run in both if run.kind == FREE] == [run.key for run in usual if run.kind == FREE]
 
 
@@ -37,6 +37,14 @@ def test_a_belief_is_one_row_of_its_name_whatever_stands_in_for_its_tracker():
 def test_the_driver_is_part_of_what_a_drive_is_known_by():
     usual, other = (plan_drives(request(driver=driver)).runs[0].key for driver in (None, "idm"))
     assert usual != other
+
+
+def test_heeding_the_unseen_is_part_of_it_too_and_never_doing_so_is_not():
+    usual, heeding, never = (
+        plan_drives(request(**more)).runs[0] for more in ({}, {"heed_unseen": 0.1}, {"heed_unseen": None})
+    )
+    assert heeding.heed_unseen == 0.1
+    assert usual.key == never.key != heeding.key
 
 
 def test_the_truth_is_added_where_it_is_missing():

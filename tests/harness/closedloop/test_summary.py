@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from harness.closedloop.plan import BIAS, BRAKE, FREE, GAP, KIND
-from harness.closedloop.summary import ALL, FREE_ONES, PROVOKED_ONES, as_markdown, scores
+from harness.closedloop.plan import BIAS, BRAKE, CROSS, FREE, GAP, KIND
+from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, as_markdown, scores
 from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, OF_CHANGES, QUANTITIES, TTC
 
 CHANGED = OF_CHANGES[0].key
@@ -74,6 +74,16 @@ def test_changes_of_lanes_are_told_of_the_episodes_that_have_them_and_each_provo
     assert not [score for score in found if score.metric == CHANGED and score.episodes in (FREE_ONES, BRAKE)]
     assert "forbidden change" in as_markdown("t", found, table, [])
     assert not [score for score in scores(table_of()) if score.episodes in (BRAKE, GAP) or score.metric == CHANGED]
+
+
+def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():
+    table = table_of(kinds=(FREE, CROSS))
+    table["episode.seen_before"] = np.where(table[KIND] == CROSS, (table["seed"] < 2).astype(float), np.nan)
+    found = scores(table)
+    assert [one(found, "mmpf", TTC, name).n for name in (SEEN_BEFORE, NEVER_SEEN)] == [2, 4]
+    assert "*Yielded*" in as_markdown("t", found, table, [])
+    only = scores(table[table["seed"] < 2])
+    assert not [score for score in only if score.episodes in (SEEN_BEFORE, NEVER_SEEN)]
 
 
 def test_where_every_drive_failed_there_are_no_scores_and_the_failures_are_told():

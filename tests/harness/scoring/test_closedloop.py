@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from harness.scoring.closedloop import BY_COLLISION, IN_TIME, Changed, Contact, Driven, score_change, score_drive
+from harness.scoring.closedloop import (
+    BY_COLLISION,
+    IN_TIME,
+    Changed,
+    Contact,
+    Crossed,
+    Driven,
+    score_change,
+    score_crossing,
+    score_drive,
+)
 from harness.scoring.settings import ScoringSettings
 
 STEP_S, STEPS = 0.1, 201
@@ -86,3 +96,19 @@ def test_an_ego_that_never_may_and_never_does_has_changed_nothing():
     scored = score_change(Changed(None, (), never, ~never))
     assert (scored["changed_percent"], scored["forbidden_change_percent"]) == (0.0, 0.0)
     assert scored["unsafe_gaps_percent"] is None
+
+
+def test_of_the_moments_at_which_the_truth_has_it_hold_those_count_at_which_it_goes():
+    holds, must = np.array([[True, True], [False, True], [False, False], [False, True]]).T
+    scored = score_crossing(Crossed(3.0, 5.5, 0.4, holds, must, 1.2, yielded=False, made_brake=True))
+    assert scored["unsafe_to_go_percent"] == pytest.approx(200.0 / 3.0)
+    assert (scored["crossed_percent"], scored["enters_s"], scored["waited_s"]) == (100.0, 3.0, 0.4)
+    assert (scored["yielded_percent"], scored["made_brake_percent"]) == (0.0, 100.0)
+    assert (scored["pet_s"], scored["pet_below_1_5_percent"]) == (1.2, 100.0)
+
+
+def test_who_never_crosses_or_meets_nobody_has_no_time_between():
+    never = np.zeros(3, dtype=bool)
+    scored = score_crossing(Crossed(None, None, 7.0, ~never, never, None, yielded=None, made_brake=False))
+    assert (scored["crossed_percent"], scored["pet_s"], scored["pet_below_1_5_percent"]) == (0.0, None, 0.0)
+    assert (scored["yielded_percent"], scored["unsafe_to_go_percent"]) == (None, None)
