@@ -24,6 +24,7 @@ from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from harness.truth.sumo.simulation import CAR_LENGTH_M
 from mmpf.compute.arrays import BoolArray, IntArray
+from mmpf.lanes.control import YIELD
 
 LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, GAP: 1, CROSS: 1}
 """Time between moments that are searched for candidates of each kind."""
@@ -86,9 +87,9 @@ def hand_overs(
         driver: Whose criterion of gaps it is.
         rng: Decides between candidates. Each kind has the same draws whichever others are asked for.
     """
-    step_s, waiting = traffic.step_s, list(kinds)
+    step_s, waiting = traffic.step_s, [kind for kind in kinds if kind != CROSS or _has_right_of_way(traffic)]
     streams = dict(zip(KINDS, rng.spawn(len(KINDS)), strict=True))
-    looked = dict.fromkeys(waiting, 0)
+    hopeless, looked = [kind for kind in kinds if kind not in waiting], dict.fromkeys(waiting, 0)
     for _ in range(round(TRACKED_S / step_s)):
         traffic.advance()
     for second in range(max(GIVE_UP_S[kind] for kind in kinds)):
@@ -102,7 +103,13 @@ def hand_overs(
             break
         for _ in range(round(1.0 / step_s)):
             traffic.advance()
-    yield from waiting
+    yield from (*waiting, *hopeless)
+
+
+def _has_right_of_way(traffic: Traffic) -> bool:
+    """Return whether anybody must yield anywhere on the network but at signals."""
+    graph = traffic.network.road.graph
+    return graph is not None and graph.control is not None and bool((graph.control.kind == YIELD).any())
 
 
 def _find(traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rng: np.random.Generator) -> HandOver:
