@@ -17,6 +17,7 @@ from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GATE, AroundOnGraph, guidance
 from mmpf.motion.protocol import Neighbour
+from mmpf.motion.turning import road_speeds, turning_driver
 from mmpf.options import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
@@ -132,6 +133,7 @@ def surroundings_on_graph(
         right_follower=found(beside[1], -1.0, None),
         flow_speed_mps=flow[cloud.component],
         is_hidden=~is_seen[cloud.component],
+        road_speed_mps=road_speeds(graph, lane, following, along, turning_driver()),
         along_m=along,
         left_m=left,
     )

@@ -15,6 +15,7 @@ from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LON, SPEED
 
@@ -30,6 +31,8 @@ CHANGE_OF_MIND_S = 2.0
 GATE_S = 5.0
 # Drivers exceed speed limits by this factor at most, and brake for a slower lane by this much.
 ABOVE_LIMIT, BRAKING_MPS2 = 1.3, 3.0
+# Who would have to brake harder than this for one of the ways before it has made up its mind.
+HARD_BRAKING_MPS2 = 3.5
 # Who is this far outside of its lane has lost it; another is taken whose direction differs by less than this.
 LOST_M, ASTRAY_RAD = 1.5, np.deg2rad(60.0)
 LOOKS_AROUND = 0.2
@@ -126,12 +129,13 @@ class LaneGuided:
 
         change, choice, rethink, gate = rng.uniform(size=(4, len(lane)))
         along, left = moved[LON].copy(), moved[LAT].copy()
+        changes_mind = (change < dt_s / CHANGE_OF_MIND_S) & self._can_choose(lane, along, moved[SPEED])
         _go_along(
             lane,
             following,
             along,
             left,
-            change < dt_s / CHANGE_OF_MIND_S,
+            changes_mind,
             choice,
             graph.length_m,
             graph.width_m,
@@ -160,6 +164,13 @@ class LaneGuided:
         ahead = np.where(following == NOWHERE, np.inf, limit[following])
         allowed = np.minimum(limit[lane], np.sqrt(ahead**2 + 2.0 * BRAKING_MPS2 * left_m))
         return np.where(free, np.inf, allowed)
+
+    def _can_choose(self, lane: IntArray, along: FloatArray, speed: FloatArray) -> BoolArray:
+        """Return whether vehicles can still slow down for any of the ways before them, (n,)."""
+        graph, slowest = self.graph, np.full(len(self.graph), np.inf)
+        np.minimum.at(slowest, graph.link_from, lane_speeds(graph, turning_driver())[graph.successor])
+        left_m = np.maximum(graph.length_m[lane] - along, 0.0)
+        return np.asarray(speed**2 <= slowest[lane] ** 2 + 2.0 * HARD_BRAKING_MPS2 * left_m)
 
     def _find_way_back(
         self,

@@ -24,11 +24,13 @@ class FreeDriving(NamedTuple):
         approach: Share by which acceleration approaches what is wanted.
         gain_per_s: Wanted acceleration per m/s of missing speed.
         noise_mps2: Standard deviation of the acceleration's noise.
+        strongest_mps2: Greatest wanted acceleration of those whom the road limits.
     """
 
     approach: float
     gain_per_s: float
     noise_mps2: float
+    strongest_mps2: float
 
 
 class LaneHolding(NamedTuple):
@@ -82,6 +84,7 @@ def drive(
     state: FloatArray,
     after: FloatArray,
     desired_speed: FloatArray,
+    road_speed: FloatArray,
     bias: FloatArray,
     offset: FloatArray,
     lane_right: FloatArray,
@@ -103,6 +106,7 @@ def drive(
         state: States before, shape (6, n).
         after: States after, shape (6, n), which are written.
         desired_speed: Speed that each driver desires without a leader, shape (n,).
+        road_speed: Speed at which it drives where only the road limits it, infinite where it does not, shape (n,).
         bias: Constant deviation of each driver's acceleration, shape (n,).
         offset: Each driver's place in the lane, shape (n,).
         lane_right: Right lines of the lanes, not finite off the road, shape (n,).
@@ -118,7 +122,9 @@ def drive(
     """
     accel = after[ACCEL]
     for n in range(begin, end):
-        wanted = free.gain_per_s * (desired_speed[n] - state[SPEED, n])
+        wanted = free.gain_per_s * (min(desired_speed[n], road_speed[n]) - state[SPEED, n])
+        if road_speed[n] < np.inf:
+            wanted = min(wanted, free.strongest_mps2)
         accel[n] = state[ACCEL, n] + free.approach * (wanted - state[ACCEL, n]) + free.noise_mps2 * normal[0, n]
     first, last = np.searchsorted(followers, begin), np.searchsorted(followers, end)
     for k in range(first, last):
