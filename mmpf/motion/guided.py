@@ -31,7 +31,7 @@ CHANGE_OF_MIND_S = 2.0
 GATE_S = 5.0
 # Drivers exceed speed limits by this factor at most, and brake for a slower lane by this much.
 ABOVE_LIMIT, BRAKING_MPS2 = 1.3, 3.0
-# Who would have to brake harder than this for one of the ways before it has made up its mind.
+# Nobody makes up its mind to a way that it would have to brake harder for than this.
 HARD_BRAKING_MPS2 = 3.5
 # Who is this far outside of its lane has lost it; another is taken whose direction differs by less than this.
 LOST_M, ASTRAY_RAD = 1.5, np.deg2rad(60.0)
@@ -129,7 +129,7 @@ class LaneGuided:
 
         change, choice, rethink, gate = rng.uniform(size=(4, len(lane)))
         along, left = moved[LON].copy(), moved[LAT].copy()
-        changes_mind = (change < dt_s / CHANGE_OF_MIND_S) & self._can_choose(lane, along, moved[SPEED])
+        changes_mind = (change < dt_s / CHANGE_OF_MIND_S) & self._can_take(lane, choice, along, moved[SPEED])
         _go_along(
             lane,
             following,
@@ -165,12 +165,13 @@ class LaneGuided:
         allowed = np.minimum(limit[lane], np.sqrt(ahead**2 + 2.0 * BRAKING_MPS2 * left_m))
         return np.where(free, np.inf, allowed)
 
-    def _can_choose(self, lane: IntArray, along: FloatArray, speed: FloatArray) -> BoolArray:
-        """Return whether vehicles can still slow down for any of the ways before them, (n,)."""
-        graph, slowest = self.graph, np.full(len(self.graph), np.inf)
-        np.minimum.at(slowest, graph.link_from, lane_speeds(graph, turning_driver())[graph.successor])
+    def _can_take(self, lane: IntArray, choice: FloatArray, along: FloatArray, speed: FloatArray) -> BoolArray:
+        """Return whether vehicles can still slow down for the way that they would choose now, (n,)."""
+        graph = self.graph
+        chosen = _pick_successors(lane, choice, graph.successor, graph.first_successor)
         left_m = np.maximum(graph.length_m[lane] - along, 0.0)
-        return np.asarray(speed**2 <= slowest[lane] ** 2 + 2.0 * HARD_BRAKING_MPS2 * left_m)
+        driven = lane_speeds(graph, turning_driver())[chosen]
+        return np.asarray((chosen == NOWHERE) | (speed**2 <= driven**2 + 2.0 * HARD_BRAKING_MPS2 * left_m))
 
     def _find_way_back(
         self,

@@ -76,8 +76,8 @@ def fork() -> LaneGraph:
 
 
 def test_at_a_fork_the_particles_part_and_each_way_gets_its_share() -> None:
-    drive = Drive(fork(), ["in"] * 4000, [0.0] * 4000, 10.0)
-    drive.go(80)
+    drive = Drive(fork(), ["in"] * 4000, [0.0] * 4000, 5.0)
+    drive.go(160)
     taken = np.array(drive.lanes)
     assert set(taken) == {"straight", "left"}
     assert 0.4 < np.mean(taken == "left") < 0.6
