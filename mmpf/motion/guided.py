@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
+from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
@@ -212,13 +212,13 @@ class LaneGuided:
         return lane, np.where(found, near.heading_rad[rows, drawn], anywhere)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray) -> int:
     count = first_successor[lane + 1] - first_successor[lane]
     return successor[first_successor[lane] + min(int(choice * count), count - 1)] if count > 0 else NOWHERE
 
 
-@numba.njit(cache=True)
+@kernel()
 def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray) -> IntArray:
     picked = np.full(len(lane), NOWHERE)
     for n in range(len(lane)):
@@ -227,7 +227,7 @@ def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, fi
     return picked
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _go_along(
     lane: IntArray,
     following: IntArray,

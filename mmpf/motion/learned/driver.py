@@ -139,9 +139,12 @@ class LearnedDriver:
         free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
 
         def drive_some(begin: int, end: int) -> None:
+            first, last = np.searchsorted(followers, (begin, end))
             drive(
                 begin,
                 end,
+                first,
+                last,
                 state,
                 after,
                 next_latents[DESIRED_SPEED],

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
@@ -47,7 +47,7 @@ class LaneHolding(NamedTuple):
     kick_mps: float
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def switch_intentions(
     direction: FloatArray,
     target: FloatArray,
@@ -77,10 +77,12 @@ def switch_intentions(
             direction[n], target[n] = -1.0, centre - width
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 def drive(
     begin: int,
     end: int,
+    first_follower: int,
+    last_follower: int,
     state: FloatArray,
     after: FloatArray,
     desired_speed: FloatArray,
@@ -103,6 +105,8 @@ def drive(
     Args:
         begin: First particle, and
         end: the one after the last that is driven.
+        first_follower: Where the first of them that follows a leader stands in ``followers``, and
+        last_follower: where the one after the last does.
         state: States before, shape (6, n).
         after: States after, shape (6, n), which are written.
         desired_speed: Speed that each driver desires without a leader, shape (n,).
@@ -126,8 +130,7 @@ def drive(
         if road_speed[n] < np.inf:
             wanted = min(wanted, free.strongest_mps2)
         accel[n] = state[ACCEL, n] + free.approach * (wanted - state[ACCEL, n]) + free.noise_mps2 * normal[0, n]
-    first, last = np.searchsorted(followers, begin), np.searchsorted(followers, end)
-    for k in range(first, last):
+    for k in range(first_follower, last_follower):
         n = followers[k]
         hardest = _hardest_that_avoids(gap[n], state[SPEED, n] - leader_speed[n])
         accel[n] = min(sampled[k] + bias[n], hardest)
@@ -150,7 +153,7 @@ def drive(
         after[LAT_ACCEL, n] = pull
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 def _hardest_that_avoids(gap: float, closing: float) -> float:
     """Return the acceleration that just avoids the leader where that takes real braking, infinity elsewhere.
 
