@@ -57,7 +57,7 @@ def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = Fa
         closed_loop: Whether drives by belief are compared, which have metrics of their own.
     """
     of_runs = ("hidden", "mae", "hidden_outcomes", "occlusion")
-    known = (*closedloop.QUANTITIES, *closedloop.OF_CHANGES) if closed_loop else quantities(*of_runs)
+    known = closedloop.QUANTITIES if closed_loop else quantities(*of_runs)
     every = [quantity for quantity in known if quantity.compared]
     order = {key: place for place, key in enumerate(primary)}
     return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))

@@ -277,7 +277,7 @@ def test_the_compared_metrics_stand_in_the_order_of_what_is_judged_then_of_their
     assert order[:3] == ["hidden", "mae", "hidden_outcomes"]
     assert order.index("occlusion") == 3
     assert first == sorted(first, key=order.index)
-    of_drives = {each.key for each in (*closedloop.QUANTITIES, *closedloop.OF_CHANGES)}
+    of_drives = {each.key for each in closedloop.QUANTITIES}
     assert {each.key for each in compared_quantities(closed_loop=True)} <= of_drives
     assert quantity_of("timing.tracker_ms.p50") is STEP_TIME
     assert [name_of(key) for key in ("mot.hota", "timing.tracker_ms.p50")] == ["HOTA in sight", "time of a step"]
