@@ -221,5 +221,6 @@ def _descend(
                     own[n] = values[row, forebears[n]]
             elif len(own):
                 first = ancestors[starts[m]]
+                kept = values[row, first : first + len(own)]
                 for n in range(len(own)):
-                    own[n] = values[row, first + n]
+                    own[n] = kept[n]
