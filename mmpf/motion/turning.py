@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.lanes.control import FREE, YIELD
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.kinematic import committed_table
@@ -80,7 +80,7 @@ def road_speeds(
     return allowed
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _slow_down(
     lane: IntArray,
     following: IntArray,
