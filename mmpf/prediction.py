@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Protocol
 
-import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray
+from mmpf.compute.kernels import kernel
 from mmpf.compute.normals import standard_normals
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
@@ -115,7 +115,7 @@ def _add_model_error(
         _add_scaled(state, (SPEED, ACCEL, LAT_SPEED), is_hidden, seen, hidden, normal)
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _add_scaled(
     state: FloatArray,
     rows: tuple[int, ...],

@@ -28,7 +28,7 @@ from harness.writing.numbers import without_nan
 if TYPE_CHECKING:
     import pandas as pd
 
-FIGURE = "drives.png"
+FIGURE = "collisions_and_hard_brakes.png"
 WORKER = "harness.closedloop.worker"
 PAGES_OF_EACH = 3
 """Of each belief and bias so many collisions, the hardest, get a page with a replay; the others keep their folders."""
@@ -136,7 +136,7 @@ def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[s
         _link(run.key, row) if run.key in shown else ""
         for run, (_, row) in zip(grid.runs, table.iterrows(), strict=True)
     ]
-    title = f"Driving by belief on {request.net}"
+    title = f"Driving by what trackers believe, on {request.net}"
     text = as_markdown(
         title, found, table.assign(**{REPLAY: links}), [f"{each['key']}: {each['error']}" for each in failures]
     )

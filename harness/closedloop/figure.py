@@ -57,5 +57,5 @@ def drives_figure(found: Sequence[Score], title: str) -> Figure:
         figure.legend(
             *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(kinds), frameon=False
         )
-    figure.suptitle(f"{title}: means with 95 % intervals over seeds", fontsize=11)
+    figure.suptitle(f"{title}: means of the episodes with 95 % intervals", fontsize=11)
     return figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from harness.closedloop.beliefs import TRUTH
 from harness.closedloop.plan import BIAS, CROSS, FREE, GAP, KIND, PROVOKED
 from harness.comparison.effects import paired_effect
 from harness.grid.rows import column_of
-from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, NO_CANDIDATE, OF_SOME, QUANTITIES
+from harness.scoring.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
 from harness.scoring.quantity import Quantity
 from harness.scoring.statistics import few_groups_ci
 from harness.writing.markdown import markdown_table
@@ -70,26 +70,29 @@ def scores(table: pd.DataFrame) -> list[Score]:
         truth = episodes[(episodes["variant"] == TRUTH) & (episodes[BIAS] == 0.0)]
         for belief, bias in dict.fromkeys(zip(episodes["variant"], episodes[BIAS], strict=True)):
             rows = episodes[(episodes["variant"] == belief) & (episodes[BIAS] == bias)]
-            told = (*QUANTITIES, *(each for each in OF_SOME if np.isfinite(column_of(episodes, each.key)).any()))
+            told = [each for each in QUANTITIES if np.isfinite(column_of(episodes, each.key)).any()]
             found += [_score(belief, bias, name, quantity, rows, truth) for quantity in told]
     return found
 
 
 def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failures: Sequence[str]) -> str:
     """Return the tables: means with intervals, what is in excess of the truth's, and the collisions."""
-    lines = [f"# {title}", "", *_about(table), ""]
+    explanation = [EXPLANATION, *(text for kind, text in EXPLANATIONS.items() if kind in set(table[KIND]))]
+    lines = [f"# {title}", "", QUESTION, "", *_about(table), "", *_answers(found), ""]
     for name in dict.fromkeys(score.episodes for score in found):
         part = [score for score in found if score.episodes == name]
-        lines += [f"## {_heading(name, part)}", "", *_means(part), ""]
-        if any(score.excess is not None for score in part):
-            lines += ["In excess of driving by the truth in the same episodes:", "", *_excesses(part), ""]
-    explanation = [EXPLANATION, *(text for kind, text in EXPLANATIONS.items() if kind in set(table[KIND]))]
-    lines += [*_collisions(table), " ".join(explanation), ""]
+        lines += [f"## {_heading(name, part)}", "", *_table(part), ""]
+    lines += [*_collisions(table), "## What is counted", "", " ".join(explanation), ""]
     if failures:
         lines += ["## Failed drives", "", *(f"- {failure}" for failure in failures), ""]
     return "\n".join(lines)
 
 
+QUESTION = (
+    "The ego's driver is told nothing but what a belief holds, a tracker's tracks for example, and the ego really "
+    "drives by it; every belief gets the same episodes. Whoever is told the `truth` shows what the traffic itself asks "
+    "for. *Less truth* is the mean difference from that in the same episodes."
+)
 EXPLANATION = (
     "Means over episodes with Student's 95 % intervals over seeds, two episodes each. Everything is measured by the "
     "truth until the episode ends: after 20 s, with a collision, or where the road does. A *missed* braking is one "
@@ -173,12 +176,12 @@ def _about(table: pd.DataFrame) -> list[str]:
     for kind, episodes in done.groupby(KIND, sort=False):
         none = int((episodes[ENDED] == NO_CANDIDATE).sum())
         looked = column_of(episodes, "episode.looked_through")
-        line = f"{len(episodes) - none} episodes {kind}"
+        line = f"{len(episodes) - none} *{kind}*"
         if kind != FREE:
             line += f", found among {int(np.nansum(looked))} cars that were looked through"
             line += f"; {none} more have no candidate" if none else ""
         lines.append(line)
-    return [f"{'; '.join(lines)}."]
+    return [f"Episodes: {'; '.join(lines)}."]
 
 
 def _heading(name: str, part: Sequence[Score]) -> str:
@@ -186,25 +189,45 @@ def _heading(name: str, part: Sequence[Score]) -> str:
     return f"{name.capitalize()} episodes, {episodes}"
 
 
-def _means(part: Sequence[Score]) -> list[str]:
-    return _laid_out(part, lambda score, decimals: _cell(score.mean, score.ci95, decimals, ""))
+def _answers(found: Sequence[Score]) -> list[str]:
+    """Return a line for each belief: in how many episodes it collides, and how often it brakes hard."""
+    lines = []
+    for belief, bias in dict.fromkeys((score.belief, score.gap_bias_m) for score in found):
+        own = {
+            score.metric: score
+            for score in found
+            if (score.belief, score.gap_bias_m, score.episodes) == (belief, bias, ALL)
+        }
+        collided, brakes = own.get(COLLIDED), own.get(HARD_BRAKES)
+        if collided is None or collided.mean is None:
+            continue
+        hit = round(0.01 * collided.mean * collided.n)
+        line = f"- **{_name(belief, bias)}**: {hit} of {collided.n} episodes end in a collision"
+        if brakes is not None and brakes.mean is not None:
+            line += f"; {brakes.mean:.1f} hard brakes a km"
+        lines.append(f"{line}.")
+    return lines
 
 
-def _excesses(part: Sequence[Score]) -> list[str]:
-    others = [score for score in part if score.excess is not None and (score.belief, score.gap_bias_m) != (TRUTH, 0.0)]
-    return _laid_out(others, lambda score, decimals: _cell(score.excess, score.excess_ci95, decimals, "+"))
+def _name(belief: str, bias: float) -> str:
+    return f"{belief} +{bias:g} m" if bias else belief
 
 
-def _laid_out(part: Sequence[Score], cell_of: Callable[[Score, int], str]) -> list[str]:
-    shown = [quantity for quantity in (*QUANTITIES, *OF_SOME) if any(score.metric == quantity.key for score in part)]
-    biases = len({score.gap_bias_m for score in part}) > 1 or any(score.gap_bias_m for score in part)
+def _table(part: Sequence[Score]) -> list[str]:
+    """Return a table with a row for each quantity: each belief's mean, then how far it is from the truth's."""
+    of = {(score.metric, score.belief, score.gap_bias_m): score for score in part}
+    beliefs = list(dict.fromkeys((score.belief, score.gap_bias_m) for score in part))
+    others = [belief for belief in beliefs if belief != (TRUTH, 0.0)]
     rows = []
-    for belief, bias in dict.fromkeys((score.belief, score.gap_bias_m) for score in part):
-        own = {score.metric: score for score in part if (score.belief, score.gap_bias_m) == (belief, bias)}
-        cells = [cell_of(own[each.key], each.decimals) if each.key in own else "-" for each in shown]
-        rows.append([belief, *([f"{bias:g}"] if biases else []), *cells])
-    headings = ["belief", *(["gap bias m"] if biases else []), *(each.heading for each in shown)]
-    return markdown_table(headings, rows)
+    for quantity in QUANTITIES:
+        own = {belief: of[quantity.key, *belief] for belief in beliefs if (quantity.key, *belief) in of}
+        if not own:
+            continue
+        means = [_cell(own[belief].mean, own[belief].ci95, quantity.decimals, "") for belief in beliefs]
+        excesses = [_cell(own[belief].excess, own[belief].excess_ci95, quantity.decimals, "+") for belief in others]
+        rows.append([quantity.label, *means, *excesses])
+    headings = [*(_name(*belief) for belief in beliefs), *(f"{_name(*belief)} less truth" for belief in others)]
+    return markdown_table(["measured by the truth", *headings], rows)
 
 
 def _cell(value: float | None, ci95: tuple[float, float] | None, decimals: int, sign: str) -> str:

@@ -28,7 +28,6 @@ from harness.comparison.verdicts import (
 from harness.comparison.why import Why
 from harness.errors import InputError
 from harness.grid.rows import column_of
-from harness.scoring.closedloop import OF_SOME
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
@@ -151,7 +150,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         values = {
             quantity: [column_of(rows, quantity.key) for rows in matched]
             for quantity in compared_quantities(rules.primary, closed_loop)
-            if quantity not in OF_SOME or rules.judges(quantity) or all(quantity.key in rows for rows in matched)
+            if rules.judges(quantity) or any(quantity.key in rows for rows in matched)
         }
         if _in_one_run(a, b) and pairing.layout.paired and all(STEP_TIME.key in rows for rows in matched):
             values[STEP_TIME] = _step_times(*matched)

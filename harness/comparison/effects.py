@@ -64,11 +64,11 @@ class Effect:
         if not np.isfinite(self.se):
             return None
         sd = self.se * np.sqrt(self.units)
-        away, level = (worsening, LEVEL / tests) if worsening > margin else (margin - worsening, LEVEL)
+        away, level = (worsening, LEVEL / tests) if worsening > margin else (margin - worsening, 0.5 * LEVEL)
         if away <= 0.0:
             return None
         units = np.unique(np.geomspace(max(self.units + 1.0, 3.0), MOST_UNITS, 200).astype(np.int64))
-        reached = special.stdtrit(units - 1.0, 1.0 - 0.5 * level) + special.ndtri(POWER)
+        reached = special.stdtrit(units - 1.0, 1.0 - level) + special.ndtri(POWER)
         enough = np.flatnonzero(reached * sd <= away * np.sqrt(units))
         return int(units[enough[0]]) if len(enough) else None
 

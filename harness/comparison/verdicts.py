@@ -57,7 +57,7 @@ def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = Fa
         closed_loop: Whether drives by belief are compared, which have metrics of their own.
     """
     of_runs = ("hidden", "mae", "hidden_outcomes", "occlusion")
-    known = (*closedloop.QUANTITIES, *closedloop.OF_SOME) if closed_loop else quantities(*of_runs)
+    known = closedloop.QUANTITIES if closed_loop else quantities(*of_runs)
     every = [quantity for quantity in known if quantity.compared]
     order = {key: place for place, key in enumerate(primary)}
     return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))
@@ -112,7 +112,8 @@ class Verdict:
         b: Mean of the second.
         difference: b minus a.
         ci95: Its 95 % interval; nan where nothing is known of its scatter.
-        p: p value of no difference, corrected for the number of verdicts by Holm's method; nan without a test.
+        p: One-sided p value of being worse, or of being better where the difference is, corrected for the number of
+            verdicts by Holm's method; nan without a test.
         pairs: Number of pairs, or of values of the smaller arm where not paired.
         units: Number of independent units: seeds, or the vehicles' effective number.
         margin: By how much b may be worse.
@@ -148,19 +149,31 @@ def judge(measured: Sequence[Measured], rules: Rules | None = None) -> list[Verd
         rules: What is judged, and how much worse is put up with; None for the usual.
 
     Returns:
-        A verdict each, in their order. The probability that any of them is worse or better though nothing differs is
-        at most 5 %, half of it each.
+        A verdict each, in their order. The probability that any of them is worse though nothing differs is at most
+        5 %, and so is that of better.
     """
     rules = rules or Rules()
     # Equal bytes are no sample: nothing has changed, however few runs there are.
     identical = all(each.same for each in measured if each.pairs)
     tested = [each if rules.judges(each.quantity) and not _unknown(each, identical) else None for each in measured]
-    corrected = holm(np.array([np.nan if each is None else 1.0 if identical else each.effect.p for each in tested]))
+    worse = np.array([np.nan if each is None else 1.0 if identical else _p_of_worse(each) for each in tested])
+    better = np.ones(len(worse)) if identical else 1.0 - worse
+    corrected = np.where(worse <= better, holm(worse), holm(np.where(np.isnan(worse), np.nan, better)))
     tests = max(1, int(np.isfinite(corrected).sum()))
     return [
         _verdict(each, rules, p, tests, _unknown(each, identical))
         for each, p in zip(measured, corrected.tolist(), strict=True)
     ]
+
+
+def _p_of_worse(measured: Measured) -> float:
+    """Return the one-sided p value of b being no worse."""
+    half = 0.5 * measured.effect.p
+    return half if _worsening(measured) > 0.0 else 1.0 - half
+
+
+def _worsening(measured: Measured) -> float:
+    return -measured.effect.difference if measured.quantity.higher_is_better else measured.effect.difference
 
 
 def _unknown(measured: Measured, identical: bool) -> str:
@@ -179,7 +192,7 @@ def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: st
     effect, primary = measured.effect, rules.judges(measured.quantity)
     margin = rules.margin(measured.quantity, measured.a)
     sign = -1.0 if measured.quantity.higher_is_better else 1.0
-    worsening = sign * effect.difference
+    worsening = _worsening(measured)
     worst = max(sign * end for end in effect.ci95) if measured.effect.se > 0.0 else worsening
     word, wanting = UNTESTED, measured.wanting
     if primary and (measured.pairs or wanting):

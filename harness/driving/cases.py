@@ -104,6 +104,7 @@ def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden:
         right_follower=nobody,
         flow_speed_mps=np.full(len(crossed), np.nan),
         is_hidden=np.full(len(crossed), hidden),
+        road_speed_mps=np.full(len(crossed), np.inf),
     )
 
 
@@ -155,4 +156,5 @@ def _behind_leaders(windows: Following, state: FloatArray, step: int, hidden: bo
         right_follower=nobody,
         flow_speed_mps=np.full(len(no_lane), np.nan),
         is_hidden=np.full(len(no_lane), hidden),
+        road_speed_mps=np.full(len(no_lane), np.inf),
     )

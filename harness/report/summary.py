@@ -75,7 +75,7 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
     table = Table(title="Mean absolute error while followed, by visibility", box=box.SIMPLE, title_justify="left")
-    table.add_column("vehicles")
+    table.add_column("vehicles", no_wrap=True)
     for _, heading in MAE_COLUMNS:
         table.add_column(heading, justify="right")
     table.add_column("followed", justify="right")
@@ -89,7 +89,7 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
     table = Table(title="Tracks against truth", box=box.SIMPLE, title_justify="left")
-    table.add_column("vehicles")
+    table.add_column("vehicles", no_wrap=True)
     columns = mot_columns()
     for column in columns:
         table.add_column(column.heading, justify="right")

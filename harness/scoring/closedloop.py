@@ -26,64 +26,50 @@ IN_TIME, BY_COLLISION, OFF_THE_ROAD, NO_CANDIDATE = "in time", "collision", "lef
 WAY_ENDED = "came to where its way ends"
 
 QUANTITIES = (
-    Quantity(COLLIDED, "episodes with a collision, %", decimals=1, heading="collided %", compared=True),
-    Quantity(IMPACT, "impact speed, m/s", decimals=1, heading="impact m/s"),
-    Quantity(TTC, "time with TTC below 1.5 s, %", decimals=2, heading="TTC < 1.5 s %", compared=True),
-    Quantity(DRAC, "time with DRAC above 3.4 m/s², %", decimals=2, heading="DRAC > 3.4 %", compared=True),
-    Quantity(HARD_BRAKES, "hard brakes (below -3 m/s²) a km", decimals=2, heading="hard brakes a km", compared=True),
-    Quantity(
-        f"{TABLE}.missed_per_km", "missed brakings a km", decimals=2, heading="missed brakings a km", compared=True
-    ),
-    Quantity(
-        f"{TABLE}.phantom_per_km", "phantom brakings a km", decimals=2, heading="phantom brakings a km", compared=True
-    ),
-    Quantity(
-        f"{TABLE}.mean_speed_mps", "mean speed, m/s",
-        higher_is_better=True, decimals=2, heading="speed m/s", compared=True,
-    ),
-    Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2, heading="jerk m/s³", compared=True),
-)  # fmt: skip
-OF_CHANGES = (
+    Quantity(COLLIDED, "episodes with a collision, %", decimals=1, compared=True),
+    Quantity(IMPACT, "impact speed, m/s", decimals=1),
+    Quantity(TTC, "time with TTC below 1.5 s, %", decimals=2, compared=True),
+    Quantity(DRAC, "time with DRAC above 3.4 m/s², %", decimals=2, compared=True),
+    Quantity(HARD_BRAKES, "hard brakes (below -3 m/s²) a km", decimals=2, compared=True),
+    Quantity(f"{TABLE}.missed_per_km", "missed brakings a km", decimals=2, compared=True),
+    Quantity(f"{TABLE}.phantom_per_km", "phantom brakings a km", decimals=2, compared=True),
+    Quantity(f"{TABLE}.mean_speed_mps", "mean speed, m/s", higher_is_better=True, decimals=2, compared=True),
+    Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2, compared=True),
     Quantity(
         f"{TABLE}.changed_percent", "episodes in which the ego got to the lane that it needed, %",
-        higher_is_better=True, decimals=1, heading="changed %", compared=True,
+        higher_is_better=True, decimals=1, compared=True,
     ),
     Quantity(
         f"{TABLE}.forbidden_change_percent", "episodes in which it began to change where the truth forbids it, %",
-        decimals=1, heading="forbidden changes %", compared=True,
+        decimals=1, compared=True,
     ),
     Quantity(
         f"{TABLE}.unsafe_gaps_percent", "gaps accepted of those that the truth forbids, %",
-        decimals=2, heading="unsafe gaps %", compared=True,
+        decimals=2, compared=True,
     ),
-)  # fmt: skip
-"""What episodes alone have in which the ego needs another lane."""
-OF_CROSSINGS = (
     Quantity(
         f"{TABLE}.crossed_percent", "episodes in which the ego got across, %",
-        higher_is_better=True, decimals=1, heading="crossed %", compared=True,
+        higher_is_better=True, decimals=1, compared=True,
     ),
     Quantity(
         f"{TABLE}.yielded_percent", "episodes in which it let the provoked vehicle pass first, %",
-        higher_is_better=True, decimals=1, heading="yielded %", compared=True,
+        higher_is_better=True, decimals=1, compared=True,
     ),
-    Quantity(f"{TABLE}.waited_s", "time of waiting before it, s", decimals=1, heading="waited s", compared=True),
+    Quantity(f"{TABLE}.waited_s", "time of waiting before it, s", decimals=1, compared=True),
     Quantity(
         f"{TABLE}.pet_below_1_5_percent", "episodes with a post-encroachment time below 1.5 s, %",
-        decimals=1, heading="PET < 1.5 s %", compared=True,
+        decimals=1, compared=True,
     ),
     Quantity(
         f"{TABLE}.made_brake_percent", "episodes in which one with right of way brakes hard while the ego crosses, %",
-        decimals=1, heading="made brake %", compared=True,
+        decimals=1, compared=True,
     ),
     Quantity(
         f"{TABLE}.unsafe_to_go_percent", "moments at which it goes, of those at which the truth has it hold, %",
-        decimals=1, heading="unsafe to go %", compared=True,
+        decimals=1, compared=True,
     ),
 )  # fmt: skip
-"""What episodes alone have in which the ego comes to where it must yield."""
-OF_SOME = (*OF_CHANGES, *OF_CROSSINGS)
-"""What some kinds of episodes alone have."""
+"""The last nine are of episodes alone in which the ego needs another lane, or comes to where it must yield."""
 SHORT_PET_S = 1.5
 PRIMARY = (COLLIDED, TTC, HARD_BRAKES)
 """What ``compare`` judges of a closed loop unless asked otherwise."""

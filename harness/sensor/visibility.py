@@ -8,11 +8,11 @@ middle of each interval decides it exactly; nothing is sampled.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 
 TWO_PI = 2.0 * np.pi
 NO_OCCLUDER = -1
@@ -74,10 +74,10 @@ def _shared_out(boxes: FloatArray, first_wall: int) -> tuple[FloatArray, IntArra
     if len(boxes) == 0:
         return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0)
     extents = _angular_extents(boxes)
-    return _sweep(boxes, extents, _order_change_angles(boxes, extents), first_wall)
+    return _sweep(boxes, extents, np.sort(_order_change_angles(boxes, extents)), first_wall)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def first_hits(boxes: FloatArray, bearings: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the rectangle that each ray from the sensor meets first.
 
@@ -90,10 +90,10 @@ def first_hits(boxes: FloatArray, bearings: FloatArray) -> tuple[IntArray, Float
         which it leaves it, both infinite where there is none; each of shape (r,).
     """
     extents = _angular_extents(boxes)
-    index = np.full(len(bearings), NO_OCCLUDER, dtype=np.int64)
-    entry = np.full(len(bearings), np.inf)
-    leave = np.full(len(bearings), np.inf)
+    index = np.empty(len(bearings), dtype=np.int64)
+    entry, leave = np.empty(len(bearings)), np.empty(len(bearings))
     for r in range(len(bearings)):
+        index[r], entry[r], leave[r] = NO_OCCLUDER, np.inf, np.inf
         cosine, sine = np.cos(bearings[r]), np.sin(bearings[r])
         for i in range(len(boxes)):
             if (bearings[r] - extents[i, 0]) % TWO_PI < extents[i, 1]:
@@ -141,7 +141,7 @@ def compile_kernels() -> None:
     first_hits(pack_boxes((0.0, 0.0), 9.0 * one, one, one, one, one), one)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _sweep(
     boxes: FloatArray, extents: FloatArray, angles: FloatArray, first_wall: int
 ) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -179,20 +179,23 @@ def _sweep(
                 seen[i] += span
             else:
                 covered_by[i, first] += span
-    fraction = np.ones(count)
-    occluder = np.full(count, NO_OCCLUDER, dtype=np.int64)
-    behind = np.zeros(count)
+    fraction, behind = np.empty(count), np.empty(count)
+    occluder = np.empty(count, dtype=np.int64)
     for i in range(count):
-        if total[i] > 0.0:
-            fraction[i] = min(1.0, max(0.0, seen[i] / total[i]))
-            behind[i] = min(1.0, covered_by[i, first_wall:].sum() / total[i])
+        fraction[i], behind[i], occluder[i] = 1.0, 0.0, NO_OCCLUDER
         most = covered_by[i].argmax()
         if covered_by[i, most] > 0.0:
             occluder[i] = most
+        by_walls = 0.0
+        for wall in range(first_wall, count):
+            by_walls += covered_by[i, wall]
+        if total[i] > 0.0:
+            fraction[i] = min(1.0, max(0.0, seen[i] / total[i]))
+            behind[i] = min(1.0, by_walls / total[i])
     return fraction, occluder, behind
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _angular_extents(boxes: FloatArray) -> FloatArray:
     """Return where each rectangle's extent begins, in [0, 2 pi), and how wide it is, shape (n, 2)."""
     extents = np.empty((len(boxes), 2))
@@ -212,9 +215,9 @@ def _angular_extents(boxes: FloatArray) -> FloatArray:
     return extents
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _order_change_angles(boxes: FloatArray, extents: FloatArray) -> FloatArray:
-    """Return the sorted angles, in [0, 2 pi), between which the order along a ray is constant."""
+    """Return the angles, in [0, 2 pi) and in no order, between which the order along a ray is constant."""
     angles = [0.0]
     for i in range(len(boxes)):
         angles.append(extents[i, 0])
@@ -232,10 +235,10 @@ def _order_change_angles(boxes: FloatArray, extents: FloatArray) -> FloatArray:
                         crosses, x, y = _edge_crossing(boxes[i], c, boxes[j], d)
                         if crosses:
                             angles.append(np.arctan2(y, x) % TWO_PI)
-    return np.sort(np.array(angles))
+    return np.array(angles)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _entry_and_exit(box: FloatArray, cosine: float, sine: float) -> tuple[float, float]:
     """Return where a ray that meets the rectangle enters and leaves it (slab method)."""
     origin_x = -box[0] * box[2] - box[1] * box[3]
@@ -252,14 +255,14 @@ def _entry_and_exit(box: FloatArray, cosine: float, sine: float) -> tuple[float,
     return near, max(near, far)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _corner(box: FloatArray, number: int) -> tuple[float, float]:
     along = box[4] if number in (0, 3) else -box[4]
     across = box[5] if number < 2 else -box[5]
     return box[0] + along * box[2] - across * box[3], box[1] + along * box[3] + across * box[2]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _contains(box: FloatArray, x: float, y: float) -> bool:
     """Whether the point lies in the rectangle or on its edge."""
     along = (x - box[0]) * box[2] + (y - box[1]) * box[3]
@@ -267,7 +270,7 @@ def _contains(box: FloatArray, x: float, y: float) -> bool:
     return bool(abs(along) <= box[4] + SAME_SURFACE and abs(across) <= box[5] + SAME_SURFACE)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _edge_crossing(box: FloatArray, edge: int, other: FloatArray, other_edge: int) -> tuple[bool, float, float]:
     """Return whether two edges cross, and where; parallel edges do not."""
     ax, ay = _corner(box, edge)

@@ -100,7 +100,7 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         InputError: An unknown case, or too little traffic.
     """
     if plan.case not in PAPER_COMPONENTS:
-        raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING} or {LANE_CHANGE}")
+        raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING}, {LANE_CHANGE} or turning")
     for_training = scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S)
     for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S)
     recordings = len(for_training) + len(for_tuning)

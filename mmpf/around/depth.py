@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.plane import SensorPlane
 from mmpf.road import wall_bodies
 
@@ -93,7 +93,7 @@ def _cast_walls(plane: SensorPlane, depth: FloatArray, caster: IntArray) -> None
     _put_before(surfaces[0], depth, caster)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _put_before(surface: FloatArray, depth: FloatArray, caster: IntArray) -> None:
     """Take nobody's surfaces, one a sector, in among the two nearest of each sector."""
     for k in range(len(surface)):
@@ -104,7 +104,7 @@ def _put_before(surface: FloatArray, depth: FloatArray, caster: IntArray) -> Non
             depth[1, k], caster[1, k] = surface[k], -1
 
 
-@numba.njit(cache=True)
+@kernel()
 def _cast_shadows(
     x: FloatArray,
     y: FloatArray,
@@ -144,7 +144,7 @@ def _cast_shadows(
                 depth[1, sector], caster[1, sector] = entry, m
 
 
-@numba.njit(cache=True)
+@kernel()
 def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
     """Return the centre bearing and the half-width of a rectangle's extent, seen from the origin outside of it."""
     centre = np.arctan2(y, x)
@@ -159,7 +159,7 @@ def _angular_extent(x: float, y: float, half_length: float, half_width: float) -
     return centre, half
 
 
-@numba.njit(cache=True)
+@kernel()
 def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: float, half_width: float) -> float:
     """Return the distance at which a ray from the origin enters the rectangle (slab test), -1 if it misses."""
     enter, leave = 0.0, np.inf

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray
+from mmpf.compute.kernels import kernel
 from mmpf.scan import SensorModel
 
 # What is learned makes no sensor certain: a single miss would prove that nobody is there.
@@ -50,7 +50,7 @@ def in_plain_view(sensor: SensorModel, reach_shares: FloatArray) -> FloatArray:
     return np.minimum(promised * reach_shares, max(promised, LARGEST_LEARNED))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _by_data_sheet(
     visible: FloatArray,
     distance: FloatArray,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.compute.threads import in_shares
 from mmpf.road import Road
 
@@ -56,7 +56,7 @@ def _adjacent_lanes(road: Road) -> tuple[IntArray, IntArray]:
     return left, right
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _find_lanes(
     begin: int,
     end: int,
@@ -97,13 +97,13 @@ def _find_lanes(
                 break
 
 
-@numba.njit(cache=True)
+@kernel()
 def _extent(lanes: FloatArray, lane: int) -> tuple[float, float]:
     """Return where a lane starts and ends; that of no lane holds nothing."""
     return (lanes[lane, 3], lanes[lane, 4]) if lane != OFF_ROAD else (0.0, 0.0)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
     """Return the lane that a position is in or next to, ``OFF_ROAD`` if there is none, as on a ramp."""
     smallest = SHOULDER_M

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.compute.threads import in_shares
 from mmpf.motion.protocol import Neighbour
 from mmpf.state import LON, SPEED
@@ -19,7 +19,7 @@ NOBODY = -1
 IN_THE_WAY = 0.85
 
 
-@numba.njit(cache=True)
+@kernel()
 def nearest_by_lane(
     lon: FloatArray,
     lat: FloatArray,
@@ -41,9 +41,11 @@ def nearest_by_lane(
         counts: Which of them count as vehicles for the others, shape (m,).
         lanes: Number of lanes.
     """
-    leader = np.full((len(lon), lanes), NOBODY, dtype=np.int64)
-    follower = np.full((len(lon), lanes), NOBODY, dtype=np.int64)
+    leader = np.empty((len(lon), lanes), dtype=np.int64)
+    follower = np.empty((len(lon), lanes), dtype=np.int64)
     for m in range(len(lon)):
+        for strip in range(lanes):
+            leader[m, strip] = follower[m, strip] = NOBODY
         for other in range(len(lon)):
             if other == m or not counts[other] or lane[other] < 0:
                 continue
@@ -147,7 +149,7 @@ class UnmeasuredNeighbour:
     length_m = property(attrgetter("_all.length_m"))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _measure_neighbours(
     begin: int,
     end: int,

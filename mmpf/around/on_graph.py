@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.around.neighbours import IN_THE_WAY
@@ -14,9 +13,11 @@ from mmpf.around.stop_lines import stop_at_lines
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GATE, AroundOnGraph, guidance
 from mmpf.motion.protocol import Neighbour
+from mmpf.motion.turning import road_speeds, turning_driver
 from mmpf.options import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
@@ -132,6 +133,7 @@ def surroundings_on_graph(
         right_follower=found(beside[1], -1.0, None),
         flow_speed_mps=flow[cloud.component],
         is_hidden=~is_seen[cloud.component],
+        road_speed_mps=road_speeds(graph, lane, following, along, turning_driver()),
         along_m=along,
         left_m=left,
     )
@@ -162,7 +164,7 @@ def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: fl
     )
 
 
-@numba.njit(cache=True)
+@kernel()
 def _first_ahead(
     order: IntArray,
     first: IntArray,
@@ -235,7 +237,7 @@ def _nearest(
     return found
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _find_nearest(
     order: IntArray,
     first: IntArray,

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.lanes.control import SIGNAL, YIELD
 from mmpf.lanes.graph import LaneGraph
 
@@ -147,7 +147,7 @@ class LinkWatch:
         return open_probability(self._log_odds, open_signals, vehicles, self._graph)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _watch_drivers(
     log_odds: FloatArray,
     dt_s: float,
@@ -178,7 +178,7 @@ def _watch_drivers(
                 log_odds[other] += BESIDE * ENTERED_PER_S * dt_s * (kind[other] == SIGNAL and not entered[other])
 
 
-@numba.njit(cache=True)
+@kernel()
 def _give_way(
     chance: FloatArray,
     lane: IntArray,

@@ -5,11 +5,11 @@ Each particle looks up the rays over its extent in the table of nearest surfaces
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from mmpf.around.depth import Bodies, DepthTable, headings_in_plane
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.compute.threads import in_shares
 from mmpf.plane import SensorPlane
 from mmpf.scan import FreeSpace
@@ -70,7 +70,7 @@ def shadowed_share(
     return np.asarray((free_space.range_m[sector] < distance).mean(axis=0))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 def _look_up_rays(
     x: FloatArray,
     y: FloatArray,
@@ -100,7 +100,7 @@ def _look_up_rays(
         begin = end
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _fraction_of_all(
     x: FloatArray,
     y: FloatArray,
@@ -142,7 +142,7 @@ def _fraction_of_all(
     return 1.0 if is_clear else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _fraction_of_each(
     x: FloatArray,
     y: FloatArray,
@@ -179,7 +179,7 @@ def _fraction_of_each(
         fraction[n] = clear / rays
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _bearing(x: float, y: float) -> float:
     """Return the direction of a point seen from the origin, as ``arctan2(y, x)``."""
     largest = max(abs(x), abs(y))
@@ -193,7 +193,7 @@ def _bearing(x: float, y: float) -> float:
     return -angle if y < 0.0 else angle
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _arctangent(t: float) -> float:
     """Return the arctangent of a number that is not negative, in half the library's time (Moshier's Cephes)."""
     offset = 0.0

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numba
-
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 
 # Who would have to brake harder than this before a stop line goes on; the others stand so far before it.
 STOPS_WITH_MPS2, BEFORE_LINE_M = 3.5, 1.0
@@ -12,7 +11,7 @@ STOPS_WITH_MPS2, BEFORE_LINE_M = 3.5, 1.0
 STANDSTILL_GAP_M = 2.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def stop_at_lines(
     chance: FloatArray,
     gate: FloatArray,

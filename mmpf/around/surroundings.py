@@ -63,6 +63,7 @@ def surroundings_of(
         right_follower=UnmeasuredNeighbour(known, lanes.index[RIGHT], follower, -1.0),
         flow_speed_mps=flow[component],
         is_hidden=~is_seen[component],
+        road_speed_mps=np.full(len(component), np.inf),
     )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import LaneGraph
 from mmpf.motion.guided import guidance
 
@@ -39,7 +39,7 @@ def on_heaviest_way(mixture: Mixture, graph: LaneGraph) -> Mixture:
     return replace(mixture, cloud=replace(cloud, log_weight=log_weight))
 
 
-@numba.njit(cache=True)
+@kernel()
 def _find_heaviest(
     lane: IntArray,
     weight: FloatArray,
@@ -71,7 +71,7 @@ def _find_heaviest(
             keep[n] = _go_together(best, lane[n], left, right, successor, first_successor)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _go_together(
     one: int, other: int, left: IntArray, right: IntArray, successor: IntArray, first_successor: IntArray
 ) -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.compute.threads import in_shares
 from mmpf.scan import Detections
 from mmpf.state import LAT, LON, STATE_SIZE
@@ -107,7 +107,7 @@ def _mean_directions(mixture: Mixture, weight: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(sine, cosine))
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _accumulate_moments(
     begin: int,
     end: int,
@@ -135,7 +135,7 @@ def _accumulate_moments(
             variance[row, c] = second
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _invert_sums_of_squares(weight: FloatArray, starts: IntArray, effective_size: FloatArray) -> None:
     for m in range(len(starts) - 1):
         own_weight = weight[starts[m] : starts[m + 1]]

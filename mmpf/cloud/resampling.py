@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture, ParticleCloud
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.compute.normals import standard_normals
 from mmpf.compute.threads import in_shares
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
@@ -113,7 +113,7 @@ def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) ->
     return np.asarray(np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(len(SMOOTHED))), dtype=np.float64)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _systematic_ancestors(
     weight: FloatArray,
     starts: IntArray,
@@ -144,7 +144,7 @@ def _systematic_ancestors(
             out += 1
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _accumulate_covariances(
     begin: int,
     end: int,
@@ -172,7 +172,7 @@ def _accumulate_covariances(
                 covariance[c, i, j] = covariance[c, j, i] = total
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _smooth(
     begin: int,
     end: int,
@@ -201,7 +201,7 @@ def _smooth(
                     values[n] = max(values[n], 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _descend(
     begin: int,
     end: int,
@@ -221,4 +221,6 @@ def _descend(
                     own[n] = values[row, forebears[n]]
             elif len(own):
                 first = ancestors[starts[m]]
-                own[:] = values[row, first : first + len(own)]
+                kept = values[row, first : first + len(own)]
+                for n in range(len(own)):
+                    own[n] = kept[n]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.compute.arrays import Float32Array
+from mmpf.compute.arrays import Float32Array, Int32Array
+from mmpf.compute.kernels import kernel
 
 QUARTER_PI = np.float32(0.25 * np.pi)
 
@@ -25,18 +25,25 @@ def standard_normals(rng: np.random.Generator, shape: tuple[int, ...]) -> Float3
     pairs = (size + 1) // 2
     bits = rng.integers(0, 2**64, size=pairs, dtype=np.uint64).view(np.uint32)
     drawn = np.empty(2 * pairs, dtype=np.float32)
-    _box_muller(bits[:pairs], bits[pairs:], drawn[:pairs], drawn[pairs:])
+    first = drawn[:pairs]
+    _box_muller(bits[:pairs], bits[pairs:], first, first.view(np.int32), drawn[pairs:])
     return drawn[:size].reshape(shape)
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _box_muller(
-    radius_bits: npt.NDArray[np.uint32], angle_bits: npt.NDArray[np.uint32], first: Float32Array, second: Float32Array
+    radius_bits: npt.NDArray[np.uint32],
+    angle_bits: npt.NDArray[np.uint32],
+    first: Float32Array,
+    parts: Int32Array,
+    second: Float32Array,
 ) -> None:
-    """Write two normal numbers for each pair of random words: r cos(a) and r sin(a) with r^2 = -2 ln u."""
+    """Write two normal numbers for each pair of random words: r cos(a) and r sin(a) with r^2 = -2 ln u.
+
+    ``parts`` are the bits of ``first``.
+    """
     for n in range(len(first)):
         first[n] = (np.float32(radius_bits[n]) + np.float32(1.0)) * np.float32(2.0**-32)
-    parts = first.view(np.int32)
     for n in range(len(first)):
         # u = 2 ** exponent * mantissa, the mantissa between sqrt(1/2) and sqrt(2), whose logarithm is Cephes' series.
         exponent = (parts[n] - np.int32(0x3F3504F3)) >> np.int32(23)

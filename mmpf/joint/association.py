@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray
+from mmpf.compute.kernels import kernel
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,11 @@ def associate(
         iterations: Rounds of message passing.
     """
     components, detections = evidence.shape
+    detection_message = np.full((components, detections), 1.0 / (1.0 + birth_density))
     if exclusive:
-        component_message, detection_message = _pass_messages(evidence, missed, birth_density, iterations)
+        component_message = np.zeros((components, detections))
+        _pass_messages(evidence, missed, birth_density, iterations, component_message, detection_message)
     else:
-        detection_message = np.full((components, detections), 1.0 / (1.0 + birth_density))
         component_message = evidence / missed[:, None]
     nothing_else = 1.0 + birth_density
     unexplained = nothing_else / (nothing_else + component_message.sum(axis=0))
@@ -51,13 +52,17 @@ def associate(
     return Marginals(detection_message, unexplained, probability)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _pass_messages(
-    evidence: FloatArray, missed: FloatArray, birth_density: float, iterations: int
-) -> tuple[FloatArray, FloatArray]:
+    evidence: FloatArray,
+    missed: FloatArray,
+    birth_density: float,
+    iterations: int,
+    to_detection: FloatArray,
+    to_component: FloatArray,
+) -> None:
+    """Rewrite the messages, each of shape (m, d), which begin as those to detections none, to components all alike."""
     components, detections = evidence.shape
-    to_component = np.full((components, detections), 1.0 / (1.0 + birth_density))
-    to_detection = np.zeros((components, detections))
     for _ in range(iterations):
         for t in range(components):
             total = missed[t]
@@ -72,4 +77,3 @@ def _pass_messages(
                 total += to_detection[t, j]
             for t in range(components):
                 to_component[t, j] = 1.0 / max(total - to_detection[t, j], 1.0 + birth_density)
-    return to_detection, to_component

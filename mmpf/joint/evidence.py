@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, gate_table
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.motion.guided import HEADING
 from mmpf.motion.pointing import heading_ratio
 from mmpf.scan import BodyHeadings, Detections
@@ -82,7 +82,7 @@ def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     return np.maximum(relative, LOG_SMALLEST)
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "nsz"}, nogil=True)
+@kernel(fastmath={"reassoc", "nsz"})
 def _subtract_largest(log_weight: FloatArray, starts: IntArray, relative: FloatArray) -> None:
     for m in range(len(starts) - 1):
         own, out = log_weight[starts[m] : starts[m + 1]], relative[starts[m] : starts[m + 1]]
@@ -93,7 +93,7 @@ def _subtract_largest(log_weight: FloatArray, starts: IntArray, relative: FloatA
             out[n] = own[n] - largest
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return the sum of each component's numbers, shape (m,)."""
     total = np.zeros(len(starts) - 1)
@@ -104,7 +104,7 @@ def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
     return total
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _sum_evidence(
     weight: FloatArray,
     starts: IntArray,
@@ -131,7 +131,7 @@ def _sum_evidence(
         evidence[pair_component[p], pair_detection[p]] = total
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _add_detection_terms(
     detection_probability: FloatArray,
     starts: IntArray,
@@ -244,7 +244,7 @@ def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> 
     return np.where(share < floor, at_floor, std)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 def _evaluate(
     state: FloatArray,
     particle_starts: IntArray,

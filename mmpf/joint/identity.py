@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -16,6 +15,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.cloud.sizes import sizes_of, with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.joint_options import JointIdentity
 from mmpf.state import LAT, LON, SPEED
 
@@ -55,7 +55,7 @@ def hand_over_identity(
         np.exp(mixture.cloud.log_weight),
         mixture.starts,
         old,
-        moments.mean[:, new],
+        np.ascontiguousarray(moments.mean[:, new]),
         moments.heading_rad[new],
         np.array([options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps]),
         density,
@@ -79,7 +79,7 @@ def hand_over_identity(
     return renamed.keep(keep), int(linked.sum())
 
 
-@numba.njit(cache=True)
+@kernel()
 def _density_at(
     state: FloatArray,
     weight: FloatArray,

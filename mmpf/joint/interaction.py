@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.plane import SensorPlane
 from mmpf.state import LAT, LON
 
@@ -55,7 +55,7 @@ def room_beside_seen_vehicles(
     return factor
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _discount_overlaps(
     lon: FloatArray,
     lat: FloatArray,
@@ -74,7 +74,10 @@ def _discount_overlaps(
         own_lon, own_lat = lon[starts[m] : starts[m + 1]], lat[starts[m] : starts[m + 1]]
         if not is_excluded[m] or len(own_lon) == 0:
             continue
-        rear, front, right, left = own_lon.min(), own_lon.max(), own_lat.min(), own_lat.max()
+        rear, front, right, left = own_lon[0], own_lon[0], own_lat[0], own_lat[0]
+        for n in range(1, len(own_lon)):
+            rear, front = min(rear, own_lon[n]), max(front, own_lon[n])
+            right, left = min(right, own_lat[n]), max(left, own_lat[n])
         for s in range(len(seen_lon)):
             reach_lon = 2.0 * (scale_lon[s] * abs(cosine[s]) + scale_lat[s] * abs(sine[s]))
             reach_lat = 2.0 * (scale_lat[s] * abs(cosine[s]) + scale_lon[s] * abs(sine[s]))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 
 Pieces = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """What ``mmpf.lanes.graph.Segments.as_arrays`` gives, each of shape (q,)."""
 
 
-@numba.njit(cache=True)
+@kernel()
 def fill_cells(first_cell: IntArray, last_cell: IntArray, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
     """Return which pieces lie in which squares: where each square's list begins, and the lists one after the other.
 
@@ -41,7 +41,7 @@ def fill_cells(first_cell: IntArray, last_cell: IntArray, shape: tuple[int, int]
     return begin - count, segment
 
 
-@numba.njit(cache=True)
+@kernel()
 def find_lanes(
     x: FloatArray,
     y: FloatArray,
@@ -116,7 +116,7 @@ def find_lanes(
             heading[n, at] = np.arctan2(sine[q], cosine[q])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def project(
     lane: IntArray,
     x: FloatArray,
@@ -161,7 +161,7 @@ def project(
                 heading[n] = np.arctan2(sine[q], cosine[q])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def lay_out(
     lane: IntArray,
     along: FloatArray,

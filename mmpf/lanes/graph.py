@@ -191,6 +191,15 @@ class LaneGraph:
         return np.asarray(np.bincount(self.segments.lane, self.segments.length_m, minlength=len(self)))
 
     @cached_property
+    def curvature_per_m(self) -> FloatArray:
+        """Mean curvature of each lane, whichever way it bends, shape (l,)."""
+        pieces = self.segments
+        bend = np.abs(wrapped(np.diff(np.arctan2(pieces.sine, pieces.cosine))))
+        within = pieces.lane[1:] == pieces.lane[:-1]
+        total = np.bincount(pieces.lane[1:][within], bend[within], minlength=len(self))
+        return np.asarray(total / self.length_m)
+
+    @cached_property
     def link_from(self) -> IntArray:
         """The lane that each link leads from, shape (k,); ``successor`` says where to."""
         return np.repeat(np.arange(len(self)), np.diff(self.first_successor))

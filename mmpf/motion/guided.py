@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
+from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LON, SPEED
 
@@ -30,6 +31,8 @@ CHANGE_OF_MIND_S = 2.0
 GATE_S = 5.0
 # Drivers exceed speed limits by this factor at most, and brake for a slower lane by this much.
 ABOVE_LIMIT, BRAKING_MPS2 = 1.3, 3.0
+# Nobody makes up its mind to a way that it would have to brake harder for than this.
+HARD_BRAKING_MPS2 = 3.5
 # Who is this far outside of its lane has lost it; another is taken whose direction differs by less than this.
 LOST_M, ASTRAY_RAD = 1.5, np.deg2rad(60.0)
 LOOKS_AROUND = 0.2
@@ -126,12 +129,13 @@ class LaneGuided:
 
         change, choice, rethink, gate = rng.uniform(size=(4, len(lane)))
         along, left = moved[LON].copy(), moved[LAT].copy()
+        changes_mind = (change < dt_s / CHANGE_OF_MIND_S) & self._can_take(lane, choice, along, moved[SPEED])
         _go_along(
             lane,
             following,
             along,
             left,
-            change < dt_s / CHANGE_OF_MIND_S,
+            changes_mind,
             choice,
             graph.length_m,
             graph.width_m,
@@ -160,6 +164,14 @@ class LaneGuided:
         ahead = np.where(following == NOWHERE, np.inf, limit[following])
         allowed = np.minimum(limit[lane], np.sqrt(ahead**2 + 2.0 * BRAKING_MPS2 * left_m))
         return np.where(free, np.inf, allowed)
+
+    def _can_take(self, lane: IntArray, choice: FloatArray, along: FloatArray, speed: FloatArray) -> BoolArray:
+        """Return whether vehicles can still slow down for the way that they would choose now, (n,)."""
+        graph = self.graph
+        chosen = _pick_successors(lane, choice, graph.successor, graph.first_successor)
+        left_m = np.maximum(graph.length_m[lane] - along, 0.0)
+        driven = lane_speeds(graph, turning_driver())[chosen]
+        return np.asarray((chosen == NOWHERE) | (speed**2 <= driven**2 + 2.0 * HARD_BRAKING_MPS2 * left_m))
 
     def _find_way_back(
         self,
@@ -200,13 +212,13 @@ class LaneGuided:
         return lane, np.where(found, near.heading_rad[rows, drawn], anywhere)
 
 
-@numba.njit(cache=True)
+@kernel()
 def _pick(lane: int, choice: float, successor: IntArray, first_successor: IntArray) -> int:
     count = first_successor[lane + 1] - first_successor[lane]
     return successor[first_successor[lane] + min(int(choice * count), count - 1)] if count > 0 else NOWHERE
 
 
-@numba.njit(cache=True)
+@kernel()
 def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, first_successor: IntArray) -> IntArray:
     picked = np.full(len(lane), NOWHERE)
     for n in range(len(lane)):
@@ -215,7 +227,7 @@ def _pick_successors(lane: IntArray, choice: FloatArray, successor: IntArray, fi
     return picked
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _go_along(
     lane: IntArray,
     following: IntArray,

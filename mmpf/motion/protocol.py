@@ -74,6 +74,8 @@ class Surroundings:
         right_follower: Nearest vehicle behind in the lane to the right.
         flow_speed_mps: Mean speed of the seen traffic nearby, weighted towards the own lane; nan where none is seen.
         is_hidden: Whether the particle's vehicle has not been seen lately.
+        road_speed_mps: How fast the road can be driven here, by limits, bends and lines ahead; infinite where nothing
+            is known of them.
     """
 
     length_m: FloatArray
@@ -88,6 +90,7 @@ class Surroundings:
     right_follower: NeighbourView
     flow_speed_mps: FloatArray
     is_hidden: BoolArray
+    road_speed_mps: FloatArray
 
 
 def offset_in_lane(lat_m: FloatArray, lane_right_m: FloatArray, lane_left_m: FloatArray) -> FloatArray:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 from scipy.special import logsumexp
 
@@ -18,6 +17,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.cloud.resampling import resample
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.compute.kernels import kernel
 from mmpf.options import FilterOptions
 from mmpf.paper.clustering import recluster
 from mmpf.paper_options import PaperMerging
@@ -237,7 +237,7 @@ def _merge_overlaps(mixture: Mixture, options: PaperMerging, hidden_after_s: flo
     return renormalised(pooled), int((~survives).sum())
 
 
-@numba.njit(cache=True)
+@kernel()
 def _search_largest(
     state: FloatArray,
     performs_update: BoolArray,

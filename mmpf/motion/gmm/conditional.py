@@ -104,7 +104,7 @@ class ConditionalGmm:
         uniform = rng.random(int(x.shape[1]), dtype=np.float32)
         normal = standard_normals(rng, (self.outputs, x.shape[1]))
         drawn = np.empty((self.outputs, x.shape[1]))
-        inputs = x if x.flags.c_contiguous else x.copy()
+        inputs = np.ascontiguousarray(x, dtype=np.float64)
 
         def draw(begin: int, end: int) -> None:
             draw_outputs(begin, end, inputs, scaling, self._conditional, uniform, normal, drawn)

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mmpf.compute.arrays import Float32Array, FloatArray, Int32Array
+from mmpf.compute.kernels import kernel
 
 
 class Scaling(NamedTuple):
@@ -55,11 +55,11 @@ NEGLIGIBLE_LOG_WEIGHT = -16.0
 BLOCK = 128
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def draw_outputs(
     begin: int,
     end: int,
-    x: FloatArray | Float32Array,
+    x: FloatArray,
     scaling: Scaling,
     conditional: Conditional,
     uniform: Float32Array,
@@ -92,7 +92,8 @@ def draw_outputs(
         _pick(logits, uniform[first : first + rows], top, component)
         for row in range(rows):
             picked = component[row]
-            values[:] = bias[picked]
+            for output in range(q):
+                values[output] = bias[picked, output]
             for i in range(p):
                 one, by_output = expanded[1 + i, row], slope[picked, i]
                 for output in range(q):
@@ -104,11 +105,12 @@ def draw_outputs(
                 drawn[output, first + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
 
 
-@njit(cache=True, fastmath=True, nogil=True)
-def _expand(x: FloatArray | Float32Array, scaling: Scaling, expanded: Float32Array) -> None:
+@kernel(fastmath=True)
+def _expand(x: FloatArray, scaling: Scaling, expanded: Float32Array) -> None:
     """Write ``[1, x, x_i x_j (i <= j)]`` of standardised columns (p, r) as the first r columns of ``expanded``."""
     p, rows = x.shape
-    expanded[0, :rows] = 1.0
+    for row in range(rows):
+        expanded[0, row] = 1.0
     for i in range(p):
         values, out = x[i], expanded[1 + i]
         low, high = scaling.input_low[i], scaling.input_high[i]
@@ -124,7 +126,7 @@ def _expand(x: FloatArray | Float32Array, scaling: Scaling, expanded: Float32Arr
             column += 1
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@kernel(fastmath=True)
 def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, component: Int32Array) -> None:
     """Draw a component for each of the first columns of ``logits``, shape (k, BLOCK), which is overwritten.
 
@@ -133,7 +135,9 @@ def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, compon
     exp(-16) of the largest count as zero.
     """
     rows = len(uniform)
-    top[:] = logits[0]
+    for row in range(BLOCK):
+        top[row] = logits[0, row]
+        component[row] = 0
     for k in range(1, len(logits)):
         one = logits[k]
         for row in range(BLOCK):
@@ -158,7 +162,6 @@ def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, compon
             for row in range(BLOCK):
                 one[row] += passed[row]
     total = logits[-1]
-    component[:] = 0
     for row in range(rows):
         top[row] = uniform[row] * total[row]
     for k in range(len(logits) - 1):

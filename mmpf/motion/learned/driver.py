@@ -32,14 +32,18 @@ from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
+from mmpf.motion.turning import turning_driver
 from mmpf.state import ACCEL, LAT, SPEED
 
 CASE = "lane-keeping"
 FURTHEST_LEADER_M = 100.0
 REDRAWN_PER_S = 0.2
 
-KNOWN, HABIT, BIAS, DESIRED_SPEED, OFFSET, INTENTION, TARGET = range(7)
-LATENTS = 7
+KNOWN, HABIT, BIAS, DESIRED_SPEED, PACE, OFFSET, INTENTION, TARGET = range(8)
+LATENTS = 8
+# Of drivers on a map so many desire what the road lets them go; the others go on as they do, and no faster than that.
+BY_ROAD_SHARE = 0.5
+SLOWEST_PACE = 0.3
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,9 @@ class FreeDriver:
 
     def driving(self, dt_s: float) -> FreeDriving:
         """Return what one step needs."""
-        return FreeDriving(min(self.lag_per_s * dt_s, 1.0), self.gain_per_s, self.accel_noise_mps2)
+        return FreeDriving(
+            min(self.lag_per_s * dt_s, 1.0), self.gain_per_s, self.accel_noise_mps2, turning_driver().strongest_mps2
+        )
 
 
 FREE_FIELDS = tuple(field.name for field in fields(FreeDriver))
@@ -104,8 +110,9 @@ class LearnedDriver:
         name: Name in the registry.
         spreads_speed: Its accelerations are drawn, with each driver's habits, as widely as they were recorded; see
             ``mmpf.motion.protocol.spreads_speed``.
-        latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, place
-            in the lane, intention (-1 to the right, 0, 1 to the left) and lateral position of the lane it is after.
+        latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, pace
+            (its speed against what the road lets it go), place in the lane, intention (-1 to the right, 0, 1 to the
+            left) and lateral position of the lane it is after.
     """
 
     model: DriverModel = field(default_factory=_committed_model)
@@ -116,7 +123,7 @@ class LearnedDriver:
     spreads_speed: ClassVar[bool] = True
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return latents that are drawn at the first step, when the surroundings are known: shape (7, n) of zeros."""
+        """Return latents that are drawn at the first step, when the surroundings are known: shape (8, n) of zeros."""
         return np.zeros((LATENTS, state.shape[1]))
 
     def propagate(
@@ -132,12 +139,16 @@ class LearnedDriver:
         free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
 
         def drive_some(begin: int, end: int) -> None:
+            first, last = np.searchsorted(followers, (begin, end))
             drive(
                 begin,
                 end,
+                first,
+                last,
                 state,
                 after,
                 next_latents[DESIRED_SPEED],
+                next_latents[PACE] * surroundings.road_speed_mps,
                 next_latents[BIAS],
                 next_latents[OFFSET],
                 surroundings.lane_right_m,
@@ -187,10 +198,21 @@ class LearnedDriver:
             drawn[HABIT, index] = self.model.habit.sample(_situation(state, surroundings.leader, index), rng)[:, 0]
             drawn[BIAS, index] = self.model.accel_bias_mps2 * rng.standard_normal(len(index))
             drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
+            drawn[PACE, index] = 1.0
+            self._draw_by_road(drawn, index[np.isfinite(surroundings.road_speed_mps[index])], rng)
             drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
         if self.changes_lanes:
             self.model.keeper.switch_intentions(state[LAT], drawn[INTENTION:], surroundings, dt_s, rng)
         return drawn
+
+    def _draw_by_road(self, drawn: FloatArray, index: IntArray, rng: np.random.Generator) -> None:
+        """Draw how drivers on a map drive by it, in place."""
+        if not len(index):
+            return
+        by_map = turning_driver()
+        pace = by_map.pace + by_map.pace_spread * rng.standard_normal(len(index))
+        drawn[PACE, index] = np.maximum(pace, SLOWEST_PACE)
+        drawn[DESIRED_SPEED, index[rng.random(len(index)) < BY_ROAD_SHARE]] = np.inf
 
     def _desired_speed(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         free = self.model.free

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mmpf.compute.arrays import Float32Array, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 
 SITUATION_SIZE = 5
 SMALLEST_GAP_M = 0.3
@@ -59,7 +59,7 @@ def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
     return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _gather(
     index: IntArray,
     gap: FloatArray,

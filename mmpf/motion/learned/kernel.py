@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.compute.kernels import kernel
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 
@@ -24,11 +24,13 @@ class FreeDriving(NamedTuple):
         approach: Share by which acceleration approaches what is wanted.
         gain_per_s: Wanted acceleration per m/s of missing speed.
         noise_mps2: Standard deviation of the acceleration's noise.
+        strongest_mps2: Greatest wanted acceleration of those whom the road limits.
     """
 
     approach: float
     gain_per_s: float
     noise_mps2: float
+    strongest_mps2: float
 
 
 class LaneHolding(NamedTuple):
@@ -45,7 +47,7 @@ class LaneHolding(NamedTuple):
     kick_mps: float
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def switch_intentions(
     direction: FloatArray,
     target: FloatArray,
@@ -75,13 +77,16 @@ def switch_intentions(
             direction[n], target[n] = -1.0, centre - width
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 def drive(
     begin: int,
     end: int,
+    first_follower: int,
+    last_follower: int,
     state: FloatArray,
     after: FloatArray,
     desired_speed: FloatArray,
+    road_speed: FloatArray,
     bias: FloatArray,
     offset: FloatArray,
     lane_right: FloatArray,
@@ -100,9 +105,12 @@ def drive(
     Args:
         begin: First particle, and
         end: the one after the last that is driven.
+        first_follower: Where the first of them that follows a leader stands in ``followers``, and
+        last_follower: where the one after the last does.
         state: States before, shape (6, n).
         after: States after, shape (6, n), which are written.
         desired_speed: Speed that each driver desires without a leader, shape (n,).
+        road_speed: Speed at which it drives where only the road limits it, infinite where it does not, shape (n,).
         bias: Constant deviation of each driver's acceleration, shape (n,).
         offset: Each driver's place in the lane, shape (n,).
         lane_right: Right lines of the lanes, not finite off the road, shape (n,).
@@ -118,10 +126,11 @@ def drive(
     """
     accel = after[ACCEL]
     for n in range(begin, end):
-        wanted = free.gain_per_s * (desired_speed[n] - state[SPEED, n])
+        wanted = free.gain_per_s * (min(desired_speed[n], road_speed[n]) - state[SPEED, n])
+        if road_speed[n] < np.inf:
+            wanted = min(wanted, free.strongest_mps2)
         accel[n] = state[ACCEL, n] + free.approach * (wanted - state[ACCEL, n]) + free.noise_mps2 * normal[0, n]
-    first, last = np.searchsorted(followers, begin), np.searchsorted(followers, end)
-    for k in range(first, last):
+    for k in range(first_follower, last_follower):
         n = followers[k]
         hardest = _hardest_that_avoids(gap[n], state[SPEED, n] - leader_speed[n])
         accel[n] = min(sampled[k] + bias[n], hardest)
@@ -144,7 +153,7 @@ def drive(
         after[LAT_ACCEL, n] = pull
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 def _hardest_that_avoids(gap: float, closing: float) -> float:
     """Return the acceleration that just avoids the leader where that takes real braking, infinity elsewhere.
 

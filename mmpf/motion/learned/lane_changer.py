@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from numba import njit
 
 from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.compute.kernels import kernel
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
@@ -192,7 +192,7 @@ HARDEST_STEERING_MPS2 = 4.0
 ADVANCE_TOLERANCE_M = 0.05
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def advance(
     state: FloatArray,
     direction: FloatArray,
@@ -231,12 +231,12 @@ def advance(
         after[LAT_ACCEL, n] = side * _held(sampled[4, n], -HARDEST_STEERING_MPS2, HARDEST_STEERING_MPS2)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _held(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _near(advance_m: float, by_speeds_m: float) -> float:
     """Return the sampled advance, held to 5 cm of the one that follows from the speeds."""
     return _held(advance_m, by_speeds_m - ADVANCE_TOLERANCE_M, by_speeds_m + ADVANCE_TOLERANCE_M)

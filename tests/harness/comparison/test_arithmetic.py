@@ -57,7 +57,7 @@ def test_without_scatter_a_difference_is_certain_and_with_unknown_scatter_nothin
 
 @pytest.mark.parametrize(
     ("worsening", "margin", "tests", "away", "level"),
-    [(3.0, 2.0, 3, 3.0, 0.05 / 3), (1.0, 2.0, 3, 1.0, 0.05), (-1.0, 0.5, 2, 1.5, 0.05), (0.3, 0.1, 1, 0.3, 0.05)],
+    [(3.0, 2.0, 3, 3.0, 0.05 / 3), (1.0, 2.0, 3, 1.0, 0.025), (-1.0, 0.5, 2, 1.5, 0.025), (0.3, 0.1, 1, 0.3, 0.05)],
 )
 def test_the_units_that_would_decide_are_the_first_whose_interval_and_power_reach_so_far(
     worsening, margin, tests, away, level
@@ -65,7 +65,7 @@ def test_the_units_that_would_decide_are_the_first_whose_interval_and_power_reac
     effect = Effect(worsening, 0.8, 4.0)
     sd = 0.8 * 4.0**0.5
     tried = np.unique(np.geomspace(5.0, MOST_UNITS, 200).astype(int))
-    needed = (stats.t.ppf(1 - level / 2, tried - 1) + stats.norm.ppf(0.8)) * sd
+    needed = (stats.t.ppf(1 - level, tried - 1) + stats.norm.ppf(0.8)) * sd
     assert effect.units_to_decide(margin, tests, worsening) == tried[needed <= away * np.sqrt(tried)][0]
 
 
@@ -200,14 +200,18 @@ def test_an_interval_that_ends_beyond_the_tolerance_leaves_it_open():
     assert word(-1.0, 1.001 / t, quantity=SCORE) == UNDECIDED
 
 
-def test_worse_needs_both_a_small_p_and_more_than_the_tolerance():
-    t = stats.t(7).ppf(0.975)
-    assert [word(3.0, 3.0 / t * factor) for factor in (0.999, 1.001)] == [WORSE, UNDECIDED]
-    assert [word(-3.0, 3.0 / t * factor) for factor in (0.999, 1.001)] == [BETTER, NO_WORSE]
+def test_worse_needs_both_a_small_one_sided_p_and_more_than_the_tolerance():
+    t = stats.t(7).ppf(0.95)
+    for quantity, sign in ((ERROR, 1.0), (SCORE, -1.0)):
+        worse, better = (
+            [word(sign * way * 3.0, 3.0 / t * factor, quantity=quantity) for factor in (0.999, 1.001)]
+            for way in (1.0, -1.0)
+        )
+        assert (worse, better) == ([WORSE, UNDECIDED], [BETTER, NO_WORSE])
 
 
 def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
-    t = stats.t(7).ppf(1 - 0.05 / 4)
+    t = stats.t(7).ppf(1 - 0.05 / 2)
     own, other = measured(3.0, 3.0 / t * 1.001), measured(0.0, 0.1)
     described = measured(9.0, 0.1, quantity=Quantity("else", "else"))
     assert [each.verdict for each in judge([own, described], RULES)] == [WORSE, UNTESTED]
@@ -220,7 +224,7 @@ def test_a_verdict_tells_all_that_was_measured():
     (verdict,) = judge([measured(3.0, 2.0, 4.0)], RULES)
     effect = Effect(3.0, 2.0, 4.0)
     assert (verdict.label, verdict.metric, verdict.primary, verdict.a, verdict.b) == ("x", "error", True, 100.0, 103.0)
-    assert (verdict.difference, verdict.ci95, verdict.p) == (3.0, effect.ci95, effect.p)
+    assert (verdict.difference, verdict.ci95, verdict.p) == (3.0, effect.ci95, 0.5 * effect.p)
     assert (verdict.pairs, verdict.units, verdict.margin, verdict.wanting) == (8, 4.0, 2.0, "")
     assert (verdict.verdict, verdict.regression) == (UNDECIDED, False)
     assert verdict.more_units == effect.units_to_decide(2.0, 1, 3.0) - 4
@@ -277,7 +281,7 @@ def test_the_compared_metrics_stand_in_the_order_of_what_is_judged_then_of_their
     assert order[:3] == ["hidden", "mae", "hidden_outcomes"]
     assert order.index("occlusion") == 3
     assert first == sorted(first, key=order.index)
-    of_drives = {each.key for each in (*closedloop.QUANTITIES, *closedloop.OF_SOME)}
+    of_drives = {each.key for each in closedloop.QUANTITIES}
     assert {each.key for each in compared_quantities(closed_loop=True)} <= of_drives
     assert quantity_of("timing.tracker_ms.p50") is STEP_TIME
     assert [name_of(key) for key in ("mot.hota", "timing.tracker_ms.p50")] == ["HOTA in sight", "time of a step"]

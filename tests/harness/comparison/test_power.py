@@ -24,20 +24,27 @@ SCATTER = {
 REPETITIONS = 100
 
 
-def called_worse(planted: float, scattered: bool, suites: int = 1, models: tuple[str, ...] = ("cvm", "gmm")) -> int:
-    """Return how many of a hundred comparisons end in worse.
+def called_worse(
+    planted: float,
+    scattered: bool,
+    suites: int = 1,
+    models: tuple[str, ...] = ("cvm", "gmm"),
+    repetitions: int = REPETITIONS,
+) -> int:
+    """Return how many of the comparisons end in worse.
 
     Args:
         planted: Factor on the hidden cost of every run of b.
         scattered: Whether b's random numbers differ from a's; without, only what was planted does.
         suites: How many times as many seeds as the suite has.
         models: Which models' runs get worse.
+        repetitions: How many comparisons.
     """
     rng = np.random.default_rng(12)
     table = pd.read_parquet(BASELINE)
     quantities = [quantity for quantity in compared_quantities() if quantity.key in PRIMARY]
     worse = 0
-    for _ in range(REPETITIONS):
+    for _ in range(repetitions):
         measured = []
         for model, rows in table.groupby("model"):
             cells = pd.concat([rows.assign(seed=rows["seed"] + 100 * copy) for copy in range(suites)])
@@ -59,17 +66,17 @@ def test_five_percent_more_hidden_cost_is_called_worse_where_nothing_else_change
 
 
 def test_five_percent_more_hidden_cost_is_called_worse_in_nine_of_ten_though_random_numbers_fall_otherwise():
-    """In 92 of 100 as the baseline was when docs/comparing.md was written; another one moves that by a few."""
-    assert called_worse(1.05, scattered=True) >= 85
+    """In 97 of 100 as the baseline was when docs/comparing.md was written; another one moves that by a few."""
+    assert called_worse(1.05, scattered=True) >= 90
 
 
-def test_a_regression_of_the_noisier_model_alone_needs_four_times_the_suite():
-    """At the suite's size it is found once in five times; docs/comparing.md says so."""
+def test_a_regression_of_the_noisier_model_alone_needs_several_times_the_suite():
+    """At the suite's size it is found in 31 of 100, at three times that in 91; docs/comparing.md says so."""
     only = ("gmm",)
     assert called_worse(1.05, True, 1, only) < 50
     assert called_worse(1.05, True, 4, only) >= 90
 
 
 def test_no_change_is_called_worse_in_at_most_five_of_a_hundred():
-    assert called_worse(1.0, scattered=True) <= 5
+    assert called_worse(1.0, scattered=True, repetitions=300) <= 15
     assert called_worse(1.0, scattered=False) == 0

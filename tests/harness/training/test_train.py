@@ -1,5 +1,7 @@
 """The train command refuses what makes no sense, and trains end to end on little traffic."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from harness.cli import run_command_line
 from harness.training import driver_fit, train
 from harness.training.card import RegimeError, write_card
 from harness.training.train import TrainingPlan
+from harness.training.turning_fit import train_turning
 from harness.truth.network.network import load_network
 from mmpf.learning.fit import SizeScore
 from mmpf.motion.learned.driver import load_learned_driver
@@ -56,3 +59,23 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     assert sum(line.startswith("recorded") for line in said) == 5
     assert "following" in (tmp_path / "models" / "lane_keeping.md").read_text()
     assert np.isfinite(load_learned_driver(paths[0]).model.following.mixture.means).all()
+
+
+def test_training_on_turns_needs_networks_in_the_plane(capsys):
+    assert run_command_line(["train", "--case", "turning", "--net", "us101"]) == 2
+    assert "--net us101: give networks in the plane" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_driver_by_the_map_is_fitted_end_to_end_to_the_same_bytes(tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.training.turning_fit.DURATION_S", 30.0)
+    networks = [load_network(name) for name in ("junction", "priority")]
+    paths = [
+        train_turning(networks, range(1000, 1002), tmp_path / "cache", tmp_path / name, lambda line: None)
+        for name in ("one", "two")
+    ]
+    fitted = tomllib.loads(paths[0].read_text())
+    assert 1.0 < fitted["turning_mps2"] < 4.0
+    assert 0.8 < fitted["pace"] < 1.1
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert "junction,priority" in paths[0].with_suffix(".md").read_text()

@@ -41,4 +41,5 @@ def around(
         right_follower=nobody(state),
         flow_speed_mps=np.full(n, np.nan),
         is_hidden=np.full(n, hidden),
+        road_speed_mps=np.full(n, np.inf),
     )

@@ -17,7 +17,7 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.lanes.scenes import arc, graph_of
 
 NOBODY = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
-AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, np.zeros(0), np.zeros(0))  # type: ignore[arg-type]
+AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, *(np.zeros(0),) * 3)  # type: ignore[arg-type]
 RNG = np.random.default_rng(0)
 
 

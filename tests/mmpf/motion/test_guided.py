@@ -42,7 +42,7 @@ class Drive:
         nobody = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
         nothing = np.zeros(0)
         hidden = np.zeros(self.state.shape[1], dtype=np.bool_)
-        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, nothing, hidden)  # type: ignore[arg-type]
+        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, nothing, hidden, nothing)  # type: ignore[arg-type]
         for _ in range(steps):
             self.state, self.latents = self.motion.propagate(self.state, self.latents, around, dt_s, self.rng)
 
@@ -76,8 +76,8 @@ def fork() -> LaneGraph:
 
 
 def test_at_a_fork_the_particles_part_and_each_way_gets_its_share() -> None:
-    drive = Drive(fork(), ["in"] * 4000, [0.0] * 4000, 10.0)
-    drive.go(80)
+    drive = Drive(fork(), ["in"] * 4000, [0.0] * 4000, 5.0)
+    drive.go(160)
     taken = np.array(drive.lanes)
     assert set(taken) == {"straight", "left"}
     assert 0.4 < np.mean(taken == "left") < 0.6
@@ -150,3 +150,14 @@ def test_particles_born_with_a_direction_stay_on_lanes_that_lead_there_and_point
     assert (np.abs(latents[HEADING, ~on_lane] - 0.1) < 0.1).mean() == pytest.approx(0.97, abs=0.03)
     assert latents[HEADING, on_lane] == pytest.approx(np.where(latents[LANE, on_lane] == 0, 0.0, np.pi))
     assert (latents[NEXT, ~on_lane] == NOWHERE).all()
+
+
+def test_nobody_makes_up_its_mind_to_a_turn_that_it_is_too_fast_for() -> None:
+    lines = {"road": [(0.0, 0.0), (100.0, 0.0)], "on": [(100.0, 0.0), (130.0, 0.0)], "turn": arc(6.0, np.pi / 2, 100)}
+    lines["turn"] = np.asarray(lines["turn"]) + np.array([100.0, 0.0])
+    graph = graph_of(lines, [("road", "on"), ("road", "turn")], in_junction=("on", "turn"))
+    for speed, some_turn in ((14.0, False), (4.0, True)):
+        drive = Drive(graph, ["road"] * 400, [90.0] * 400, speed)
+        drive.latents[NEXT] = 1.0
+        drive.go(4)
+        assert (drive.latents[NEXT] == 2.0).any() == some_turn

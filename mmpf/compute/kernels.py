@@ -1,0 +1,11 @@
+"""How kernels are compiled: one set of options, so that what several of them use is compiled for all at once."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numba
+
+# No division is checked, since each is by what can't be zero or means infinity; nobody calls kernels from C.
+kernel = partial(numba.njit, cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+"""Decorator that compiles a function; more of numba's options may be given."""

@@ -1,0 +1,68 @@
+"""Driving by the map: how fast the road can be driven, and who drives by it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.lanes.graph import NOWHERE
+from mmpf.motion.learned.driver import LearnedDriver
+from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds, turning_driver
+from mmpf.state import SPEED
+from tests.mmpf.lanes.scenes import arc, graph_of
+from tests.mmpf.motion.surroundings import around, states
+
+DRIVER = TurningDriver(
+    turning_mps2=2.0, slowing_mps2=1.5, looking_mps=3.0, strongest_mps2=1.2, pace=1.0, pace_spread=0.1
+)
+
+
+def approach_and_turn(*, gives_way: bool = False):
+    """Return 100 m of straight lane that end in a turn of 8 m radius."""
+    lines = {"road": [(0.0, 0.0), (100.0, 0.0)], "turn": arc(8.0, np.pi / 2, 200) + np.array([100.0, 0.0])}
+    graph = graph_of(lines, links=[("road", "turn")], in_junction=("turn",), speed_limit_mps=14.0)
+    kind = np.array([YIELD if gives_way else FREE])
+    nobody = np.zeros(0, dtype=np.int64)
+    return replace(graph, control=LinkControl(kind, np.array([NO_SIGNAL]), (), nobody, np.zeros(2, dtype=np.int64)))
+
+
+def test_a_turn_is_driven_with_the_lateral_acceleration_and_a_road_at_its_limit() -> None:
+    assert lane_speeds(approach_and_turn(), DRIVER) == pytest.approx([14.0, np.sqrt(2.0 * 8.0)], rel=1e-2)
+
+
+def test_before_a_turn_the_speed_falls_as_gentle_braking_makes_it_fall() -> None:
+    graph, lane = approach_and_turn(), np.zeros(3, dtype=np.int64)
+    speed = road_speeds(graph, lane, lane + 1, np.array([0.0, 80.0, 100.0]), DRIVER)
+    assert speed == pytest.approx([14.0, np.sqrt(16.0 + 2 * 1.5 * 20.0), 4.0], rel=1e-2)
+
+
+def test_who_goes_another_way_or_is_on_no_lane_is_not_slowed_by_the_turn() -> None:
+    lane, nowhere = np.array([0, NOWHERE]), np.full(2, NOWHERE)
+    assert road_speeds(approach_and_turn(), lane, nowhere, np.full(2, 95.0), DRIVER).tolist() == [14.0, np.inf]
+
+
+def test_a_line_where_others_have_right_of_way_is_come_to_slowly() -> None:
+    graph, lane = approach_and_turn(gives_way=True), np.zeros(1, dtype=np.int64)
+    assert road_speeds(graph, lane, lane + 1, np.array([100.0]), DRIVER) == pytest.approx([3.0])
+
+
+def test_who_stands_on_a_free_road_sets_out_and_comes_to_the_roads_speed() -> None:
+    model, rng, state = LearnedDriver(changes_lanes=False), np.random.default_rng(0), states(400, speed_mps=0.0)
+    on_map = replace(around(state), road_speed_mps=np.full(400, 12.0))
+    latents = model.draw_latents(state, rng)
+    for _ in range(300):
+        state, latents = model.propagate(state, latents, on_map, 0.1, rng)
+    pace = turning_driver().pace
+    assert np.quantile(state[SPEED], 0.9) == pytest.approx(12.0 * pace, abs=2.0)
+    assert state[SPEED].max() < 12.0 * pace * 1.5
+
+
+def test_where_nothing_is_known_of_the_road_a_driver_is_what_it_was() -> None:
+    model, state = LearnedDriver(changes_lanes=False), states(50)
+    latents = model.draw_latents(state, np.random.default_rng(0))
+    unknown, fast = (replace(around(state), road_speed_mps=np.full(50, speed)) for speed in (np.inf, 1e9))
+    first, _ = model.propagate(state, latents, unknown, 0.1, np.random.default_rng(1))
+    second, _ = model.propagate(state, latents, around(state), 0.1, np.random.default_rng(1))
+    assert (first == second).all()
+    assert np.isfinite(model.propagate(state, latents, fast, 0.1, np.random.default_rng(1))[0]).all()
