@@ -38,6 +38,7 @@ ABLATIONS = {
     "mmpf+joint.detectability.run_share=0": "misses taken as independent in time, not in runs",
     "mmpf+joint.ghosts.weighed=false": "everything that exists is a vehicle, no lasting false objects",
     "mmpf+joint.noise.learned=false": "detections as noisy as they report themselves",
+    "mmpf+joint.reach.learned=false": "detects as well at every distance as the data sheet says, not counted",
     "mmpf+joint.association.clutter_memory_s=inf": "as much clutter as the data sheet says, not counted",
     "mmpf+joint.association.exclusion_per_s=0": "hidden particles may lie on seen vehicles",
     "mmpf+joint.resampling.kernel_width=0": "resampled particles are copies, not smoothed by a kernel",
