@@ -141,7 +141,8 @@ class JointUpdate:
             birth_claim=marginals.unexplained,
             association_entropy=_mean_entropy(marginals.probability),
             effective_share=effective_share,
-            false_detections=float(len(detections) - marginals.probability[is_vehicle(components)].sum()),
+            # Detections that may serve several vehicles can be explained more than once.
+            false_detections=max(float(len(detections) - marginals.probability[is_vehicle(components)].sum()), 0.0),
             reach=reach,
         )
 

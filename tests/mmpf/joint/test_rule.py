@@ -172,6 +172,15 @@ def test_particles_are_weighed_by_the_miss_and_by_what_the_detection_says_for_th
     assert np.exp(after.log_weight) == pytest.approx(expected / expected.sum())
 
 
+def test_a_detection_that_serves_two_vehicles_is_no_less_than_no_false_detection() -> None:
+    both = belief_of([cloud_at(PLACE), cloud_at(PLACE)], confirmed=[True, True], hits=[9, 9])
+    rule = rule_with(association={"exclusive": False})
+    told = updated(rule, both, np.full(2 * PARTICLES, 0.9), [PLACE]).false_detections
+    assert told == pytest.approx(0.0, abs=0.1)
+    assert told is not None
+    assert told >= 0.0
+
+
 def test_hits_are_counted_and_the_time_unseen_starts_anew_with_each() -> None:
     prior = belief_of([cloud_at(PLACE), cloud_at((-30.0, 5.0))], hits=[4, 5], unseen_s=[0.7, 0.7])
     every = np.full(2 * PARTICLES, 0.5)
