@@ -68,8 +68,9 @@ def test_training_on_turns_needs_networks_in_the_plane(capsys):
 
 @pytest.mark.slow
 def test_the_driver_by_the_map_is_fitted_end_to_end_to_the_same_bytes(tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.training.turning_fit.DURATION_S", 30.0)
-    networks = [load_network(name) for name in ("junction", "priority")]
+    monkeypatch.setattr("harness.training.turning_fit.DURATION_S", 60.0)
+    monkeypatch.setattr("harness.training.turning_fit.FEWEST", 5)
+    networks = [load_network(name) for name in ("junction", "roundabout")]
     paths = [
         train_turning(networks, range(1000, 1002), tmp_path / "cache", tmp_path / name, lambda line: None)
         for name in ("one", "two")
@@ -78,4 +79,4 @@ def test_the_driver_by_the_map_is_fitted_end_to_end_to_the_same_bytes(tmp_path, 
     assert 1.0 < fitted["turning_mps2"] < 4.0
     assert 0.8 < fitted["pace"] < 1.1
     assert paths[0].read_bytes() == paths[1].read_bytes()
-    assert "junction,priority" in paths[0].with_suffix(".md").read_text()
+    assert "junction,roundabout" in paths[0].with_suffix(".md").read_text()
