@@ -129,7 +129,9 @@ class LaneGuided:
 
         change, choice, rethink, gate = rng.uniform(size=(4, len(lane)))
         along, left = moved[LON].copy(), moved[LAT].copy()
-        changes_mind = (change < dt_s / CHANGE_OF_MIND_S) & self._can_take(lane, choice, along, moved[SPEED])
+        changes_mind = change < dt_s / CHANGE_OF_MIND_S
+        who = np.flatnonzero(changes_mind)
+        changes_mind[who] = self._can_take(lane[who], choice[who], along[who], moved[SPEED, who])
         _go_along(
             lane,
             following,

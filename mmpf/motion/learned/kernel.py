@@ -126,7 +126,9 @@ def drive(
     """
     accel = after[ACCEL]
     for n in range(begin, end):
-        wanted = free.gain_per_s * (min(desired_speed[n], road_speed[n]) - state[SPEED, n])
+        wanted_speed = min(desired_speed[n], road_speed[n])
+        # Who drove by the road and has lost it goes on as it does.
+        wanted = free.gain_per_s * (wanted_speed - state[SPEED, n]) if wanted_speed < np.inf else 0.0
         if road_speed[n] < np.inf:
             wanted = min(wanted, free.strongest_mps2)
         accel[n] = state[ACCEL, n] + free.approach * (wanted - state[ACCEL, n]) + free.noise_mps2 * normal[0, n]

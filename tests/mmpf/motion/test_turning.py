@@ -7,7 +7,7 @@ import pytest
 
 from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.lanes.graph import NOWHERE
-from mmpf.motion.learned.driver import LearnedDriver
+from mmpf.motion.learned.driver import DESIRED_SPEED, PACE, LearnedDriver
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds, turning_driver
 from mmpf.state import SPEED
 from tests.mmpf.lanes.scenes import arc, graph_of
@@ -58,11 +58,22 @@ def test_who_stands_on_a_free_road_sets_out_and_comes_to_the_roads_speed() -> No
     assert state[SPEED].max() < 12.0 * pace * 1.5
 
 
-def test_where_nothing_is_known_of_the_road_a_driver_is_what_it_was() -> None:
+def test_who_drove_by_the_road_and_loses_it_goes_on_as_it_does() -> None:
+    model, rng, state = LearnedDriver(changes_lanes=False), np.random.default_rng(0), states(400, speed_mps=12.0)
+    latents = model.draw_latents(state, rng)
+    on_map = replace(around(state, hidden=True), road_speed_mps=np.full(400, 12.0))
+    state, latents = model.propagate(state, latents, on_map, 0.1, rng)
+    for _ in range(50):
+        state, latents = model.propagate(state, latents, around(state, hidden=True), 0.1, rng)
+    by_road = ~np.isfinite(latents[DESIRED_SPEED])
+    assert by_road.mean() == pytest.approx(0.5, abs=0.1)
+    assert state[SPEED, by_road] == pytest.approx(12.0, abs=2.0)
+
+
+def test_where_nothing_is_known_of_the_road_nobody_drives_by_it() -> None:
     model, state = LearnedDriver(changes_lanes=False), states(50)
     latents = model.draw_latents(state, np.random.default_rng(0))
-    unknown, fast = (replace(around(state), road_speed_mps=np.full(50, speed)) for speed in (np.inf, 1e9))
-    first, _ = model.propagate(state, latents, unknown, 0.1, np.random.default_rng(1))
-    second, _ = model.propagate(state, latents, around(state), 0.1, np.random.default_rng(1))
-    assert (first == second).all()
-    assert np.isfinite(model.propagate(state, latents, fast, 0.1, np.random.default_rng(1))[0]).all()
+    after, drawn = model.propagate(state, latents, around(state), 0.1, np.random.default_rng(1))
+    assert np.isfinite(drawn[DESIRED_SPEED]).all()
+    assert (drawn[PACE] == 1.0).all()
+    assert np.isfinite(after).all()
