@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import tempfile
 from contextlib import chdir
 from pathlib import Path
@@ -90,8 +91,8 @@ def _execute(words: list[str], out: Path, workers: int | None, quiet: bool, root
     added = ["--out", str(out)]
     if "--resume" in known and out.exists():
         added.append("--resume")
-    if "--workers" in known and workers is not None:
-        added += ["--workers", str(workers)]
+    if "--workers" in known:
+        added += ["--workers", str(workers or os.cpu_count() or 1)]
     if quiet and "--quiet" in known:
         added.append("--quiet")
     with chdir(root):
