@@ -30,10 +30,14 @@ class Options(TypedDict):
             "1000:1040; turning, of each network, 1000:1006)"
         ),
     ]
-    seed: Annotated[int, Option("Seed of sampling and of the fit.", default=0, least=0)]
+    seed: Annotated[int, Option("Seed of sampling and of the fit of a mixture.", default=0, least=0)]
     sweep: Annotated[
         bool,
-        Option("Score other numbers of components by BIC, for the card.", default=True, flag="--sweep/--no-sweep"),
+        Option(
+            "Score other numbers of a mixture's components by BIC, for the card.",
+            default=True,
+            flag="--sweep/--no-sweep",
+        ),
     ]
     cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
     out: Annotated[Path, Option("Folder of the model files and cards.", default=Path("results/models"))]
@@ -71,6 +75,8 @@ def command(options: Options) -> None:
         typer.echo(line, err=True)
 
     if case == TURNING:
+        if options["components"] is not None:
+            raise InputError("`components`: the case turning fits six numbers and no mixture; leave it out")
         networks = [load_network(name) for name in (options["net"] or ON_NETWORKS).split(",")]
         paths = [train_turning(networks, traffic, options["cache"], options["out"], say)]
     else:

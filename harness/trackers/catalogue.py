@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import inspect
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -123,6 +124,7 @@ def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options:
         options = _over(tuned_options(maker), options)
     else:
         factory = maker
+    _check_signature(maker, factory)
     try:
         tracker = factory(setting, options)
     except ValidationError as error:
@@ -166,6 +168,25 @@ def _factory(name: str) -> TrackerFactory:
         return trackers[name]
     except UnknownNameError as error:
         raise InputError(f"`tracker` {name}: {error}") from None
+
+
+def _check_signature(maker: str | TrackerFactory, factory: TrackerFactory) -> None:
+    """Refuse a factory that can't be called as factories are.
+
+    Raises:
+        InputError: It takes other arguments.
+    """
+    try:
+        signature = inspect.signature(factory)
+    except (ValueError, TypeError):
+        return
+    try:
+        signature.bind(object(), {})
+    except TypeError:
+        raise InputError(
+            f"`tracker` {maker}: a factory is called with two arguments, setting (what the tracker may know) and "
+            f"options (a mapping); this one takes {signature}"
+        ) from None
 
 
 def _import_entry(name: str, entry: _Entry) -> None:

@@ -237,6 +237,7 @@ def test_a_motion_model_that_returns_nonsense_is_told_what_is_wrong_with_it(step
     ("option", "written", "told"),
     [
         ("tracker", "def make(setting, options): return {}['gain']", "can't be built (KeyError: 'gain', odd_parts.py"),
+        ("tracker", "def make(road): return None", "with two arguments, setting (what the tracker may know) and"),
         ("sensor", "def make(): return {}['range']", "can't be made (KeyError: 'range', odd_parts.py line 1"),
         ("sensor", "def make(which): return None", "missing 1 required positional argument: 'which'"),
         ("sensor", "def make(): return None", "it returned NoneType, not SensorSettings"),

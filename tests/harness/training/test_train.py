@@ -66,6 +66,11 @@ def test_training_on_turns_needs_networks_in_the_plane(capsys):
     assert "--net us101: give networks in the plane" in capsys.readouterr().err
 
 
+def test_training_on_turns_has_no_components_and_says_so(capsys):
+    assert run_command_line(["train", "--case", "turning", "--components", "9"]) == 2
+    assert "--components: the case turning fits six numbers" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_the_driver_by_the_map_is_fitted_end_to_end_to_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr("harness.training.turning_fit.DURATION_S", 60.0)
