@@ -52,18 +52,21 @@ def test_nothing_jumps(frames):
     check_that_nothing_jumps(frames)
 
 
-def check_that_nothing_jumps(frames, pushed_aside_percent=0.0):
-    """Check accelerations and lateral speeds; SUMO pushes some vehicles aside faster than their type's maxSpeedLat."""
-    pushed_aside, vehicles = set(), set()
+def check_that_nothing_jumps(frames):
+    check_that_nothing_jumps_along_the_road(frames)
+    check_that_nothing_jumps_sideways(frames)
+
+
+def check_that_nothing_jumps_along_the_road(frames):
     for before, after, a, b in pairs(frames):
         assert np.abs(after.accel_mps2[b] - before.accel_mps2[a]).max() < 2.0
-        sideways = np.abs(after.lat_speed_mps[b] - before.lat_speed_mps[a])
-        assert sideways.max() < 1.0
-        pushed_aside |= set(after.vehicle_id[b][sideways >= 0.6])
-        vehicles |= set(after.vehicle_id[b])
-    assert 100.0 * len(pushed_aside) <= pushed_aside_percent * len(vehicles)
     for frame in frames:
         assert np.abs(frame.accel_mps2).max() < 9.0
+
+
+def check_that_nothing_jumps_sideways(frames):
+    for before, after, a, b in pairs(frames):
+        assert np.abs(after.lat_speed_mps[b] - before.lat_speed_mps[a]).max() < 0.6
 
 
 def test_vehicles_never_overlap(frames):
@@ -151,14 +154,23 @@ def test_the_density_asked_for_is_met_within_a_tenth_and_a_jam_stops_and_goes(de
 
 @pytest.mark.slow
 @pytest.mark.parametrize("demand", ["us101-0750", "us101-0805", "us101-0820"])
-def test_in_the_calibrated_periods_hardly_anything_jumps_nothing_overlaps_and_no_lane_is_closed(demand):
+def test_in_the_calibrated_periods_nothing_jumps_along_or_overlaps_and_no_lane_is_closed(demand):
     frames = drive(demand=demand, duration_s=60.0, seed=3)
-    check_that_nothing_jumps(frames, pushed_aside_percent=1.0)
+    check_that_nothing_jumps_along_the_road(frames)
     check_that_vehicles_never_overlap(frames)
     stood = Counter()
     for frame in frames:
         stood.update(str(name) for name in frame.vehicle_id[(frame.lane > 0) & (frame.speed_mps < 0.1)])
     assert max(stood.values(), default=0) < 200  # of 600 steps
+
+
+PUSHED_ASIDE = pytest.mark.xfail(reason="SUMO pushes a car aside faster than its type's maxSpeedLat", strict=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("demand", ["us101-0750", pytest.param("us101-0805", marks=PUSHED_ASIDE), "us101-0820"])
+def test_in_the_calibrated_periods_nothing_jumps_sideways(demand):
+    check_that_nothing_jumps_sideways(drive(demand=demand, duration_s=60.0, seed=3))
 
 
 def test_nothing_is_written_to_the_screen(capfd):
