@@ -137,6 +137,17 @@ class JointRegularity(Settings):
     """So many of its misses count at most."""
 
 
+class JointManoeuvres(Settings):
+    """What drivers may do that the motion model does not foresee; see ``mmpf.motion.manoeuvring``."""
+
+    begin_per_s: NotNegative = 0.2
+    """Rate at which particles of vehicles in sight begin a manoeuvre; 0 for a motion model that is always right."""
+    mean_s: Positive = 2.0
+    """Mean length of a manoeuvre; it ends with sight."""
+    accel_std_mps2: NotNegative = 3.0
+    """Standard deviation of its acceleration around the present one, within what tyres and engines do."""
+
+
 class JointNoise(Settings):
     """How the noise of detections is learned from the innovations."""
 
@@ -235,6 +246,8 @@ class JointOptions(Settings):
     """What false objects are like."""
     regularity: JointRegularity = JointRegularity()
     """How regular detections tell them apart."""
+    manoeuvres: JointManoeuvres = JointManoeuvres()
+    """What drivers may do that the motion model does not foresee."""
     noise: JointNoise = JointNoise()
     """How noisy detections are."""
     removal: JointRemoval = JointRemoval()

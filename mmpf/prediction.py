@@ -11,7 +11,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.compute.kernels import kernel
 from mmpf.compute.normals import standard_normals
-from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
 from mmpf.scan import Scan
 from mmpf.state import ACCEL, LAT_SPEED, SPEED
@@ -58,27 +58,8 @@ def bootstrap_proposal(
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Draw from the motion model itself, so that the ratio in equation (10) is one; see ``Proposal``."""
-    moved, carried = _checked(motion, motion.propagate(state, latents, surroundings, dt_s, rng), state, latents)
+    moved, carried = checked_step(motion, motion.propagate(state, latents, surroundings, dt_s, rng), state, latents)
     return moved, carried, np.zeros(state.shape[1])
-
-
-def _checked(
-    motion: MotionModel, moved: object, state: FloatArray, latents: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return what a motion model returned, if the filter can go on with it.
-
-    Raises:
-        ValueError: It can't; the message says what is wrong with it.
-    """
-    if not isinstance(moved, tuple) or len(moved) != 2:
-        raise ValueError(f"motion model {motion.name}: propagate returned {type(moved).__name__}, not (state, latents)")
-    for name, values, before in (("state", moved[0], state), ("latents", moved[1], latents)):
-        if np.shape(values) != before.shape:
-            shapes = f"{np.shape(values)}, not {before.shape}"
-            raise ValueError(f"motion model {motion.name}: propagate returned {name} of shape {shapes}")
-    if not np.isfinite(moved[0].sum()):
-        raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")
-    return moved[0], moved[1]
 
 
 def prior_update(

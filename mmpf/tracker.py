@@ -21,6 +21,7 @@ from mmpf.joint.ghosts import first_log_odds
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.free import in_plane
+from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel
 from mmpf.options import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
@@ -63,10 +64,12 @@ class MixtureTracker:
             proposal: What new states are drawn from; the prior by default.
         """
         self._road, self._sensor, self._rng = road, sensor, rng
-        self._motion = motion if road.graph is None else in_plane(motion, road.graph)
         self._options = options or FilterOptions()
         self._proposal = proposal
         is_joint = self._options.update == "joint"
+        if is_joint and self._options.joint.manoeuvres.begin_per_s:
+            motion = Manoeuvring(motion, **self._options.joint.manoeuvres.model_dump())
+        self._motion = motion if road.graph is None else in_plane(motion, road.graph)
         self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
         self._mixture = self._nobody
         self._moments = component_moments(self._mixture)

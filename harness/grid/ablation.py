@@ -37,6 +37,7 @@ ABLATIONS = {
     "mmpf+joint.identity.stitch=false": "no identity handed to a component confirmed near a hidden one",
     "mmpf+joint.detectability.run_share=0": "misses taken as independent in time, not in runs",
     "mmpf+joint.ghosts.weighed=false": "everything that exists is a vehicle, no lasting false objects",
+    "mmpf+joint.manoeuvres.begin_per_s=0": "drivers in sight do nothing that the motion model does not foresee",
     "mmpf+joint.noise.learned=false": "detections as noisy as they report themselves",
     "mmpf+joint.reach.learned=false": "detects as well at every distance as the data sheet says, not counted",
     "mmpf+joint.association.clutter_memory_s=inf": "as much clutter as the data sheet says, not counted",

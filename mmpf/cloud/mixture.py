@@ -95,7 +95,8 @@ class Components:
         shadow_wrong: Probability that it is seen as if no shadow lay on it, if it is a vehicle.
         source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its
             detections.
-        vehicle_log_odds: The same, its present speed included.
+        vehicle_log_odds: The same, its speeds included.
+        stood_log: Log likelihood, at most 0, that it stood at its fastest moment whose speed was well known.
         noise_factor: Measured noise over reported noise, from the innovations.
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
         noise_lat_m: The same, lateral.
@@ -118,6 +119,7 @@ class Components:
     shadow_wrong: FloatArray
     source_log_odds: FloatArray
     vehicle_log_odds: FloatArray
+    stood_log: FloatArray
     noise_factor: FloatArray
     noise_lon_m: FloatArray
     noise_lat_m: FloatArray
@@ -168,6 +170,7 @@ class Components:
             noise_lat_m=np.zeros(len(track_id)),
             source_log_odds=log_odds,
             vehicle_log_odds=log_odds,
+            stood_log=np.zeros(len(track_id)),
             overlap_with=zeros + NEVER,
             overlap_s=np.zeros(len(track_id)),
             length_m=np.full(len(track_id), vehicle.length_m),

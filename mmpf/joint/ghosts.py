@@ -125,11 +125,13 @@ def with_log_odds(
     odds += overlap_log_odds(before, moments, seen, ghosts, situation.dt_s)
     odds = np.clip(odds, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
     waits = waiting_shares(moments, situation.plane.road.graph, false_objects)
-    by_speed = speed_log_odds(moments, situation.traffic, false_objects, options.birth.local_range_m, waits)
+    stood = stood_log_after(before.stood_log, moments, false_objects)
+    by_speed = speed_log_odds(moments, situation.traffic, false_objects, options.birth.local_range_m, waits, stood)
     return replace(
         components,
         source_log_odds=odds,
         vehicle_log_odds=odds + by_speed,
+        stood_log=stood,
         shadow_wrong=shadow_wrong_after(sightings, situation.sensor, options.joint.regularity, situation.dt_s),
     )
 
@@ -194,10 +196,31 @@ def waiting_shares(moments: Moments, graph: LaneGraph | None, options: JointFals
     return np.where(to_line < QUEUE_M, options.waiting_share_at_line, options.waiting_share_elsewhere)
 
 
+def stood_log_after(before: FloatArray, moments: Moments, options: JointFalseObjects) -> FloatArray:
+    """Return how well the speeds so far fit one that always stood, shape (m,); those hardly known say nothing.
+
+    Args:
+        before: The same before this scan, shape (m,).
+        moments: The components' moments.
+        options: What false objects are like.
+    """
+    variance = moments.variance[SPEED]
+    standing = -0.5 * moments.mean[SPEED] ** 2 / (variance + options.standing_std_mps**2)
+    return np.where(variance <= options.standing_std_mps**2, np.minimum(before, standing), before)
+
+
 def speed_log_odds(
-    moments: Moments, traffic: Traffic, options: JointFalseObjects, range_m: float, waits: FloatArray | float
+    moments: Moments,
+    traffic: Traffic,
+    options: JointFalseObjects,
+    range_m: float,
+    waits: FloatArray | float,
+    stood_log: FloatArray | float = 0.0,
 ) -> FloatArray:
-    """Return what the present speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,).
+    """Return what the speeds say: most false objects stand, while vehicles swim in the traffic, shape (m,).
+
+    A vehicle may brake to a stop amid flowing traffic, and is then in everybody's way; what was seen to move is none of
+    those that stand for good.
 
     Args:
         moments: The components' moments.
@@ -205,13 +228,16 @@ def speed_log_odds(
         options: What false objects are like.
         range_m: How far the traffic around reaches.
         waits: Share of vehicles that stand though others flow, shape (m,) or for all.
+        stood_log: How well the speeds so far fit one that always stood, shape (m,); see ``stood_log_after``.
     """
     speed, variance = moments.mean[SPEED], moments.variance[SPEED]
     flow = local_speed(moments.mean[LON], moments.mean[LAT], traffic, range_m)
     flowing = _normal(speed - flow, variance + options.flow_std_mps**2)
     standing = _normal(speed, variance + options.standing_std_mps**2)
     vehicle = waits * standing + (1.0 - waits) * flowing
-    false = options.standing_share * standing + (1.0 - options.standing_share) * flowing
+    slowest = _normal(np.zeros_like(speed), variance + options.standing_std_mps**2)
+    always_stood = np.minimum(standing, slowest * np.exp(stood_log))
+    false = options.standing_share * always_stood + (1.0 - options.standing_share) * flowing
     return np.log(np.maximum(vehicle, 1e-12) / np.maximum(false, 1e-12))
 
 

@@ -179,6 +179,31 @@ def spreads_speed(motion: MotionModel) -> bool:
     return bool(getattr(motion, "spreads_speed", False))
 
 
+def checked_step(
+    motion: MotionModel, moved: object, state: FloatArray, latents: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a motion model returned, if the filter can go on with it.
+
+    Args:
+        motion: The model.
+        moved: What its ``propagate`` returned.
+        state: The states that it was given, shape (6, n).
+        latents: The latents that it was given, shape (latent_size, n).
+
+    Raises:
+        ValueError: It can't; the message says what is wrong with it.
+    """
+    if not isinstance(moved, tuple) or len(moved) != 2:
+        raise ValueError(f"motion model {motion.name}: propagate returned {type(moved).__name__}, not (state, latents)")
+    for name, values, before in (("state", moved[0], state), ("latents", moved[1], latents)):
+        if np.shape(values) != before.shape:
+            shapes = f"{np.shape(values)}, not {before.shape}"
+            raise ValueError(f"motion model {motion.name}: propagate returned {name} of shape {shapes}")
+    if not np.isfinite(moved[0].sum()):
+        raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")
+    return moved[0], moved[1]
+
+
 Step = Callable[[FloatArray, Surroundings, float, np.random.Generator], FloatArray]
 
 

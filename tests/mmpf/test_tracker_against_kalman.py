@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmpf.compute.arrays import FloatArray
-from mmpf.joint_options import JointAssociation, JointNoise, JointOptions, JointResampling
+from mmpf.joint_options import JointAssociation, JointManoeuvres, JointNoise, JointOptions, JointResampling
 from mmpf.options import BirthOptions, FilterOptions, ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
@@ -61,6 +61,7 @@ def test_one_linear_gaussian_target_is_tracked_like_the_exact_kalman_filter(upda
         model_error=ModelErrorOptions(speed=0.0, accel=0.0, lat_speed=0.0),
         joint=JointOptions(
             association=JointAssociation(gate_std=20.0),
+            manoeuvres=JointManoeuvres(begin_per_s=0.0),
             noise=JointNoise(learned=False),
             resampling=JointResampling(young_hits=0),
         ),

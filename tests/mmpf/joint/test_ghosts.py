@@ -23,6 +23,7 @@ from mmpf.joint.ghosts import (
     regularity_log_odds,
     shadow_wrong_after,
     speed_log_odds,
+    stood_log_after,
     waiting_shares,
     with_log_odds,
 )
@@ -94,6 +95,30 @@ def test_one_that_stands_among_flowing_traffic_is_no_vehicle_and_one_that_flows_
     standing, flowing = speed_log_odds(moving([0.0, 20.0]), FLOW, FALSE, 40.0, 0.0)
     assert standing < -4.0
     assert flowing == pytest.approx(-np.log(1.0 - FALSE.standing_share), abs=1e-3)
+
+
+def test_one_that_was_seen_to_move_and_stops_amid_flowing_traffic_is_no_false_object_that_stands() -> None:
+    speeds = [20.0, 12.0, 4.0, 0.0, 0.0]
+    stood = np.zeros(1)
+    for speed in speeds:
+        stood = stood_log_after(stood, moving([speed]), FALSE)
+    stopped = speed_log_odds(moving([0.0]), FLOW, FALSE, 40.0, 0.0, stood)
+    assert stopped == pytest.approx(-np.log(1.0 - FALSE.standing_share), abs=1e-3)
+
+
+def test_a_speed_that_is_hardly_known_proves_no_motion() -> None:
+    assert stood_log_after(np.zeros(1), moving([8.0], std_mps=4.0), FALSE) == 0.0
+
+
+@given(st.lists(st.floats(0.0, 40.0), min_size=1, max_size=6))
+def test_the_order_of_the_speeds_means_nothing_for_whether_it_ever_moved(speeds: list[float]) -> None:
+    def after(ordered: list[float]) -> float:
+        stood = np.zeros(1)
+        for speed in ordered:
+            stood = stood_log_after(stood, moving([speed]), FALSE)
+        return float(stood[0])
+
+    assert after(speeds) == after(speeds[::-1]) == after([max(speeds)])
 
 
 def test_where_roads_meet_vehicles_wait_and_standing_says_little() -> None:

@@ -1,0 +1,82 @@
+"""Unforeseen manoeuvres: at any moment a driver may brake or accelerate as no motion model foresees, and go on with it.
+
+A behaviour model knows what drivers usually do. One that brakes in an emergency leaves the particles of such a model
+behind, and the more of its detections they can't explain, the noisier a filter takes its sensor to be. So a few
+particles of each vehicle in sight always try something else, as in a jump Markov system (Blom and Bar-Shalom, IEEE TAC
+1988): they hold an acceleration that is drawn at random. The detections choose. Where there are none, nothing weeds out
+what is wrong: a manoeuvre ends with sight, and the model goes on from the speed and acceleration that it led to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
+from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.state import ACCEL
+
+HOLDS = -1
+"""Row of the latents, from the end: 1 where the particle holds its acceleration, 0 where the inner model drives it."""
+
+
+@dataclass(frozen=True)
+class Manoeuvring:
+    """A motion model whose vehicles at times do something else; see ``mmpf.motion.protocol.MotionModel``.
+
+    Attributes:
+        inner: How a vehicle moves otherwise.
+        begin_per_s: Rate at which particles of vehicles in sight begin a manoeuvre.
+        mean_s: Mean length of a manoeuvre in sight.
+        accel_std_mps2: Standard deviation of its acceleration around the present one.
+    """
+
+    inner: MotionModel
+    begin_per_s: float
+    mean_s: float
+    accel_std_mps2: float
+
+    @property
+    def name(self) -> str:
+        """Name of the model within."""
+        return self.inner.name
+
+    @property
+    def latent_size(self) -> int:
+        """The inner model's rows and one."""
+        return self.inner.latent_size + 1
+
+    @property
+    def spreads_speed(self) -> bool:
+        """What the inner model says."""
+        return spreads_speed(self.inner)
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Draw the inner model's latents; nobody begins with a manoeuvre."""
+        latents = np.zeros((self.latent_size, state.shape[1]))
+        latents[:HOLDS] = self.inner.draw_latents(state, rng)
+        return latents
+
+    def propagate(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Let the inner model move the particles; those in a manoeuvre go on with their accelerations instead."""
+        inner, own = self.inner, latents[:HOLDS]
+        moved, carried = checked_step(inner, inner.propagate(state, own, surroundings, dt_s, rng), state, own)
+        after = np.vstack([carried, latents[HOLDS]])
+        change = rng.random(state.shape[1], dtype=np.float32)
+        goes_on = ~surroundings.is_hidden & (change >= -np.expm1(-dt_s / self.mean_s))
+        held = np.flatnonzero((latents[HOLDS] != 0.0) & goes_on)
+        begins = (latents[HOLDS] == 0.0) & ~surroundings.is_hidden & (change < -np.expm1(-dt_s * self.begin_per_s))
+        begun = np.flatnonzero(begins)
+        drawn = state[ACCEL, begun] + self.accel_std_mps2 * rng.standard_normal(len(begun))
+        holding = np.concatenate([held, begun])
+        accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
+        after[HOLDS] = 0.0
+        after[HOLDS, holding] = 1.0
+        longitudinal = moved[:, holding]
+        move_along(state[:, holding], longitudinal, accel, np.zeros(len(holding)), dt_s)
+        moved[:, holding] = longitudinal
+        return moved, after
