@@ -3,7 +3,8 @@
 In dense traffic most vehicles in a shadow were never seen, so that no track stands for them. Their number is a Poisson
 field, as that of undetected targets in Williams (IEEE TAES 2015): it drives with the traffic, comes in where the
 sensor's range begins and where lanes do, is thinned wherever the sensor looks and finds nobody, and takes in the
-vehicles whose tracks were let go. It needs no more than a tracker's scans and tracks, whoever the tracker is.
+vehicles whose tracks were let go. Before stop lines, and where those around are slow, there are more of them. It needs
+no more than a tracker's scans and tracks, whoever the tracker is.
 """
 
 from __future__ import annotations
@@ -49,10 +50,12 @@ class UnseenOptions(Settings):
     """Vehicles within this share of the range tell the density."""
     settled_s: NotNegative = 0.3
     """Looks thin the field for good from then on: before, there is not yet a track of everything that hides others."""
-    room_m: NotNegative = 6.0
+    room_m: NotNegative = 5.0
     """No other vehicle's middle is nearer than this to a known one's that stands, along the lane."""
-    headway_s: NotNegative = 0.8
-    """The room around a known vehicle that drives is longer by what it drives in this time."""
+    headway_s: NotNegative = 1.1
+    """The room around a known vehicle that drives is longer by what it drives in this time, on average,"""
+    headway_std_s: NotNegative = 0.4
+    """and drivers differ by so much."""
     flow_length_m: Positive = 30.0
     """The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
     spread_m2_per_s: Annotated[NotNegative, in_unit("m²/s")] = 30.0
@@ -61,6 +64,20 @@ class UnseenOptions(Settings):
     """Hidden traffic is back at the usual density after this time, where that is 30 vehicles per kilometre of lane: by
     drivers' own ways, and by tracks that are confused. The rate grows with the square of the density.
     """
+    queue_m: NotNegative = 60.0
+    """So far before a stop line vehicles queue,"""
+    queued: Positive = 4.0
+    """and are so many times as dense as elsewhere."""
+    jam_m: Positive = 7.5
+    """Lane that a vehicle in a jam takes up, which with ``time_gap_s`` tells how dense traffic of some speed is."""
+    time_gap_s: NotNegative = 1.5
+    """The lane that it takes up is longer by what it drives in this time."""
+    congested_below: Probability = 0.7
+    """Traffic slower than this share of the speed limit is congested, and its speed tells its density;"""
+    congestion: Probability = 0.2
+    """of standing traffic to this share, as a power, the usual density to the rest."""
+    usual_limit_mps: Positive = 29.0
+    """Speed limit where none is known."""
     length_m: Positive = 4.7
     """Length of the vehicle that is looked for."""
     width_m: Positive = 1.9
@@ -100,7 +117,7 @@ class UnseenTraffic:
 
     def __post_init__(self) -> None:
         self._cells, self._links = cells_of(self.road)
-        self._usual_m = self._cells.length_m * self._cells.share
+        self._usual_m = self._cells.length_m * self._cells.share * self._queued(self._cells)
         self._density_per_m = self.options.density_per_km / 1e3
         self._learned_s = self.options.density_guess_s
         self._field_m = self._usual_m.copy()
@@ -123,15 +140,17 @@ class UnseenTraffic:
         near = np.flatnonzero(plane.distance_m(self._cells.lon_m, self._cells.lat_m) <= self.sensor.range_m)
         cells = taken(self._cells, near)
         apart = _Apart.between(cells, tracks, scan)
+        flow_mps = apart.flow_mps(self.options.flow_length_m)
         if self._previous is not None:
             time_s, before = self._previous
             self._watched_s += scan.time_s - time_s
-            self._drive_on(near, apart.flow_mps(self.options.flow_length_m), scan.time_s - time_s)
+            self._drive_on(near, flow_mps, scan.time_s - time_s)
             self._take_in(near, _let_go(before, tracks))
         left = self._field_m[near] * self._overlooked(cells, apart, plane)
         if self._watched_s >= self.options.settled_s:
             self._field_m[near] = left
-        expected = self._density_per_m * left * apart.free_share(self.options.room_m, self.options.headway_s)
+        density = self._density_per_m * self._denser(cells, flow_mps)
+        expected = density * left * apart.free_share(self.options)
         if self._previous is not None:
             self._learn_density(cells, expected, apart, plane, scan.time_s - self._previous[0])
         self._previous = scan.time_s, tracks
@@ -141,6 +160,18 @@ class UnseenTraffic:
     def density_per_km(self) -> float:
         """Vehicles per kilometre of lane, seen and unseen ones, as learned so far."""
         return 1e3 * self._density_per_m
+
+    def _queued(self, cells: LaneCells) -> FloatArray:
+        """Return how many times as dense as elsewhere traffic is by where stop lines are, shape (n,)."""
+        return np.where(cells.before_stop_m < self.options.queue_m, self.options.queued, 1.0)
+
+    def _denser(self, cells: LaneCells, flow_mps: FloatArray) -> FloatArray:
+        """Return how many times as dense as usual traffic is by its speed, on the congested branch, shape (n,)."""
+        options = self.options
+        limit = np.where(np.isfinite(cells.limit_mps), cells.limit_mps, options.usual_limit_mps)
+        congested = np.maximum(1.0 - flow_mps / (options.congested_below * limit), 0.0)
+        at_speed_per_m = 1.0 / (options.jam_m + options.time_gap_s * flow_mps)
+        return np.asarray(np.maximum(at_speed_per_m / self._density_per_m, 1.0) ** (options.congestion * congested))
 
     def _drive_on(self, near: IntArray, speed_mps: FloatArray, dt_s: float) -> None:
         """Let the field flow along the lanes and spread; what lies outside of the range is as usual."""
@@ -210,7 +241,7 @@ class UnseenTraffic:
     ) -> None:
         within_m = self.options.density_within * self.sensor.range_m
         inside = plane.distance_m(cells.lon_m, cells.lat_m) <= within_m
-        lane_m = float((cells.length_m * cells.share)[inside].sum())
+        lane_m = float((cells.length_m * cells.share * self._queued(cells))[inside].sum())
         if lane_m <= 0.0:
             return
         tracks = apart.tracks
@@ -266,10 +297,11 @@ class _Apart:
     def _speed_mps(self) -> FloatArray:
         return np.append(self.tracks.speed_mps, self.ego_speed_mps)
 
-    def free_share(self, room_m: float, headway_s: float) -> FloatArray:
+    def free_share(self, options: UnseenOptions) -> FloatArray:
         """Return the probability that no known vehicle takes up the place, shape (n,)."""
-        room = room_m + headway_s * np.maximum(self._speed_mps, 0.0)
-        std = np.append(np.maximum(self.tracks.std_lon_m, 0.1), 0.1)
+        speed = np.maximum(self._speed_mps, 0.0)
+        room = options.room_m + options.headway_s * speed
+        std = np.hypot(np.append(np.maximum(self.tracks.std_lon_m, 0.1), 0.1), options.headway_std_s * speed)
         existence = np.append(self.tracks.existence, 1.0)
         in_lane = self._there & (np.abs(self.across_m) < BESIDE_LANE_M)
         near = in_lane & (np.abs(self.along_m) < room + FARTHEST_STD * std)

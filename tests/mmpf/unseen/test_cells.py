@@ -1,8 +1,11 @@
 """Lanes in pieces, and where traffic flows from piece to piece."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.lanes.graph import without_map
 from mmpf.road import Lane, Road, highway
 from mmpf.unseen.cells import BEYOND_SECTION_M, CELL_M, cells_of
@@ -86,3 +89,26 @@ def test_a_lane_with_a_beginning_and_an_end_is_no_longer_than_that():
 def test_without_a_map_there_are_no_cells():
     cells, links = cells_of(Road(lanes=(), graph=without_map()))
     assert len(cells) == len(links.source) == 0
+
+
+def test_each_cell_knows_how_far_it_is_to_the_next_stop_line_and_how_fast_its_lane_may_be_driven():
+    lines = {"far": [(0.0, 0.0), (60.0, 0.0)], "near": [(60.0, 0.0), (90.0, 0.0)], "on": [(90.0, 0.0), (120.0, 0.0)]}
+    graph = graph_of(lines, links=[("far", "near"), ("near", "on")], speed_limit_mps=11.0)
+    nobody = np.zeros(0, dtype=np.int64)
+    control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
+    cells, _ = cells_of(Road(lanes=(), graph=replace(graph, control=control)))
+    before = cells.lon_m < 90.0
+    np.testing.assert_allclose(cells.before_stop_m[before], 90.0 - cells.lon_m[before])
+    assert np.isinf(cells.before_stop_m[~before]).all()
+    assert (cells.limit_mps == 11.0).all()
+
+
+def test_nobody_queues_within_a_junction():
+    cells, _ = cells_of(Road(lanes=(), graph=FORK))
+    assert np.isinf(cells.before_stop_m).all()
+
+
+def test_on_a_road_in_strips_no_limit_and_no_stop_line_is_known():
+    cells, _ = cells_of(highway())
+    assert np.isnan(cells.limit_mps).all()
+    assert np.isinf(cells.before_stop_m).all()

@@ -4,17 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from mmpf.compute.arrays import taken
+from mmpf.lanes.control import NO_SIGNAL, YIELD, LinkControl
 from mmpf.lanes.graph import without_map
 from mmpf.road import Road, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 from mmpf.unseen.traffic import UnseenOptions, UnseenTraffic
+from tests.mmpf.lanes.scenes import graph_of
 
 ROAD = highway(lanes=3, lane_width_m=3.6)
 NO_DETECTIONS = Detections(*[np.zeros(0)] * 6)
-OPTIONS = UnseenOptions(density_per_km=20.0)
+OPTIONS = UnseenOptions(density_per_km=20.0, headway_std_s=0.0)
 
 
 def scan(time_s, lon_m=300.0, speed_mps=20.0):
@@ -103,15 +106,61 @@ def test_the_density_is_learned_from_the_traffic_that_is_known():
     assert unseen.density_per_km == pytest.approx(1e3 / 15.0, rel=0.15)
 
 
-@pytest.mark.parametrize(("speed_mps", "room_m"), [(0.0, 6.0), (10.0, 14.0), (25.0, 26.0)])
-def test_the_faster_a_vehicle_drives_the_farther_is_the_next_in_its_lane(speed_mps, room_m):
+@pytest.mark.parametrize("speed_mps", [0.0, 10.0, 25.0])
+def test_the_faster_a_vehicle_drives_the_farther_is_the_next_in_its_lane(speed_mps):
     unseen = UnseenTraffic(ROAD, SensorModel(detection_probability=0.0), OPTIONS)
     one = replace(tracks((1, 40.0, 5.4)), speed_mps=np.array([speed_mps]))
     told = unseen.step(scan(0.0, speed_mps=0.0), one)
     away = np.abs(told.cells.lon_m - 340.0)
     in_lane = told.cells.lane == told.cells.lane[np.hypot(away, told.cells.lat_m - 5.4).argmin()]
+    room_m = OPTIONS.room_m + OPTIONS.headway_s * speed_mps
     assert away[in_lane & (told.expected < 0.01)].max() <= room_m + 2.5
     assert away[in_lane & (told.expected > 0.05)].min() >= room_m - 2.5
+
+
+def test_drivers_differ_in_the_headway_that_they_keep():
+    options = UnseenOptions(density_per_km=20.0, headway_std_s=0.4)
+    unseen = UnseenTraffic(ROAD, SensorModel(detection_probability=0.0), options)
+    told = unseen.step(scan(0.0), replace(tracks((1, 40.0, 5.4), std_lon_m=0.0), speed_mps=np.array([20.0])))
+    per_m = told.expected / told.cells.length_m
+    at_m = told.cells.lon_m - 340.0 - (options.room_m + 20.0 * options.headway_s)
+    beside = told.cells.lane == 2
+    near = beside & (np.abs(at_m) < 16.0)
+    np.testing.assert_allclose(per_m[near] / per_m[told.cells.lane == 1].max(), ndtr(at_m[near] / 8.0), atol=1e-3)
+
+
+def test_where_those_around_are_slow_more_are_expected_and_the_more_the_slower():
+    def around(speed_mps):
+        unseen = UnseenTraffic(ROAD, SensorModel(detection_probability=0.0), OPTIONS)
+        told = unseen.step(
+            scan(0.0, speed_mps=speed_mps), replace(tracks((1, 90.0, 5.4)), speed_mps=np.full(1, speed_mps))
+        )
+        away = (told.cells.lane == 1) & (np.abs(told.cells.lon_m - 300.0) < 50.0)
+        return 1e3 * told.expected[away].sum() / told.cells.length_m[away].sum()
+
+    jam, slow, free, faster = (around(speed) for speed in (0.0, 8.0, 21.0, 28.0))
+    assert jam == pytest.approx(20.0 * (1e3 / OPTIONS.jam_m / 20.0) ** OPTIONS.congestion)
+    congested = 1.0 - 8.0 / (OPTIONS.congested_below * OPTIONS.usual_limit_mps)
+    per_km = 1e3 / (OPTIONS.jam_m + 8.0 * OPTIONS.time_gap_s)
+    assert slow == pytest.approx(20.0 * (per_km / 20.0) ** (OPTIONS.congestion * congested))
+    assert free == faster == pytest.approx(20.0)
+
+
+def test_before_a_stop_line_more_are_expected():
+    graph = graph_of(
+        {"to": [(-150.0, 0.0), (0.0, 0.0)], "on": [(0.0, 0.0), (150.0, 0.0)]},
+        links=[("to", "on")],
+        speed_limit_mps=10.0,
+    )
+    nobody = np.zeros(0, dtype=np.int64)
+    control = LinkControl(np.array([YIELD]), np.full(1, NO_SIGNAL), (), nobody, np.zeros(2, dtype=np.int64))
+    road = Road(lanes=(), graph=replace(graph, control=control))
+    unseen = UnseenTraffic(road, SensorModel(detection_probability=0.0), OPTIONS)
+    told = unseen.step(Scan(0.0, NO_DETECTIONS, EgoPose(0.0, 30.0, 0.0, 10.0, 4.7, 1.9)), Tracks.none())
+    per_m = told.expected / told.cells.length_m
+    queues = (told.cells.lon_m > -OPTIONS.queue_m) & (told.cells.lon_m < 0.0)
+    np.testing.assert_allclose(per_m[queues], OPTIONS.queued * per_m[~queues].mean())
+    assert np.ptp(per_m[~queues]) < 1e-12
 
 
 def test_the_order_of_the_tracks_means_nothing():
