@@ -27,7 +27,6 @@ class LaneCells:
         heading_rad: Driving direction against the frame's longitudinal axis, radians.
         length_m: Length along the lane.
         share: Traffic of the lane over that of a lane that nothing divides: across a junction the ways share it.
-        limit_mps: Speed limit; nan where none is known.
         before_stop_m: From the middle to where a signal or right of way may hold vehicles, infinite where none does.
         entry: Whether traffic that comes from beyond the map begins here.
         stretch: Number of the stretch of 25 m, or what is left of its lane, that it belongs to.
@@ -40,7 +39,6 @@ class LaneCells:
     heading_rad: FloatArray
     length_m: FloatArray
     share: FloatArray
-    limit_mps: FloatArray
     before_stop_m: FloatArray
     entry: BoolArray
     stretch: IntArray
@@ -88,7 +86,6 @@ def _cells_of_strips(road: Road) -> tuple[LaneCells, Links]:
         heading_rad=np.zeros(len(of_lane)),
         length_m=length,
         share=np.ones(len(of_lane)),
-        limit_mps=np.full(len(of_lane), np.nan),
         before_stop_m=np.full(len(of_lane), np.inf),
         entry=entry,
         **_in_stretches(of_lane),
@@ -120,7 +117,6 @@ def _cells_of_graph(graph: LaneGraph) -> tuple[LaneCells, Links]:
         heading_rad=heading,
         length_m=length,
         share=share[of_lane],
-        limit_mps=graph.speed_limit_mps[of_lane],
         before_stop_m=_before_stop(graph, of_lane, along),
         entry=entry,
         **_in_stretches(of_lane),

@@ -3,8 +3,8 @@
 In dense traffic most vehicles in a shadow were never seen, so that no track stands for them. Their number is a Poisson
 field, as that of undetected targets in Williams (IEEE TAES 2015): it drives with the traffic, comes in where the
 sensor's range begins and where lanes do, is thinned wherever the sensor looks and finds nobody, and takes in the
-vehicles whose tracks were let go. Before stop lines, and where those around are slow, there are more of them. It needs
-no more than a tracker's scans and tracks, whoever the tracker is.
+vehicles whose tracks were let go. Before stop lines there are more of them. It needs no more than a tracker's
+scans and tracks, whoever the tracker is.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class UnseenOptions(Settings):
     """Looks thin the field for good from then on: before, there is not yet a track of everything that hides others."""
     room_m: NotNegative = 5.0
     """No other vehicle's middle is nearer than this to a known one's that stands, along the lane."""
-    headway_s: NotNegative = 1.1
+    headway_s: NotNegative = 0.9
     """The room around a known vehicle that drives is longer by what it drives in this time, on average,"""
-    headway_std_s: NotNegative = 0.4
+    headway_std_s: NotNegative = 0.3
     """and drivers differ by so much."""
     flow_length_m: Positive = 30.0
     """The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
@@ -62,22 +62,13 @@ class UnseenOptions(Settings):
     """How fast the field spreads along a lane, since drivers differ in speed."""
     mixing_s: Positive = 3.0
     """Hidden traffic is back at the usual density after this time, where that is 30 vehicles per kilometre of lane: by
-    drivers' own ways, and by tracks that are confused. The rate grows with the square of the density.
+    drivers' own ways, and by tracks that are confused. The rate grows with the third power of a place's
+    usual density.
     """
     queue_m: NotNegative = 60.0
     """So far before a stop line vehicles queue,"""
-    queued: Positive = 4.0
+    queued: Positive = 3.0
     """and are so many times as dense as elsewhere."""
-    jam_m: Positive = 7.5
-    """Lane that a vehicle in a jam takes up, which with ``time_gap_s`` tells how dense traffic of some speed is."""
-    time_gap_s: NotNegative = 1.5
-    """The lane that it takes up is longer by what it drives in this time."""
-    congested_below: Probability = 0.7
-    """Traffic slower than this share of the speed limit is congested, and its speed tells its density;"""
-    congestion: Probability = 0.2
-    """of standing traffic to this share, as a power, the usual density to the rest."""
-    usual_limit_mps: Positive = 29.0
-    """Speed limit where none is known."""
     length_m: Positive = 4.7
     """Length of the vehicle that is looked for."""
     width_m: Positive = 1.9
@@ -140,17 +131,15 @@ class UnseenTraffic:
         near = np.flatnonzero(plane.distance_m(self._cells.lon_m, self._cells.lat_m) <= self.sensor.range_m)
         cells = taken(self._cells, near)
         apart = _Apart.between(cells, tracks, scan)
-        flow_mps = apart.flow_mps(self.options.flow_length_m)
         if self._previous is not None:
             time_s, before = self._previous
             self._watched_s += scan.time_s - time_s
-            self._drive_on(near, flow_mps, scan.time_s - time_s)
+            self._drive_on(near, apart.flow_mps(self.options.flow_length_m), scan.time_s - time_s)
             self._take_in(near, _let_go(before, tracks))
         left = self._field_m[near] * self._overlooked(cells, apart, plane)
         if self._watched_s >= self.options.settled_s:
             self._field_m[near] = left
-        density = self._density_per_m * self._denser(cells, flow_mps)
-        expected = density * left * apart.free_share(self.options)
+        expected = self._density_per_m * left * apart.free_share(self.options)
         if self._previous is not None:
             self._learn_density(cells, expected, apart, plane, scan.time_s - self._previous[0])
         self._previous = scan.time_s, tracks
@@ -165,14 +154,6 @@ class UnseenTraffic:
         """Return how many times as dense as elsewhere traffic is by where stop lines are, shape (n,)."""
         return np.where(cells.before_stop_m < self.options.queue_m, self.options.queued, 1.0)
 
-    def _denser(self, cells: LaneCells, flow_mps: FloatArray) -> FloatArray:
-        """Return how many times as dense as usual traffic is by its speed, on the congested branch, shape (n,)."""
-        options = self.options
-        limit = np.where(np.isfinite(cells.limit_mps), cells.limit_mps, options.usual_limit_mps)
-        congested = np.maximum(1.0 - flow_mps / (options.congested_below * limit), 0.0)
-        at_speed_per_m = 1.0 / (options.jam_m + options.time_gap_s * flow_mps)
-        return np.asarray(np.maximum(at_speed_per_m / self._density_per_m, 1.0) ** (options.congestion * congested))
-
     def _drive_on(self, near: IntArray, speed_mps: FloatArray, dt_s: float) -> None:
         """Let the field flow along the lanes and spread; what lies outside of the range is as usual."""
         lanes = len(self._phase_m)
@@ -183,7 +164,8 @@ class UnseenTraffic:
         steps = min(int(np.ceil(dt_s / LONGEST_STEP_S - 1e-6)), MOST_STEPS)
         for _ in range(steps):
             field = self._spread(self._moved_on(field, speeds * dt_s / steps), dt_s / steps)
-        mixing_per_s = (self._density_per_m / MIXED_AT_PER_M) ** 2 / self.options.mixing_s
+        usual_per_m = self._density_per_m * self._usual_m / self._cells.length_m
+        mixing_per_s = (usual_per_m / MIXED_AT_PER_M) ** 3 / self.options.mixing_s
         self._field_m = field - np.expm1(-mixing_per_s * dt_s) * (self._usual_m - field)
 
     def _moved_on(self, field_m: FloatArray, driven_m: FloatArray) -> FloatArray:

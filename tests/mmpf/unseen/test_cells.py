@@ -91,16 +91,15 @@ def test_without_a_map_there_are_no_cells():
     assert len(cells) == len(links.source) == 0
 
 
-def test_each_cell_knows_how_far_it_is_to_the_next_stop_line_and_how_fast_its_lane_may_be_driven():
+def test_each_cell_knows_how_far_it_is_to_the_next_stop_line():
     lines = {"far": [(0.0, 0.0), (60.0, 0.0)], "near": [(60.0, 0.0), (90.0, 0.0)], "on": [(90.0, 0.0), (120.0, 0.0)]}
-    graph = graph_of(lines, links=[("far", "near"), ("near", "on")], speed_limit_mps=11.0)
+    graph = graph_of(lines, links=[("far", "near"), ("near", "on")])
     nobody = np.zeros(0, dtype=np.int64)
     control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
     cells, _ = cells_of(Road(lanes=(), graph=replace(graph, control=control)))
     before = cells.lon_m < 90.0
     np.testing.assert_allclose(cells.before_stop_m[before], 90.0 - cells.lon_m[before])
     assert np.isinf(cells.before_stop_m[~before]).all()
-    assert (cells.limit_mps == 11.0).all()
 
 
 def test_nobody_queues_within_a_junction():
@@ -108,7 +107,6 @@ def test_nobody_queues_within_a_junction():
     assert np.isinf(cells.before_stop_m).all()
 
 
-def test_on_a_road_in_strips_no_limit_and_no_stop_line_is_known():
+def test_on_a_road_in_strips_no_stop_line_is_known():
     cells, _ = cells_of(highway())
-    assert np.isnan(cells.limit_mps).all()
     assert np.isinf(cells.before_stop_m).all()

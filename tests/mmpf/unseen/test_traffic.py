@@ -129,23 +129,6 @@ def test_drivers_differ_in_the_headway_that_they_keep():
     np.testing.assert_allclose(per_m[near] / per_m[told.cells.lane == 1].max(), ndtr(at_m[near] / 8.0), atol=1e-3)
 
 
-def test_where_those_around_are_slow_more_are_expected_and_the_more_the_slower():
-    def around(speed_mps):
-        unseen = UnseenTraffic(ROAD, SensorModel(detection_probability=0.0), OPTIONS)
-        told = unseen.step(
-            scan(0.0, speed_mps=speed_mps), replace(tracks((1, 90.0, 5.4)), speed_mps=np.full(1, speed_mps))
-        )
-        away = (told.cells.lane == 1) & (np.abs(told.cells.lon_m - 300.0) < 50.0)
-        return 1e3 * told.expected[away].sum() / told.cells.length_m[away].sum()
-
-    jam, slow, free, faster = (around(speed) for speed in (0.0, 8.0, 21.0, 28.0))
-    assert jam == pytest.approx(20.0 * (1e3 / OPTIONS.jam_m / 20.0) ** OPTIONS.congestion)
-    congested = 1.0 - 8.0 / (OPTIONS.congested_below * OPTIONS.usual_limit_mps)
-    per_km = 1e3 / (OPTIONS.jam_m + 8.0 * OPTIONS.time_gap_s)
-    assert slow == pytest.approx(20.0 * (per_km / 20.0) ** (OPTIONS.congestion * congested))
-    assert free == faster == pytest.approx(20.0)
-
-
 def test_before_a_stop_line_more_are_expected():
     graph = graph_of(
         {"to": [(-150.0, 0.0), (0.0, 0.0)], "on": [(0.0, 0.0), (150.0, 0.0)]},
