@@ -108,7 +108,8 @@ class UnseenTraffic:
 
     def __post_init__(self) -> None:
         self._cells, self._links = cells_of(self.road)
-        self._usual_m = self._cells.length_m * self._cells.share * self._queued(self._cells)
+        queued = np.where(self._cells.before_stop_m < self.options.queue_m, self.options.queued, 1.0)
+        self._usual_m = self._cells.length_m * self._cells.share * queued
         self._density_per_m = self.options.density_per_km / 1e3
         self._learned_s = self.options.density_guess_s
         self._field_m = self._usual_m.copy()
@@ -141,7 +142,7 @@ class UnseenTraffic:
             self._field_m[near] = left
         expected = self._density_per_m * left * apart.free_share(self.options)
         if self._previous is not None:
-            self._learn_density(cells, expected, apart, plane, scan.time_s - self._previous[0])
+            self._learn_density(near, expected, apart, plane, scan.time_s - self._previous[0])
         self._previous = scan.time_s, tracks
         return Unseen(cells, expected)
 
@@ -149,10 +150,6 @@ class UnseenTraffic:
     def density_per_km(self) -> float:
         """Vehicles per kilometre of lane, seen and unseen ones, as learned so far."""
         return 1e3 * self._density_per_m
-
-    def _queued(self, cells: LaneCells) -> FloatArray:
-        """Return how many times as dense as elsewhere traffic is by where stop lines are, shape (n,)."""
-        return np.where(cells.before_stop_m < self.options.queue_m, self.options.queued, 1.0)
 
     def _drive_on(self, near: IntArray, speed_mps: FloatArray, dt_s: float) -> None:
         """Let the field flow along the lanes and spread; what lies outside of the range is as usual."""
@@ -219,11 +216,11 @@ class UnseenTraffic:
         return 1.0 - detected
 
     def _learn_density(
-        self, cells: LaneCells, expected: FloatArray, apart: _Apart, plane: SensorPlane, dt_s: float
+        self, near: IntArray, expected: FloatArray, apart: _Apart, plane: SensorPlane, dt_s: float
     ) -> None:
         within_m = self.options.density_within * self.sensor.range_m
-        inside = plane.distance_m(cells.lon_m, cells.lat_m) <= within_m
-        lane_m = float((cells.length_m * cells.share * self._queued(cells))[inside].sum())
+        inside = plane.distance_m(self._cells.lon_m[near], self._cells.lat_m[near]) <= within_m
+        lane_m = float(self._usual_m[near][inside].sum())
         if lane_m <= 0.0:
             return
         tracks = apart.tracks

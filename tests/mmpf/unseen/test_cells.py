@@ -102,9 +102,14 @@ def test_each_cell_knows_how_far_it_is_to_the_next_stop_line():
     assert np.isinf(cells.before_stop_m[~before]).all()
 
 
-def test_nobody_queues_within_a_junction():
-    cells, _ = cells_of(Road(lanes=(), graph=FORK))
-    assert np.isinf(cells.before_stop_m).all()
+def test_nobody_queues_within_a_junction_though_a_stop_line_follows_it():
+    lines = {"to": [(0.0, 0.0), (30.0, 0.0)], "across": [(30.0, 0.0), (50.0, 0.0)], "on": [(50.0, 0.0), (80.0, 0.0)]}
+    graph = graph_of(lines, links=[("to", "across"), ("across", "on")], in_junction=("across",))
+    nobody = np.zeros(0, dtype=np.int64)
+    control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
+    cells, _ = cells_of(Road(lanes=(), graph=replace(graph, control=control)))
+    assert np.isfinite(cells.before_stop_m[cells.lon_m < 30.0]).all()
+    assert np.isinf(cells.before_stop_m[cells.lon_m > 30.0]).all()
 
 
 def test_on_a_road_in_strips_no_stop_line_is_known():
