@@ -9,6 +9,9 @@ from pydantic import Field
 
 from mmpf.settings import NotNegative, Positive, Probability, Settings, in_unit
 
+Levels = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
+"""A number for each level of detectability; see ``mmpf.cloud.kinds.DETECTABILITY``."""
+
 
 class JointDetectability(Settings):
     """How probably a vehicle is detected where it is, and what "not seen" is worth."""
@@ -64,8 +67,8 @@ class JointExistence(Settings):
     """Rate at which vehicles cease to be there; by default one in a thousand does each tenth of a second."""
     largest: Probability = 0.99
     """No component is more certain than this."""
-    confirm_above: Probability = 0.6
-    """Existence probability above which a component is reported."""
+    report_above: Probability = 0.6
+    """Probability that there is a source at all above which a component may be reported."""
     confirm_hits: Annotated[int, Field(ge=1)] = 3
     """Detections that a component must have had before it is reported."""
     same_place_share: NotNegative = 0.75
@@ -76,65 +79,87 @@ class JointExistence(Settings):
     """A component that is spread less than this has a known place."""
 
 
-class JointGhosts(Settings):
-    """Whether a source of detections is a vehicle or a false object that stays for a while."""
+class JointKinds(Settings):
+    """Whether a source of detections is a vehicle or a false object that stays for a while; see ``mmpf.cloud.kinds``."""
 
     weighed: bool = True
     """Whether the question is asked; without, everything that exists is a vehicle."""
-    vehicle_in_view: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.05
-    """Probability that what appears in plain view is a vehicle."""
-    vehicle_out_of_view: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.8
-    """Probability that what appears at a shadow's or the range's edge, or in the first scan, is a vehicle."""
+    vehicle_detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
+    """Share of vehicles at each level of detectability (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
+    prior_vehicles: Positive = 30.0
+    """So many vehicles these shares count for; the vehicles around add to them."""
+    appear_in_view_per_s: Positive = 0.06
+    """Vehicles a second that are first detected in plain view, where they should have been known before."""
+    appear_out_of_view_per_s: Positive = 4.0
+    """The same at a shadow's or the range's edge, or in the first scan: as if all range were such a place."""
+    appear_in_shadow: Probability = 0.1
+    """What remains of that rate deep in a shadow, where no vehicle should be detected."""
+    overlooked_share: Probability = 0.5
+    """Share of those first detected in plain view that had been overlooked because they are hard to detect."""
+    overlooked_scans: NotNegative = 4.0
+    """So many scans they had been overlooked for."""
+    least_prior: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.02
+    """No place of appearance makes either kind less probable than this."""
+    first_look_s: Positive = 1.0
+    """After the first scan it takes about so long until what is in plain view has been detected."""
     edge_m: Positive = 8.0
     """Width of the range's edge."""
+    vehicle_shading: tuple[Positive, Positive, Positive] = (0.5, 0.3, 0.2)
+    """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
+    shadows nor what they do to the sensor are exactly known.
+    """
+    shading_s: Positive = 2.0
+    """What detections have said of that is forgotten over this time."""
     overlap_share: NotNegative = 0.6
     """Two sources nearer than this share of a length and a width can't both be vehicles."""
     overlap_per_s: NotNegative = 3.0
     """Log odds that the lesser one of them loses a second."""
-    confirm_log_odds: float = 0.5
-    """Log odds of a vehicle above which a component may be reported."""
-    withdraw_log_odds: float = -1.5
-    """Log odds below which it is no longer reported."""
+    largest_log_odds: Positive = 6.0
+    """No log odds between vehicle and false object grow beyond this."""
+    confirm_above: Probability = 0.5
+    """Probability of a vehicle above which a component is reported."""
+    withdraw_below: Probability = 0.2
+    """Probability of a vehicle, if there is a source at all, below which it is no longer reported."""
 
 
 class JointFalseObjects(Settings):
-    """What false objects are like."""
+    """What false objects are like before any was found, and how fast that is learned."""
 
-    seen_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.6
-    """Probability that a false object in plain view is detected in a scan."""
-    life_s: Positive = 3.0
-    """Mean life of a false object."""
-    standing_share: Probability = 0.7
+    birth_share: Annotated[Positive, in_unit("1/s for each false detection in a scan")] = 0.3
+    """Rate at which false objects appear, in relation to the data sheet's false detections in a scan: as if half of
+    these came from objects that last ``life_s``.
+    """
+    standing_share: Probability = 0.75
     """Share of false objects that stand still; the others move as traffic does."""
+    life_s: Positive = 2.5
+    """Mean life."""
+    detectability: Levels = (0.08, 0.12, 0.18, 0.22, 0.2, 0.14, 0.06)
+    """Share of false objects at each level of detectability."""
+    shading: tuple[Positive, Positive, Positive] = (0.3, 0.2, 0.5)
+    """The same shares among false objects: some are seen through vehicles."""
+    prior_count: Positive = 4.0
+    """So many false objects the figures above count for."""
+    prior_watched_s: Positive = 3.0
+    """So many seconds the rate above counts for."""
+    memory_s: Positive = 60.0
+    """False objects count for about so long."""
+
+
+class JointSpeeds(Settings):
+    """What speeds say of the kind of a source."""
+
     standing_std_mps: Positive = 1.0
-    """Spread of their speeds."""
+    """Spread of the speeds of what stands."""
     flow_std_mps: Positive = 4.0
     """Spread of vehicles' speeds around the traffic's."""
-    waiting_share: Probability = 0.3
-    """Share of vehicles that stand though others flow, in a plane of which no stop lines are known; along a single road
-    none does.
-    """
-    waiting_share_at_line: Probability = 0.6
+    stopped_on_road: Probability = 0.02
+    """Share of vehicles that stand though others flow, along a single road: broken-down cars, ends of queues."""
+    stopped_in_plane: Probability = 0.3
+    """The same in a plane of which no stop lines are known."""
+    stopped_at_line: Probability = 0.6
     """The same where a signal or right of way may hold vehicles a little ahead."""
-    waiting_share_elsewhere: Probability = 0.15
+    stopped_elsewhere: Probability = 0.15
     """The same where stop lines are known and none is ahead."""
-
-
-class JointRegularity(Settings):
-    """How regular detections and misses tell vehicles from false objects."""
-
-    shadow_wrong: Probability = 0.5
-    """Probability that a vehicle is seen as if no shadow lay on it: neither the shadows nor what they do to the sensor
-    are exactly known.
-    """
-    shadow_wrong_s: Positive = 2.0
-    """What detections have said of that is forgotten over this time."""
-    largest_miss_log_odds: NotNegative = 0.25
-    """Log odds that a miss in shadow adds at most, since a shadow may lie on a false object too."""
-    gap_credit: Probability = 0.5
-    """Share of the log odds of a false object's misses that a vehicle gets back when it is seen again."""
-    largest_gap_scans: NotNegative = 6.0
-    """So many of its misses count at most."""
 
 
 class JointManoeuvres(Settings):
@@ -240,12 +265,12 @@ class JointOptions(Settings):
     """Which detection may belong to which component."""
     existence: JointExistence = JointExistence()
     """Whether a component is a vehicle."""
-    ghosts: JointGhosts = JointGhosts()
+    kinds: JointKinds = JointKinds()
     """Whether it is a vehicle or a false object."""
     false_objects: JointFalseObjects = JointFalseObjects()
     """What false objects are like."""
-    regularity: JointRegularity = JointRegularity()
-    """How regular detections tell them apart."""
+    speeds: JointSpeeds = JointSpeeds()
+    """What speeds say of that."""
     manoeuvres: JointManoeuvres = JointManoeuvres()
     """What drivers may do that the motion model does not foresee."""
     noise: JointNoise = JointNoise()

@@ -61,6 +61,10 @@ class BirthOptions(Settings):
     """Spread of their speeds."""
     other_speed_std_mps: Positive = 8.0
     """Spread of the other particles' speeds: the neighbours alone would lose the fast lane."""
+    standing_share: Probability = 0.1
+    """Share of particles that stand: traffic that flows fast would lose a car that has broken down."""
+    standing_std_mps: NotNegative = 0.5
+    """Spread of their speeds."""
     lat_speed_std_mps: Positive = 0.4
     """Spread of the lateral speed."""
     accel_std_mps2: Positive = 0.7
@@ -91,6 +95,8 @@ class ReportingOptions(Settings):
     """A hidden component spread wider than this is kept in memory, for re-acquisition, but not reported: nobody could
     use it.
     """
+    reported_hidden_above: Probability = 0.2
+    """A hidden component that is a vehicle with less probability is kept in memory, but not reported."""
 
 
 class FilterOptions(Settings):

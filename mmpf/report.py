@@ -30,6 +30,7 @@ def reported_tracks(
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
     reported = ~unseen | (moments.std_along_m <= options.reported_std_lon_m)
+    reported &= ~unseen | (components.vehicle >= options.reported_hidden_above)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     variance = moments.variance.copy()
     variance[LON] += correlated_share * components.noise_lon_m**2
@@ -45,7 +46,7 @@ def reported_tracks(
         std_lon_m=std[LON, reported],
         std_lat_m=std[LAT, reported],
         std_speed_mps=std[SPEED, reported],
-        existence=components.existence[reported],
+        existence=components.vehicle[reported],
         state=state[reported].astype(np.int8),
     )
 

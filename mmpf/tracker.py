@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from mmpf.around.false_objects import FalseObjects
 from mmpf.around.on_graph import surroundings_on_graph
 from mmpf.around.openness import LinkWatch
 from mmpf.around.reach import Reach
@@ -17,7 +18,7 @@ from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import BoolArray
 from mmpf.compute.threads import one_blas_thread
-from mmpf.joint.ghosts import first_log_odds
+from mmpf.joint.newborn import Appearances, kinds_at_birth
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
 from mmpf.motion.free import in_plane
@@ -75,6 +76,7 @@ class MixtureTracker:
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
         self._reach = Reach.of_data_sheet(sensor.range_m)
+        self._false_objects = FalseObjects.none()
         self._links = None if road.graph is None else LinkWatch(road.graph)
         self.last_report = StepReport()
 
@@ -82,6 +84,11 @@ class MixtureTracker:
     def mixture(self) -> Mixture:
         """The belief after the last scan."""
         return self._mixture
+
+    @property
+    def false_objects(self) -> FalseObjects:
+        """What was learned of false objects."""
+        return self._false_objects
 
     @property
     def reach(self) -> Reach:
@@ -121,6 +128,7 @@ class MixtureTracker:
             self._reach = updated.reach or self._reach
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
+            self._false_objects = change.false_objects or self._false_objects
             clock.lap("remove, add, merge")
             mixture, reclusterings = self._rule.finetune(change.mixture, situation, self._rng)
             clock.lap("finetune")
@@ -146,9 +154,10 @@ class MixtureTracker:
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         chosen = np.flatnonzero(~lies_on_ego(scan.detections, SensorPlane(scan.ego, self._road)))
         existence = np.full(len(chosen), self._options.birth.first_existence)
-        births = Births(
-            scan.detections, chosen, existence, traffic, first_log_odds(len(chosen), self._options.joint.ghosts)
+        kinds = kinds_at_birth(
+            Appearances.unwatched(len(chosen)), self._false_objects, self._sensor, self._options.joint
         )
+        births = Births(scan.detections, chosen, existence, traffic, kinds)
         none = np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(self._nobody, none, births, self._motion, self._options, self._rng))
 
@@ -181,7 +190,8 @@ class MixtureTracker:
             lat_m=None if self._road.graph is None else np.append(mean[LAT][known], scan.ego.lat_m),
         )
         plane = SensorPlane(scan.ego, self._road)
-        return Situation(scan, self._sensor, self._motion, scan.time_s - previous.time_s, traffic, plane, self._reach)
+        dt_s = scan.time_s - previous.time_s
+        return Situation(scan, self._sensor, self._motion, dt_s, traffic, plane, self._reach, self._false_objects)
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""

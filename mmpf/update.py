@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
+from mmpf.around.false_objects import FalseObjects
 from mmpf.around.reach import Reach
 from mmpf.cloud.birth import Traffic
 from mmpf.cloud.mixture import Mixture
@@ -29,6 +30,7 @@ class Situation:
         traffic: Speeds of the vehicles around, for births.
         plane: The plane in which the sensor sees.
         reach: How well the sensor sees at each distance.
+        false_objects: What false objects are like.
     """
 
     scan: Scan
@@ -38,6 +40,7 @@ class Situation:
     traffic: Traffic
     plane: SensorPlane
     reach: Reach
+    false_objects: FalseObjects = field(default_factory=FalseObjects.none)
 
 
 @dataclass(frozen=True)
@@ -87,12 +90,14 @@ class MixtureChange:
         removed: Components removed.
         added: Components added.
         merged: Components merged into others.
+        false_objects: What false objects are like, after those removed; None if the rule does not say.
     """
 
     mixture: Mixture
     removed: int = 0
     added: int = 0
     merged: int = 0
+    false_objects: FalseObjects | None = None
 
 
 class UpdateRule(Protocol):

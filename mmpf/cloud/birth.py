@@ -40,7 +40,7 @@ class Births:
         chosen: Indices of those that start one, shape (k,).
         existence: Existence probability of each new component, shape (k,).
         traffic: Speeds around.
-        log_odds: Log odds that each is a vehicle rather than a false object, shape (k,); None if that is not asked.
+        kinds: Probabilities of each source's kind, shape (k, 3, 3, levels); certain vehicles if None.
         noise_factor: Measured noise over reported noise of the components so far.
     """
 
@@ -48,7 +48,7 @@ class Births:
     chosen: IntArray
     existence: FloatArray
     traffic: Traffic
-    log_odds: FloatArray | None = None
+    kinds: FloatArray | None = None
     noise_factor: float = 1.0
 
 
@@ -97,11 +97,10 @@ def give_birth(
         log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=latents,
     )
-    components = Components.newborn(track_id, births.existence, options.vehicle, births.log_odds)
+    components = Components.newborn(track_id, births.existence, options.vehicle, births.kinds)
     components = replace(
         components,
         noise_factor=np.full(len(chosen), births.noise_factor),
-        shadow_wrong=np.full(len(chosen), options.joint.regularity.shadow_wrong),
     )
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
@@ -119,7 +118,10 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
     flow = local_speed(detections.lon_m[chosen], detections.lat_m[chosen], births.traffic, options.local_range_m)
     near = normal(flow, options.local_speed_std_mps)
     anything = normal(flow, options.other_speed_std_mps)
-    speed = np.where(rng.uniform(size=shape) < options.local_speed_share, near, anything)
+    chance = rng.uniform(size=shape)
+    speed = np.where(chance < options.local_speed_share, near, anything)
+    stands = chance > 1.0 - options.standing_share
+    speed[stands] = np.abs(options.standing_std_mps * rng.standard_normal(int(stands.sum())))
     measured = np.isfinite(detections.speed_mps[chosen])
     around_measurement = normal(
         np.nan_to_num(detections.speed_mps[chosen]), np.nan_to_num(detections.std_speed_mps[chosen])

@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 
+from mmpf.cloud.kinds import KINDS, LEVELS, certain_vehicles, vehicle_share
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.options import MEAN_CAR, Footprint
 from mmpf.state import STATE_SIZE
@@ -85,17 +86,17 @@ class Components:
 
     Attributes:
         track_id: Identity that is reported.
-        existence: Probability that the component is a vehicle.
+        existence: Probability that there is a source of detections: a vehicle, or a false object that stays.
         confirmed: Whether the component is reported as a track.
         withdrawn: Whether it was, until it was taken for a false object.
         hits: Scans in which a detection was attributed to it.
         age_scans: Scans since its birth.
         unseen_s: Time since its last hit.
         missed: Probability that the sensor is in a run of misses of this vehicle.
-        shadow_wrong: Probability that it is seen as if no shadow lay on it, if it is a vehicle.
-        source_log_odds: Log odds that it is a vehicle rather than a false object, by its place of birth and its
-            detections.
-        vehicle_log_odds: The same, its speeds included.
+        kinds: Probability of each kind of source with its detectability, given that there is one, shape (m, 3, 3,
+            levels); see ``mmpf.cloud.kinds``.
+        ended: Probability that it was a false object that has ended, by kind and level, shape (m, 2, levels).
+        speed_log: Log likelihood of its speed by kind, as it went into ``kinds``, shape (m, 3).
         stood_log: Log likelihood, at most 0, that it stood at its fastest moment whose speed was well known.
         noise_factor: Measured noise over reported noise, from the innovations.
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
@@ -116,9 +117,9 @@ class Components:
     age_scans: IntArray
     unseen_s: FloatArray
     missed: FloatArray
-    shadow_wrong: FloatArray
-    source_log_odds: FloatArray
-    vehicle_log_odds: FloatArray
+    kinds: FloatArray
+    ended: FloatArray
+    speed_log: FloatArray
     stood_log: FloatArray
     noise_factor: FloatArray
     noise_lon_m: FloatArray
@@ -133,6 +134,11 @@ class Components:
     def __len__(self) -> int:
         return len(self.track_id)
 
+    @property
+    def vehicle(self) -> FloatArray:
+        """Probability that each is a vehicle, shape (m,)."""
+        return self.existence * vehicle_share(self.kinds)
+
     def after_scan(self, was_hit: BoolArray, dt_s: float) -> Components:
         """Return the components with a scan's hits, shape (m,), and the time unseen counted."""
         return replace(self, hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
@@ -143,7 +149,7 @@ class Components:
         track_id: IntArray,
         existence: FloatArray,
         vehicle: Footprint = MEAN_CAR,
-        log_odds: FloatArray | None = None,
+        kinds: FloatArray | None = None,
     ) -> Components:
         """Return components of their first scan, one detection each.
 
@@ -151,10 +157,10 @@ class Components:
             track_id: Their identities, shape (m,).
             existence: Their existence probabilities, shape (m,).
             vehicle: Their sizes as far as is known before any is measured.
-            log_odds: Log odds that they are vehicles, shape (m,); as good as certain if None.
+            kinds: Probabilities of the kinds of source, shape (m, 3, 3, levels); certain vehicles if None.
         """
         zeros = np.zeros(len(track_id), dtype=np.int64)
-        log_odds = np.full(len(track_id), 6.0) if log_odds is None else log_odds
+        kinds = certain_vehicles(len(track_id)) if kinds is None else kinds
         return cls(
             track_id=track_id,
             existence=existence,
@@ -164,12 +170,12 @@ class Components:
             age_scans=zeros,
             unseen_s=np.zeros(len(track_id)),
             missed=np.zeros(len(track_id)),
-            shadow_wrong=np.zeros(len(track_id)),
+            kinds=kinds,
+            ended=np.zeros((len(track_id), KINDS - 1, LEVELS)),
+            speed_log=np.zeros((len(track_id), KINDS)),
             noise_factor=np.ones(len(track_id)),
             noise_lon_m=np.zeros(len(track_id)),
             noise_lat_m=np.zeros(len(track_id)),
-            source_log_odds=log_odds,
-            vehicle_log_odds=log_odds,
             stood_log=np.zeros(len(track_id)),
             overlap_with=zeros + NEVER,
             overlap_s=np.zeros(len(track_id)),

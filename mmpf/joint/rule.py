@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mmpf.around.depth import Bodies, depth_table
-from mmpf.around.detectability import detection_probabilities
+from mmpf.around.detectability import detection_probabilities, in_plain_view
+from mmpf.around.false_objects import FalseObjects
 from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
+from mmpf.cloud.kinds import Sightings, mean_detectability, vehicle_share
 from mmpf.cloud.mixture import Components, Mixture
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
@@ -29,12 +31,13 @@ from mmpf.joint.evidence import (
     normalised,
     particle_factors,
 )
-from mmpf.joint.ghosts import Sightings, is_vehicle, log_odds_at_birth, with_log_odds
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
+from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.missed_runs import run_after_scan, run_expected
+from mmpf.joint.newborn import appearances_at, kinds_at_birth
 from mmpf.joint.noise import common_factor, with_innovations
 from mmpf.joint.overlap import overlapping
 from mmpf.joint_options import JointExistence
@@ -42,6 +45,9 @@ from mmpf.options import FilterOptions
 from mmpf.scan import Detections, SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+
+# A single detection is no object that stays.
+FEWEST_HITS = 2
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class JointUpdate:
         """Work out each particle's detection probability from the shadows of the other components."""
         options, plane, cloud = self.options.joint.detectability, situation.plane, prior.cloud
         if options.shadow:
-            casts = (prior.components.existence > options.occluder_existence) & is_vehicle(prior.components)
+            casts = prior.components.vehicle > options.occluder_existence
             bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.direction_rad)
             table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
@@ -70,7 +76,8 @@ class JointUpdate:
         else:
             probability = np.full(len(cloud), options.fixed_probability)
         run = run_expected(prior.components.missed, options.run_share, options.run_s, situation.dt_s)
-        return Occlusion(probability * (1.0 - run)[cloud.component], run)
+        seen = (1.0 - run) * mean_detectability(prior.components.kinds)
+        return Occlusion(probability * seen[cloud.component], run)
 
     def measurement_update(
         self,
@@ -83,8 +90,8 @@ class JointUpdate:
         """Weigh particles and existence by the association marginals, then resample."""
         options, detections = self.options.joint.association, situation.scan.detections
         likelihoods = gated_likelihoods(prior, moments, detections, options.gate_std)
-        survival = np.exp(-self.options.joint.existence.death_rate_per_s * situation.dt_s)
-        existence = prior.components.existence * survival
+        alive, ended = ended_meanwhile(prior.components, situation, self.options.joint)
+        existence = alive.sum(axis=(1, 2, 3))
         prior_weight = normalised(prior.cloud.log_raw_weight, prior.starts)
 
         evidence, not_seen = association_evidence(
@@ -112,23 +119,19 @@ class JointUpdate:
             situation.plane,
             options.exclusion_per_s * situation.dt_s,
         )
-        claimed = (evidence * marginals.detection_message).sum(axis=1)
-        run = run_after_scan(occlusion.run_probability, not_seen, claimed / np.maximum(existence, 1e-300))
-        existence = (existence * not_seen + claimed) / (missed + claimed)
-        existence = np.minimum(existence, self.options.joint.existence.largest)
-
+        claimed = (evidence * marginals.detection_message).sum(axis=1) / np.maximum(existence, 1e-300)
+        run = run_after_scan(occlusion.run_probability, not_seen, claimed)
         hit_probability = marginals.probability.sum(axis=1)
         was_hit = hit_probability > options.hit_probability
-        components = replace(prior.components.after_scan(was_hit, situation.dt_s), existence=existence, missed=run)
-        distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
+        sightings = self._sightings(prior, moments, occlusion, not_seen, claimed, hit_probability, situation)
+        components = replace(prior.components.after_scan(was_hit, situation.dt_s), missed=run)
+        components = kinds_after(
+            components, prior.components, alive, ended, moments, sightings, situation, self.options
+        )
         reach = situation.reach
-        shares = share_at(distance_m, reach.shares(self.options.joint.reach.prior_scans), reach.ring_m)
-        shadow_wrong = prior.components.shadow_wrong
-        sightings = Sightings(hit_probability, not_seen, occlusion.run_probability, shadow_wrong, shares)
         if self.options.joint.reach.learned:
+            distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
             reach = reach_after(sightings, prior.components, run, distance_m, situation, self.options.joint)
-        if self.options.joint.ghosts.weighed:
-            components = with_log_odds(components, prior.components, moments, sightings, situation, self.options)
         components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = log_normalised(raw, prior.starts)
@@ -142,7 +145,7 @@ class JointUpdate:
             association_entropy=_mean_entropy(marginals.probability),
             effective_share=effective_share,
             # Detections that may serve several vehicles can be explained more than once.
-            false_detections=max(float(len(detections) - marginals.probability[is_vehicle(components)].sum()), 0.0),
+            false_detections=max(float(len(detections) - marginals.probability.sum()), 0.0),
             reach=reach,
         )
 
@@ -157,18 +160,23 @@ class JointUpdate:
         chosen = chosen[~lies_on_ego(situation.scan.detections, situation.plane)[chosen]]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
+        joint, learned = (
+            self.options.joint,
+            situation.false_objects.after(situation.dt_s, self.options.joint.false_objects.memory_s),
+        )
+        learned = _with_removed(learned, updated.mixture.components, ~alive, situation.dt_s)
+        places = appearances_at(chosen, updated.mixture, moments, situation, self.options)
         births = Births(
             situation.scan.detections,
             chosen,
             existence,
             situation.traffic,
-            log_odds_at_birth(chosen, updated.mixture, moments, situation, self.options)
-            if self.options.joint.ghosts.weighed
-            else None,
+            kinds_at_birth(places, learned, situation.sensor, joint),
             common_factor(updated.mixture.components),
         )
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
-        return MixtureChange(mixture, removed=int((~alive).sum()), added=len(chosen), merged=int((alive & ~keep).sum()))
+        merged = int((alive & ~keep).sum())
+        return MixtureChange(mixture, int((~alive).sum()), len(chosen), merged, false_objects=learned)
 
     def finetune(
         self,
@@ -177,14 +185,10 @@ class JointUpdate:
         rng: np.random.Generator,  # noqa: ARG002
     ) -> tuple[Mixture, int]:
         """Confirm components; one that is confirmed near a hidden component is that component, seen again."""
-        options, components = self.options.joint.existence, mixture.components
-        confirmed_now = (
-            ~components.confirmed
-            & (components.existence > options.confirm_above)
-            & (components.hits >= options.confirm_hits)
-            & (components.vehicle_log_odds >= self.options.joint.ghosts.confirm_log_odds)
-        )
-        stays = components.confirmed & (components.vehicle_log_odds >= self.options.joint.ghosts.withdraw_log_odds)
+        options, kinds, components = self.options.joint.existence, self.options.joint.kinds, mixture.components
+        is_known = (components.existence > options.report_above) & (components.hits >= options.confirm_hits)
+        confirmed_now = ~components.confirmed & is_known & (components.vehicle > kinds.confirm_above)
+        stays = components.confirmed & (vehicle_share(components.kinds) >= kinds.withdraw_below)
         withdrawn = components.withdrawn | (components.confirmed & ~stays)
         components = replace(components, confirmed=stays, withdrawn=withdrawn)
         mixture = replace(mixture, components=components)
@@ -206,6 +210,30 @@ class JointUpdate:
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
         cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
         return replace(mixture, cloud=cloud)
+
+    def _sightings(
+        self,
+        prior: Mixture,
+        moments: Moments,
+        occlusion: Occlusion,
+        not_seen: FloatArray,
+        claimed: FloatArray,
+        hit: FloatArray,
+        situation: Situation,
+    ) -> Sightings:
+        """Return what the sensor would make of a source of full detectability at each component's place."""
+        expected = (1.0 - occlusion.run_probability) * mean_detectability(prior.components.kinds)
+        distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
+        shares = share_at(
+            distance_m, situation.reach.shares(self.options.joint.reach.prior_scans), situation.reach.ring_m
+        )
+        return Sightings(
+            in_shadow=(1.0 - not_seen) / np.maximum(expected, 1e-6),
+            in_plain_view=in_plain_view(situation.sensor, shares),
+            claimed=claimed / np.maximum(1.0 - not_seen, 1e-12),
+            hit=hit,
+            run_probability=occlusion.run_probability,
+        )
 
     def _learned_from_hits(
         self, components: Components, moments: Moments, marginals: Marginals, was_hit: BoolArray, situation: Situation
@@ -240,6 +268,15 @@ class JointUpdate:
             & (moments.std_along_m <= removal.largest_std_lon_m)
             & ~left
         )
+
+
+def _with_removed(learned: FalseObjects, components: Components, removed: BoolArray, dt_s: float) -> FalseObjects:
+    """Return what is known of sources, with the vehicles that are there and with all that are removed."""
+    alive = components.existence[:, None, None, None] * components.kinds
+    learned = learned.with_vehicles(alive, components.hits, removed)
+    gone = np.flatnonzero(removed & (components.hits >= FEWEST_HITS))
+    lived_s = np.maximum(components.age_scans[gone] * dt_s - components.unseen_s[gone], 0.0)
+    return learned.with_removed(alive[gone], components.ended[gone], lived_s)
 
 
 def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:

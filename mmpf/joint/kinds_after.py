@@ -1,0 +1,104 @@
+"""How the posterior of each component's kind of source changes from scan to scan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mmpf.cloud.kinds import (
+    FALSE,
+    VEHICLE,
+    Sightings,
+    bounded,
+    normalised,
+    relaxed_shading,
+    shares_of,
+    vehicle_share,
+    weighed,
+)
+from mmpf.cloud.mixture import Components
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.overlap import overlapping
+from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
+from mmpf.joint_options import JointOptions
+from mmpf.options import FilterOptions
+from mmpf.update import Situation
+
+
+def ended_meanwhile(
+    components: Components, situation: Situation, options: JointOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Return each case's probability before a scan: vehicles hardly ever cease to be there, false objects do.
+
+    Args:
+        components: The components after the scan before.
+        situation: The time since, and what is known of false objects.
+        options: Settings of the joint rule.
+
+    Returns:
+        Probability of each kind of source that is still there, shape (m, *SHAPE), and of false objects that have ended,
+        shape (m, 2, levels).
+    """
+    dt_s, kinds = situation.dt_s, options.kinds
+    alive = components.existence[:, None, None, None] * components.kinds
+    ends = -np.expm1(-dt_s / situation.false_objects.mean_life_s(options.false_objects))[None, :, None]
+    ended = components.ended + ends * alive[:, FALSE].sum(axis=2)
+    survival = np.concatenate([np.full((1, 1, 1), np.exp(-options.existence.death_rate_per_s * dt_s)), 1.0 - ends], 1)
+    alive = alive * survival[..., None]
+    return relaxed_shading(alive, shares_of(kinds.vehicle_shading), -np.expm1(-dt_s / kinds.shading_s)), ended
+
+
+def kinds_after(
+    components: Components,
+    before: Components,
+    alive: FloatArray,
+    ended: FloatArray,
+    moments: Moments,
+    sightings: Sightings,
+    situation: Situation,
+    options: FilterOptions,
+) -> Components:
+    """Return the components with existence and kinds after a scan.
+
+    Args:
+        components: The components, otherwise as they are after the scan.
+        before: The components before it.
+        alive: Probability of each case before it, from ``ended_meanwhile``, shape (m, *SHAPE).
+        ended: Probability of false objects that have ended, from there too, shape (m, 2, levels).
+        moments: Moments before it.
+        sightings: What the sensor would make of the sources.
+        situation: The scan, the sensor's data sheet and the traffic around.
+        options: The filter's settings.
+    """
+    joint = options.joint
+    nothing = np.maximum(1.0 - alive.sum(axis=(1, 2, 3)) - ended.sum(axis=(1, 2)), 0.0)
+    alive = weighed(alive, sightings)
+    total = nothing + ended.sum(axis=(1, 2)) + alive.sum(axis=(1, 2, 3))
+    existence = np.minimum(alive.sum(axis=(1, 2, 3)) / total, joint.existence.largest)
+    ended = ended / total[:, None, None]
+    kinds = normalised(alive)
+    speed_log, stood_log = before.speed_log, before.stood_log
+    if joint.kinds.weighed:
+        seen = components.unseen_s == 0.0
+        stopped = stopped_shares(moments, situation.plane.road.graph, joint.speeds)
+        stood_log = np.where(seen, stood_log_after(stood_log, moments, joint.speeds), stood_log)
+        now = log_speed_likelihoods(
+            moments, situation.traffic, joint.speeds, options.birth.local_range_m, stopped, stood_log
+        )
+        speed_log = np.where(seen[:, None], now, speed_log)
+        gain = speed_log - before.speed_log
+        gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation.dt_s)
+        kinds = normalised(kinds * np.exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
+        kinds = bounded(kinds, 1.0 / (1.0 + np.exp(joint.kinds.largest_log_odds)))
+    return replace(components, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
+
+
+def _overlap_loss(components: Components, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
+    """Return the log odds that two seen sources in one place take from the one that was less of a vehicle, shape (m,)."""
+    kinds, share = options.joint.kinds, vehicle_share(components.kinds)
+    is_seen = components.unseen_s <= options.reporting.hidden_after_s
+    overlaps = overlapping(components, moments, kinds.overlap_share)
+    overlaps &= is_seen[:, None] & is_seen & (share[:, None] < share)
+    return np.where(np.asarray(overlaps.any(axis=1)), kinds.overlap_per_s * dt_s, 0.0)

@@ -1,0 +1,128 @@
+"""What kind of source a new component is, by where it appears: a vehicle comes out of a shadow or from the range's edge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from mmpf.around.depth import Bodies, depth_table
+from mmpf.around.false_objects import FalseObjects
+from mmpf.around.reach import share_at
+from mmpf.around.shadows import visible_fractions
+from mmpf.cloud.kinds import (
+    DETECTABILITY,
+    FALSE,
+    SHADING,
+    SHAPE,
+    VEHICLE,
+    bounded,
+    normalised,
+    shares_of,
+    vehicle_share,
+)
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.joint_options import JointOptions
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
+from mmpf.state import LAT, LON
+from mmpf.update import Situation
+
+
+@dataclass(frozen=True)
+class Appearances:
+    """Where k new sources appear.
+
+    Attributes:
+        in_view: Degree, 0 to 1, to which a vehicle would have been known there before, shape (k,).
+        seen_share: Detection probability there, given the shadows, over that in plain view, shape (k,).
+    """
+
+    in_view: FloatArray
+    seen_share: FloatArray
+
+    @classmethod
+    def unwatched(cls, count: int) -> Self:
+        """Return places of the first scan: nobody had been looking, and vehicles were anywhere."""
+        return cls(np.zeros(count), np.ones(count))
+
+
+def kinds_at_birth(
+    places: Appearances, learned: FalseObjects, sensor: SensorModel, options: JointOptions
+) -> FloatArray:
+    """Return the prior of each new source's kind, detectability and shadow, given its first detection.
+
+    New vehicles and new false objects compete: the more false objects were found, the fewer of the new are vehicles.
+    Who is first detected in plain view is probably hard to detect.
+
+    Args:
+        places: Where they appear, k of them.
+        learned: What false objects are like.
+        sensor: The sensor's data sheet.
+        options: Settings of the joint rule.
+
+    Returns:
+        Probabilities that sum to one for each, shape (k, *SHAPE).
+    """
+    kinds = np.zeros((len(places.in_view), *SHAPE))
+    sources, false_objects = options.kinds, options.false_objects
+    usual = learned.vehicle_profile(sources) * DETECTABILITY
+    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** sources.overlooked_scans
+    late = sources.overlooked_share * places.in_view
+    profile = (1.0 - late)[:, None] * usual / usual.sum() + late[:, None] * overlooked / overlooked.sum()
+    shadow = _by_shading(sources.vehicle_shading, places.seen_share)
+    kinds[:, VEHICLE] = (shadow / shadow.sum(axis=1, keepdims=True))[:, :, None] * profile[:, None]
+    if sources.weighed:
+        rate = sources.appear_out_of_view_per_s ** (1.0 - places.in_view)
+        rate *= sources.appear_in_view_per_s**places.in_view
+        rate *= sources.appear_in_shadow + (1.0 - sources.appear_in_shadow) * places.seen_share
+        kinds[:, VEHICLE] *= rate[:, None, None]
+        profiles = learned.profiles(false_objects) * DETECTABILITY
+        profiles *= (learned.kind_shares(false_objects) / profiles.sum(axis=1))[:, None]
+        profiles *= learned.births_per_s(sensor, false_objects)
+        shadow = _by_shading(false_objects.shading, places.seen_share)
+        kinds[:, FALSE] = shadow[:, None, :, None] * profiles[:, None]
+    kinds = normalised(kinds)
+    return bounded(kinds, sources.least_prior) if sources.weighed else kinds
+
+
+def _by_shading(shares: Sequence[float], seen_share: FloatArray) -> FloatArray:
+    """Return how probable a first detection makes each shading, unnormalised, shape (k, 3)."""
+    return np.asarray(shares_of(shares) * np.maximum(seen_share, 1e-3)[:, None] ** SHADING)
+
+
+def appearances_at(
+    chosen: IntArray, mixture: Mixture, moments: Moments, situation: Situation, options: FilterOptions
+) -> Appearances:
+    """Return where detections lie that something new is started from.
+
+    Args:
+        chosen: The detections that something new is started from, shape (k,).
+        mixture: The belief, whose vehicles cast shadows.
+        moments: Its components' moments.
+        situation: The scan and the sensor's data sheet.
+        options: The filter's settings.
+    """
+    if len(chosen) == 0:
+        return Appearances.unwatched(0)
+    sensor, plane, vehicle = situation.sensor, situation.plane, options.vehicle
+    lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
+    components, nobody = mixture.components, len(mixture)
+    length, width = np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
+    bodies = Bodies(length, width, np.append(moments.heading_rad, 0.0))
+    casts = np.append((vehicle_share(components.kinds) > 0.5) & components.confirmed, values=False)
+    table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
+    visible = visible_fractions(plane, lon, lat, np.full(len(chosen), nobody), bodies, table)
+    in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
+    distance = plane.distance_m(lon, lat)
+    in_view *= np.clip((sensor.range_m - distance) / options.joint.kinds.edge_m - 0.5, 0.0, 1.0)
+    shares = situation.reach.shares(options.joint.reach.prior_scans)
+    in_view *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
+    # Who is rarely detected has not been found in the first scans.
+    in_view *= -np.expm1(-situation.false_objects.since_start_s / options.joint.kinds.first_look_s)
+    seen = np.where(visible < sensor.hidden_fraction, options.joint.detectability.hidden_probability, visible)
+    return Appearances(in_view, np.minimum(seen / sensor.full_view_fraction, 1.0))

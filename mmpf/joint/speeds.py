@@ -1,0 +1,76 @@
+"""What speeds say of the kind of a source: false objects mostly stand, vehicles flow with the traffic or have stopped."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.cloud.birth import Traffic, local_speed
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint_options import JointSpeeds
+from mmpf.lanes.graph import LaneGraph
+from mmpf.state import LAT, LON, SPEED
+
+# Vehicles queue so far before a stop line.
+QUEUE_M = 50.0
+
+
+def stopped_shares(moments: Moments, graph: LaneGraph | None, options: JointSpeeds) -> FloatArray | float:
+    """Return which share of vehicles stands where each component is: shape (m,) where stop lines are known."""
+    if graph is None:
+        return options.stopped_on_road
+    if graph.control is None:
+        return options.stopped_in_plane
+    x, y = moments.mean[LON], moments.mean[LAT]
+    lane = graph.lane_at(x, y, moments.heading_rad)
+    along, _, _ = graph.on_lane(lane, x, y)
+    to_line = np.where(lane >= 0, graph.length_m[lane] - along + graph.to_stop_line_m[lane], np.inf)
+    return np.where(to_line < QUEUE_M, options.stopped_at_line, options.stopped_elsewhere)
+
+
+def stood_log_after(before: FloatArray, moments: Moments, options: JointSpeeds) -> FloatArray:
+    """Return how well the speeds so far fit one that always stood, shape (m,); those hardly known say nothing.
+
+    Args:
+        before: The same before this scan, shape (m,).
+        moments: The components' moments.
+        options: What speeds are like.
+    """
+    variance = moments.variance[SPEED]
+    standing = -0.5 * moments.mean[SPEED] ** 2 / (variance + options.standing_std_mps**2)
+    return np.where(variance <= options.standing_std_mps**2, np.minimum(before, standing), before)
+
+
+def log_speed_likelihoods(
+    moments: Moments,
+    traffic: Traffic,
+    options: JointSpeeds,
+    range_m: float,
+    stopped: FloatArray | float,
+    stood_log: FloatArray | float = 0.0,
+) -> FloatArray:
+    """Return the log likelihood of each component's speed if it is of each kind, up to a common constant, shape (m, 3).
+
+    A vehicle may stand amid flowing traffic: what its speed can say against it is bounded by the share of vehicles
+    that do. What was seen to move is no false object that stands.
+
+    Args:
+        moments: The components' moments.
+        traffic: Speeds of the vehicles around.
+        options: What speeds are like.
+        range_m: How far the traffic around reaches.
+        stopped: Share of vehicles that stand though others flow, shape (m,) or for all.
+        stood_log: How well the speeds so far fit one that always stood, shape (m,); see ``stood_log_after``.
+    """
+    speed, variance = moments.mean[SPEED], moments.variance[SPEED]
+    flow = local_speed(moments.mean[LON], moments.mean[LAT], traffic, range_m)
+    flowing = _normal(speed - flow, variance + options.flow_std_mps**2)
+    standing = _normal(speed, variance + options.standing_std_mps**2)
+    slowest = _normal(np.zeros_like(speed), variance + options.standing_std_mps**2)
+    vehicle = stopped * standing + (1.0 - stopped) * flowing
+    always_stood = np.minimum(standing, slowest * np.exp(stood_log))
+    return np.log(np.maximum(np.stack([vehicle, always_stood, flowing], axis=1), 1e-12))
+
+
+def _normal(difference: FloatArray, variance: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-0.5 * difference**2 / variance) / np.sqrt(variance))
