@@ -17,11 +17,23 @@ from harness.scoring.directions import along_axes
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
+from harness.scoring.quantity import Quantity
 from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 NORMAL_95 = 1.959963984540054
 """Half width of the standard normal's central 95 % interval."""
+QUANTITIES = (
+    Quantity(
+        "calibration.anees.visible", "ANEES of tracks in view (1 is right)",
+        decimals=2, heading="ANEES in view", weight="calibration.visible.n", tabled=True, reported=True, optional=True,
+    ),
+    Quantity(
+        "calibration.anees.hidden", "ANEES of hidden tracks (1 is right)",
+        decimals=2, heading="ANEES hidden", weight="calibration.hidden.n", tabled=True, reported=True, optional=True,
+    ),
+)  # fmt: skip
+"""They have no direction, so nothing is compared."""
 ERRORS = ["lon_error_m", "lat_error_m", "speed_error_mps"]
 DEVIATIONS = ["std_lon_m", "std_lat_m", "std_speed_mps"]
 
@@ -55,15 +67,22 @@ def measure_calibration(evidence: Evidence) -> CalibrationPart:
 
 
 def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
-    """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them."""
+    """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them.
+
+    ``anees`` is the ``nees`` of these two side by side: the average normalised estimation error squared over
+    longitudinal position, lateral position and speed, divided by the number of them that have a deviation (Bar-Shalom
+    et al. 2001, section 5.4.2). 1 is right, above is over-confident. A tracker may report a variance alone for each
+    axis, so errors of different axes are taken as uncorrelated.
+    """
     nees, hidden = joined([part.nees for part in parts]), joined([part.hidden for part in parts])
     inside, usable = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("inside", "usable"))
     visible_and_hidden = {
         "visible": _calibrated(nees[~hidden], inside[0], usable[0]),
         "hidden": _calibrated(nees[hidden], inside[1], usable[1]),
     }
+    anees = {name: table["nees"] for name, table in visible_and_hidden.items()}
     everything = nees if len(parts) > 1 else nees.copy()
-    return _calibrated(everything, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden
+    return _calibrated(everything, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden | {"anees": anees}
 
 
 def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:

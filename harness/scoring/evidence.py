@@ -15,10 +15,12 @@ from harness.scoring.following import Following, follow
 from harness.scoring.history import DetectionHistory, detection_history
 from harness.scoring.matching import Matching, match
 from harness.scoring.pairs import Pairs, near_pairs
+from harness.scoring.plain_view import PlainView, plain_view
 from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
 from harness.scoring.unseen import Stretches, count_unseen
+from mmpf.compute.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,8 @@ class Evidence:
         events: The occlusion events.
         in_sight: Vehicles and tracks in sight.
         remembered: Vehicles detected within the memory, and all tracks.
+        plain: Vehicles in plain view, detected or not.
+        existence: Stated existence of each reported track, nan where it states none, shape (m,) along the track rows.
         following: Which track follows which of the vehicles that were once seen, hidden ones included.
         settings: The numbers of the rules.
         seed: Seed of the run.
@@ -53,6 +57,8 @@ class Evidence:
     events: OcclusionEvents
     in_sight: MotSequence
     remembered: MotSequence
+    plain: PlainView
+    existence: FloatArray
     following: Following
     settings: ScoringSettings
     seed: int
@@ -81,6 +87,7 @@ def gather(
     matching = match(rows, history, pairs, settings)
     table = error_table(truth, rows, history, matching, settings)
     following = follow(rows, history, settings)
+    plain = plain_view(truth, rows, settings)
     asked = None if driven is None else ask(driven, truth, detections, tracks, rows, settings)
     return Evidence(
         rows=rows,
@@ -92,6 +99,8 @@ def gather(
         events=occlusion_events(rows, matching, settings),
         in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs, settings)),
         remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs, settings)),
+        plain=plain,
+        existence=_existence(tracks)[rows.tracks.table_row],
         following=following,
         settings=settings,
         seed=seed,
@@ -99,3 +108,10 @@ def gather(
         brakings=None if asked is None else find_brakings(asked, rows, matching, following, settings),
         unseen=None if unseen is None else count_unseen(unseen, rows, history, matching, following),
     )
+
+
+def _existence(tracks: pd.DataFrame) -> FloatArray:
+    """Return the stated existence of each row, nan where none is stated, shape (rows,)."""
+    if "existence" not in tracks:
+        return np.full(len(tracks), np.nan)
+    return tracks["existence"].to_numpy(dtype=np.float64, na_value=np.nan)

@@ -13,11 +13,13 @@ from harness.scoring import (
     conflicts,
     coverage,
     decisions,
+    existence,
     gaps,
     gospa,
     hidden_by,
     hidden_cost,
     hidden_outcomes,
+    in_plain_view,
     mae,
     manoeuvre,
     mot,
@@ -80,7 +82,13 @@ register("mot_all", *mot.REMEMBERED)(InParts(mot.measure_remembered, mot.multi_o
 register("gospa", *gospa.IN_SIGHT)(InParts(gospa.measure_in_sight, gospa.gospa_in_sight))
 register("gospa_remembered", *gospa.REMEMBERED)(InParts(gospa.measure_remembered, gospa.gospa_remembered))
 register("occlusion", *occlusion.QUANTITIES)(InParts(occlusion.measure_events, occlusion.occlusion_outcomes))
-register("calibration")(InParts(calibration.measure_calibration, calibration.calibration_by_visibility))
+register(in_plain_view.NAME, *in_plain_view.QUANTITIES)(
+    InParts(in_plain_view.measure_plain_view, in_plain_view.scores_in_plain_view)
+)
+register("calibration", *calibration.QUANTITIES)(InParts(calibration.measure_calibration, calibration.calibration_by_visibility))
+register(existence.NAME, *existence.QUANTITIES)(
+    InParts(existence.measure_existence, existence.existence_calibration)
+)
 register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
     InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
 )

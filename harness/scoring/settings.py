@@ -36,6 +36,15 @@ class ScoringSettings:
         driver_settled_s: Time from the beginning of an ego's stay until its driver's decisions are judged.
         collision_time_s: Time to collision below which errors of it count.
         longest_collision_time_s: Longest time to collision that is told apart from none.
+        plain_view_m: Distance from the ego up to which vehicles in plain view must have a track.
+        plain_view_s: Time in plain view without interruption from which they must.
+        plain_view_vehicle_s: Shortest time in plain view of a vehicle that is ranked, or counts as never reported.
+        worst_share: Share of the vehicles that are the worst.
+        dropped_s: Shortest time in plain view without its track of a vehicle that is dropped.
+        standing_mps: Speed below which a vehicle stands.
+        standing_s: Time from which it is stopped.
+        flowing_mps: Mean speed of the others above which it is stopped amid traffic.
+        existence_track_steps: Track-steps from which a tenth of the stated existence is judged.
     """
 
     gate_lon_m: float = 4.0
@@ -64,6 +73,15 @@ class ScoringSettings:
     driver_settled_s: float = 2.0
     collision_time_s: float = 4.0
     longest_collision_time_s: float = 10.0
+    plain_view_m: float = 60.0
+    plain_view_s: float = 0.5
+    plain_view_vehicle_s: float = 1.0
+    worst_share: float = 0.1
+    dropped_s: float = 0.5
+    standing_mps: float = 0.5
+    standing_s: float = 2.0
+    flowing_mps: float = 5.0
+    existence_track_steps: int = 200
 
     def __post_init__(self) -> None:
         """Refuse a GOSPA cut-off beyond the distance up to which vehicles and tracks are compared at all."""
