@@ -29,6 +29,7 @@ from harness.comparison.why import Why
 from harness.errors import InputError
 from harness.grid.rows import column_of
 from harness.scoring.closedloop import PRIMARY as DRIVEN
+from harness.scoring.quantity import Quantity
 from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 
@@ -150,7 +151,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         values = {
             quantity: [column_of(rows, quantity.key) for rows in matched]
             for quantity in compared_quantities(rules.primary, closed_loop)
-            if rules.judges(quantity) or any(quantity.key in rows for rows in matched)
+            if _is_told(quantity, rules, matched)
         }
         if _in_one_run(a, b) and pairing.layout.paired and all(STEP_TIME.key in rows for rows in matched):
             values[STEP_TIME] = _step_times(*matched)
@@ -161,7 +162,13 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         )
     measured = [measure(arm) for arm in arms]
     verdicts = tuple(judge(measured, rules))
-    told = (*notes, *_pairing_notes(arms), *([] if closed_loop else _time_notes(a, b)), *_survivor_notes(verdicts))
+    told = (
+        *notes,
+        *_older_notes(a, b, rules),
+        *_pairing_notes(arms),
+        *([] if closed_loop else _time_notes(a, b)),
+        *_survivor_notes(verdicts),
+    )
     return Comparison(a.name, b.name, verdicts, told, rules, units, tuple(wanting))
 
 
@@ -217,6 +224,15 @@ def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, 
         yield label, a.rows[a.rows["label"] == label], b.rows[b.rows["label"] == label]
 
 
+def _is_told(quantity: Quantity, rules: Rules, matched: tuple[pd.DataFrame, pd.DataFrame]) -> bool:
+    """Return whether a metric is told of; one that is judged unasked is not where a side is older than the metric."""
+    there = [quantity.key in rows for rows in matched]
+    if not rules.judges(quantity):
+        return any(there)
+    unasked = rules.primary == PRIMARY and quantity.optional
+    return all(there) or not unasked
+
+
 def _in_one_run(a: Source, b: Source) -> bool:
     """Return whether the times of both sides were taken on one machine in one run."""
     return a.folder.resolve() == b.folder.resolve()
@@ -233,6 +249,18 @@ def _pairing_notes(arms: list[Arms]) -> list[str]:
     if all(arm.layout.paired for arm in arms):
         return []
     return ["No seeds in common: whole arms are compared, which shows only larger differences than pairs do."]
+
+
+def _older_notes(a: Source, b: Source, rules: Rules) -> list[str]:
+    """Say which metrics a side lacks since it is older than they are."""
+    if rules.primary != PRIMARY:
+        return []
+    optional = [quantity for quantity in compared_quantities(rules.primary) if quantity.optional]
+    judged = [quantity.key for quantity in optional if rules.judges(quantity)]
+    lacking = [(side.name, [key for key in judged if key not in side.rows]) for side in (a, b)]
+    if all(keys for _, keys in lacking):
+        return []
+    return [f"{name} is older than {', '.join(keys)}, so these are not judged." for name, keys in lacking if keys]
 
 
 def _time_notes(a: Source, b: Source) -> list[str]:

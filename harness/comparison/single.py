@@ -17,8 +17,10 @@ from harness.comparison.vehicles import (
     closeness,
     hidden_cost_by_vehicle,
     hota_by_vehicle,
+    plain_view_by_vehicle,
     ratio_by_vehicle,
     same_identity_by_vehicle,
+    worst_tenth_by_vehicle,
 )
 from harness.comparison.verdicts import Measured, Rules, compared_quantities
 from harness.comparison.why import Why, failures
@@ -27,6 +29,7 @@ from harness.grid.rows import column_of
 from harness.runfolder import folder as runfolder
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
+from harness.scoring.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.paired import KEYS, paired_errors
 from harness.scoring.quantity import Quantity
 from mmpf.compute.arrays import FloatArray
@@ -40,6 +43,8 @@ BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
     "mot.hota": hota_by_vehicle,
     "hidden.hidden_cost_m": hidden_cost_by_vehicle,
     "occlusion.same_id_percent": same_identity_by_vehicle,
+    RECALL: plain_view_by_vehicle,
+    WORST_TENTH: worst_tenth_by_vehicle,
 }
 
 
@@ -75,7 +80,8 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
 
     def measured(quantity: Quantity) -> Measured:
         whole = [column_of(side.rows, quantity.key) for side in (a, b)]
-        wanting = lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True)
+        older = quantity.key in BY_VEHICLE and quantity.key not in b.rows
+        wanting = "" if older else lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True)
         if wanting:
             return Measured(label, quantity, float(whole[0][0]), np.nan, Effect(np.nan, np.nan, 0.0), 0, False, wanting)
         if quantity.key in BY_VEHICLE:

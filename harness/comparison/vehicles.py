@@ -15,8 +15,10 @@ from scipy import sparse
 
 from harness.scoring.evidence import Evidence
 from harness.scoring.hota import hota_couples, hota_of_parts, measure_hota
+from harness.scoring.in_plain_view import measure_plain_view, worst_share
 from harness.scoring.rows import TruthRows
 from harness.scoring.sequence import select_in_sight
+from harness.scoring.settings import TIME_TOLERANCE_S
 from mmpf.compute.arrays import FloatArray, IntArray
 
 REACH_M = 100.0
@@ -95,6 +97,34 @@ def same_identity_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     events = evidence.events
     vehicle = evidence.rows.truth.vehicle[events.onset_row]
     return ratio_by_vehicle(events.same_id.astype(np.float64), vehicle, vehicles, 100.0)
+
+
+def plain_view_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
+    """Return the recall in plain view, in percent."""
+    counted = evidence.plain.counted
+    followed = evidence.matching.track_row[counted] >= 0
+    return ratio_by_vehicle(followed.astype(np.float64), evidence.rows.truth.vehicle[counted], vehicles, 100.0)
+
+
+def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
+    """Return the recall in plain view over the worst tenth of vehicles, in percent.
+
+    It is an expected shortfall, weighted by vehicle-steps, and its influence is that of one: vehicles in the worst tenth
+    move it by how far they are below the best of them, which is where the tenth ends.
+    """
+    settings, part = evidence.settings, measure_plain_view(evidence)
+    ranked = part.counted_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S
+    worst = worst_share(part.counted, part.followed, ranked, settings.worst_share)
+    counts, influence = np.zeros(vehicles), np.zeros(vehicles)
+    if not len(worst):
+        return ByVehicle(np.nan, influence, counts, np.zeros(0))
+    counted, followed = part.counted[worst], part.followed[worst]
+    steps = counted.sum()
+    influence[worst] = 100.0 * (followed - counted * (followed / counted).max()) / steps
+    chosen = np.flatnonzero(ranked)
+    counts[chosen] = part.counted[chosen]
+    influence[chosen] -= influence[chosen].mean()
+    return ByVehicle(100.0 * float(followed.sum() / steps), influence, counts, np.zeros(0))
 
 
 def hota_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:

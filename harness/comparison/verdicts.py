@@ -14,12 +14,13 @@ import numpy as np
 
 from harness.comparison.effects import LEVEL, Effect
 from harness.scoring import closedloop
+from harness.scoring.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
 from mmpf.compute.arrays import FloatArray
 
 BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"
-PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent")
+PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent", RECALL, WORST_TENTH)
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
 TOLERANCE, TIME_TOLERANCE = 0.02, 0.25
 FEWEST_EQUAL, FEWEST_SHIFTED = 8, 3

@@ -25,6 +25,8 @@ TEXT_COLUMNS = (
     *(f"episode.{name}" for name in ("kind", "ego", "provoked")),
     *(f"drive.{name}" for name in ("ended", "collided_with")),
 )
+NOT_FLAT = ("in_plain_view.vehicles",)
+"""Lists of whatever length with words in them: a run's own folder has them."""
 FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")
 OUTCOME_COLUMNS = ("succeeded", "error", "total_s")
 
@@ -50,6 +52,8 @@ def flattened(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
             flat |= {f"{name}.low": low, f"{name}.high": high}
         elif isinstance(value, Mapping):
             flat |= flattened(value, f"{name}.")
+        elif name in NOT_FLAT:
+            continue
         elif isinstance(value, list):
             flat |= flattened({str(place): item for place, item in enumerate(value)}, f"{name}.")
         else:

@@ -100,9 +100,10 @@ def print_result(
         table = Table(title=f"Means over seeds, by {name}", box=None, title_justify="left", padding=(0, 2, 0, 0))
         table.add_column("tracker", no_wrap=True)
         table.add_column(name.rpartition(".")[2], no_wrap=axis == NET, justify="left" if axis == NET else "right")
-        for quantity in curve_quantities():
+        shown = _drawn(points)
+        for quantity in shown:
             table.add_column(quantity.heading or quantity.label, justify="right")
-        for row in _rows(points, axis, curve_quantities(), False):
+        for row in _rows(points, axis, shown, False):
             table.add_row(*row[:-1])
         parts.append(table)
     parts += [Text(break_sentence(entry)) for entry in broken]
@@ -144,11 +145,13 @@ ROUTE_NOTE = (
     "Vehicles that turned while hidden for 2 s or more: is their track on the way that they drove, when they are seen "
     "again and just before?"
 )
+PLAIN_NOTE = "Vehicles in plain view within 60 m, detected or not: do they have a track (docs/scores.md)?"
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
     **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),
     "manoeuvre": MANOEUVRE_NOTE,
     "hidden_by": CAUSE_NOTE,
+    "in_plain_view": PLAIN_NOTE,
     "unseen_turns": ROUTE_NOTE,
 }
 BY_KIND = {MANOEUVRE_NOTE: "vehicles", CAUSE_NOTE: "behind"}
@@ -162,6 +165,12 @@ def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
         if not quantity.optional or quantity.key in metrics:
             themes.setdefault(THEMES.get(quantity.key.partition(".")[0], REST_NOTE), []).append(quantity)
     return list(themes.items())
+
+
+def _drawn(points: Sequence[Point]) -> list[Quantity]:
+    """Return what has curves, of optional ones those that have a point."""
+    known = {point.metric for point in points}
+    return [quantity for quantity in curve_quantities() if not quantity.optional or quantity.key in known]
 
 
 def _rows(points: Sequence[Point], axis: str, columns: Sequence[Quantity], with_intervals: bool) -> list[list[str]]:
@@ -206,7 +215,7 @@ def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
         axis: The axis to draw over.
         title: Heading.
     """
-    shown = curve_quantities()
+    shown = _drawn(points)
     rows = -(-len(shown) // COLUMNS)
     figure = Figure(figsize=(4.0 * COLUMNS, 3.6 * rows), dpi=120, layout="constrained")
     panels = figure.subplots(rows, COLUMNS, sharex=True)

@@ -18,16 +18,29 @@ from harness.truth.network.network import NetworkDescription
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
 MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"), ("lat_speed_mps", "lat speed m/s"))
 MOT = "mot."
+BESIDE = ("in_plain_view.recall", "in_plain_view.worst_tenth")
+"""What stands beside the multi-object scores of the vehicles in sight."""
 
 
 def mot_columns() -> list[Quantity]:
     """Return the columns of the table of multi-object scores, as those in sight declare them."""
-    return [quantity for quantity in _reported() if quantity.key.startswith(MOT)]
+    reported = {quantity.key: quantity for quantity in _reported()}
+    beside = [reported[key] for key in BESIDE]
+    return [*(quantity for key, quantity in reported.items() if key.startswith(MOT)), *beside]
+
+
+def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> float | None:
+    """Return the value of a column in the row ``mot`` or ``mot_all``; None where it has none."""
+    if column.key in BESIDE:
+        return column.of(metrics) if vehicles == "mot" else None
+    value: float | None = metrics[vehicles].get(column.key.removeprefix(MOT))
+    return value
 
 
 def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
     """Return name and value of every other score that its metric wants shown."""
-    others = [(quantity, quantity.of(metrics)) for quantity in _reported() if not quantity.key.startswith(MOT)]
+    shown = {quantity.key for quantity in mot_columns()}
+    others = [(quantity, quantity.of(metrics)) for quantity in _reported() if quantity.key not in shown]
     return [
         [quantity.label, number(value, quantity.decimals)]
         for quantity, value in others
@@ -94,8 +107,7 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
     for column in columns:
         table.add_column(column.heading, justify="right")
     for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
-        scores = metrics[key]
-        table.add_row(name, *(number(scores[column.key.removeprefix(MOT)], column.decimals) for column in columns))
+        table.add_row(name, *(number(mot_value(metrics, key, column), column.decimals) for column in columns))
     return table
 
 

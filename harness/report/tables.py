@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from harness.report.sentences import number
-from harness.report.summary import MAE_COLUMNS, MOT, VISIBILITY_ROWS, mot_columns, other_scores
+from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mot_value, other_scores
 from harness.scoring.quantity import Quantity
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
@@ -62,7 +62,7 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
     columns = mot_columns()
 
     def cell(key: str, column: Quantity) -> str:
-        value = metrics[key].get(column.key.removeprefix(MOT))
+        value = mot_value(metrics, key, column)
         return number(value, column.decimals) if column.decimals else _count(value)
 
     rows = [[name, *(cell(key, column) for column in columns)] for key, name in MOT_ROWS]

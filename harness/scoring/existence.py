@@ -75,7 +75,8 @@ def existence_calibration(parts: Sequence[ExistencePart], basis: Basis) -> dict[
         difference of the two among tenths with at least 200 track-steps, in points. ``brier``: mean squared
         difference of the stated probability and what is there, 0 is best. nan where there is nothing to tell.
     """
-    count, stated, real = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("count", "stated", "real"))
+    names = ("count", "stated", "real")
+    count, stated, real = (np.sum([getattr(part, name) for part in parts], axis=0) for name in names)
     deciles = [
         {
             "from": k / DECILES,

@@ -85,10 +85,10 @@ register("occlusion", *occlusion.QUANTITIES)(InParts(occlusion.measure_events, o
 register(in_plain_view.NAME, *in_plain_view.QUANTITIES)(
     InParts(in_plain_view.measure_plain_view, in_plain_view.scores_in_plain_view)
 )
-register("calibration", *calibration.QUANTITIES)(InParts(calibration.measure_calibration, calibration.calibration_by_visibility))
-register(existence.NAME, *existence.QUANTITIES)(
-    InParts(existence.measure_existence, existence.existence_calibration)
+register("calibration", *calibration.QUANTITIES)(
+    InParts(calibration.measure_calibration, calibration.calibration_by_visibility)
 )
+register(existence.NAME, *existence.QUANTITIES)(InParts(existence.measure_existence, existence.existence_calibration))
 register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
     InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
 )
