@@ -109,8 +109,8 @@ def plain_view_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
 def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     """Return the recall in plain view over the worst tenth of vehicles, in percent.
 
-    It is an expected shortfall, weighted by vehicle-steps, and its influence is that of one: vehicles in the worst tenth
-    move it by how far they are below the best of them, which is where the tenth ends.
+    It is an expected shortfall, weighted by vehicle-steps, and its influence is that of one: vehicles in the worst
+    tenth move it by how far they are below the best of them, which is where the tenth ends.
     """
     settings, part = evidence.settings, measure_plain_view(evidence)
     ranked = part.counted_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S

@@ -1,10 +1,14 @@
-"""The failure gallery: a run's worst occlusion events, each as a strip of pictures of the road from above."""
+"""The failure gallery: each failure as a strip of pictures of the road from above.
+
+Vehicles in plain view without a track come first, then the worst occlusion events.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -21,11 +25,13 @@ from harness.report.fromabove import (
     draw_scale,
 )
 from harness.report.strips import save_strips
+from harness.report.withheld import withheld_vehicles
 from harness.runfolder.tables import floats
 from harness.scoring.settings import ScoringSettings
 
 WORST = 5
 GALLERY = "gallery"
+AFTERWARDS_S = 0.5
 COLUMNS, PANEL_WIDTH_IN = 3, 4.0
 HEAD_IN, ROW_IN, FOOT_IN, GAP_IN = 0.56, 0.56, 0.3, 0.12
 """Above the first row, between two rows, below the last, and at the sides of each picture."""
@@ -38,6 +44,32 @@ KEY = (
 )
 EVENT_COLUMNS = ("vehicle_id", "track_id", "outcome", "from_step", "to_step", "duration_s")
 SEVERITY = {"lost": 0, "hijacked": 0, "survived": 1, "same_id": 2}
+
+
+class Failure(Protocol):
+    """What a strip shows."""
+
+    @property
+    def vehicle_id(self) -> str:
+        """Return the vehicle."""
+        ...
+
+    @property
+    def subject(self) -> Subject:
+        """Return what the pictures are about."""
+        ...
+
+    def sentence(self) -> str:
+        """Return what happened, in words."""
+        ...
+
+    def moments(self, run: RecordedRun) -> list[tuple[int, str]]:
+        """Return the steps that are drawn, with their headings."""
+        ...
+
+    def replayed_s(self, run: RecordedRun) -> tuple[float, float]:
+        """Return when the replay begins and stops."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -74,6 +106,25 @@ class OcclusionEvent:
         error = f", at most {self.largest_error_m:.1f} m off while hidden" if np.isfinite(self.largest_error_m) else ""
         return f"{self.vehicle_id}, unseen for {self.duration_s:.1f} s: {ends[self.outcome]}{error}."
 
+    @property
+    def subject(self) -> Subject:
+        """What its pictures are about."""
+        return Subject(self.vehicle_id, self.track_id)
+
+    def moments(self, run: RecordedRun) -> list[tuple[int, str]]:
+        """Return the steps that are drawn, with their headings; the last is when the outcome is judged."""
+        return _moments(run, self)
+
+    def replayed_s(self, run: RecordedRun) -> tuple[float, float]:
+        """Return when the replay begins and stops."""
+        begin_s = float(run.truth.drop_duplicates("step").set_index("step")["time_s"][self.from_step])
+        return begin_s, begin_s + self.duration_s + AFTERWARDS_S
+
+
+def worst_failures(run: RecordedRun) -> list[Failure]:
+    """Return what the gallery shows, in order."""
+    return [*withheld_vehicles(run), *worst_events(run.events, run.errors)]
+
 
 def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST) -> list[OcclusionEvent]:
     """Return the worst events: lost and hijacked tracks first, then the largest error, then the longest."""
@@ -91,14 +142,14 @@ def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST)
     return found[:count]
 
 
-def draw_gallery(run: RecordedRun, events: Sequence[OcclusionEvent], folder: Path) -> list[Path]:
-    """Write ``gallery-1.png`` and so on, one strip for each event, in place of an earlier report's."""
-    return save_strips((strip_figure(run, event) for event in events), folder, GALLERY)
+def draw_gallery(run: RecordedRun, failures: Sequence[Failure], folder: Path) -> list[Path]:
+    """Write ``gallery-1.png`` and so on, one strip for each failure, in place of an earlier report's."""
+    return save_strips((strip_figure(run, failure) for failure in failures), folder, GALLERY)
 
 
-def strip_figure(run: RecordedRun, event: OcclusionEvent) -> Figure:
-    """Return five pictures of an event, driving direction to the right as in the replay, the vehicle in the middle."""
-    moments, subject = _moments(run, event), Subject(event.vehicle_id, event.track_id)
+def strip_figure(run: RecordedRun, event: Failure) -> Figure:
+    """Return five pictures of a failure, driving direction to the right as in the replay, the vehicle in the middle."""
+    moments, subject = event.moments(run), event.subject
     low, high = across(run.road)
     panel_height_in = PANEL_WIDTH_IN * (high - low + 2.0 * MARGIN_M) / (2.0 * HALF_WINDOW_M)
     rows = -(-(len(moments) + 1) // COLUMNS)

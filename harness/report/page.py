@@ -20,12 +20,13 @@ from harness.report.decisiongallery import GALLERY as DECISIONS
 from harness.report.decisiongallery import draw_decisions, worst_brakings
 from harness.report.figures import DIAGNOSTICS, OVER_TIME, SCENE
 from harness.report.finished import RecordedRun, read_recorded_run
-from harness.report.gallery import GALLERY, OcclusionEvent, draw_gallery, worst_events
+from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.replay_data import Beside, replay_data
 from harness.report.sentences import decision_summary, headlines, summary_sentences
 from harness.report.strips import strips_in
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.report.vehicles import vehicle_table
+from harness.report.withheld import withheld_words
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.writing.files import write_text
@@ -56,7 +57,7 @@ class PageFigure:
     description: str
 
 
-BEFORE_S, AFTERWARDS_S = 1.0, 0.5
+BEFORE_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,7 @@ def run_page(run: RecordedRun) -> str:
         strips=_strips(run),
         decisions=decision_summary(run.metrics),
         decision_strips=_decision_strips(run),
+        withheld=withheld_words(run.metrics),
         failures=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[
             PageFigure(embedded(path), description)
@@ -196,18 +198,14 @@ def embedded(picture: Path) -> str:
 
 
 def _strips(run: RecordedRun) -> list[Strip]:
-    events = worst_events(run.events, run.errors)
+    failures = worst_failures(run)
     folder = run.folder / runfolder.FIGURES
     folder.mkdir(exist_ok=True)
-    pictures = draw_gallery(run, events, folder)
-    times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
-
-    def strip(picture: Path, event: OcclusionEvent) -> Strip:
-        hidden_s = event.duration_s + AFTERWARDS_S
-        begin_s = float(times[event.from_step])
-        return Strip(embedded(picture), event.sentence(), event.vehicle_id, begin_s, begin_s + hidden_s)
-
-    return [strip(picture, event) for picture, event in zip(pictures, events, strict=True)]
+    pictures = draw_gallery(run, failures, folder)
+    return [
+        Strip(embedded(picture), failure.sentence(), failure.vehicle_id, *failure.replayed_s(run))
+        for picture, failure in zip(pictures, failures, strict=True)
+    ]
 
 
 def _decision_strips(run: RecordedRun) -> list[Strip]:

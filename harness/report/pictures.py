@@ -22,7 +22,7 @@ from harness.report.figures import (
     error_over_time,
 )
 from harness.report.finished import RecordedRun, read_recorded_run
-from harness.report.gallery import strip_figure, worst_events
+from harness.report.gallery import strip_figure, worst_failures
 from harness.report.gridruns import plan_of
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
@@ -70,8 +70,8 @@ def _of_run(run: RecordedRun) -> Iterator[tuple[str, Figure]]:
         columns = ("time_s", "episode", "components", "effective_share", "association_entropy")
         table = runfolder.read_table(run.folder, runfolder.DIAGNOSTICS, "folder", columns)
         yield DIAGNOSTICS, diagnostics_figure(table, title)
-    for number, event in enumerate(worst_events(run.events, run.errors), start=1):
-        yield f"gallery-{number}.png", strip_figure(run, event)
+    for number, failure in enumerate(worst_failures(run), start=1):
+        yield f"gallery-{number}.png", strip_figure(run, failure)
 
 
 def _of_grid(folder: Path) -> Iterator[tuple[str, Figure]]:

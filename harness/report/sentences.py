@@ -42,7 +42,7 @@ class Headline:
 
 def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
-    parts = (_setting, _in_sight, _hidden_cost, _hidden, _occlusions, _decisions, _trust, _speed)
+    parts = (_setting, _in_plain_view, _in_sight, _hidden_cost, _hidden, _occlusions, _decisions, _trust, _speed)
     return [sentence for part in parts if (sentence := part(metrics))]
 
 
@@ -124,6 +124,19 @@ def _setting(metrics: Metrics) -> str:
     return (
         f"{text}: {density:.0f} vehicles per km and lane at {number(traffic['mean_speed_mps'], 0)} m/s, "
         f"{in_range:.0f} of them within the sensor's range at a time{hidden}."
+    )
+
+
+def _in_plain_view(metrics: Metrics) -> str:
+    plain = metrics.get("in_plain_view") or {}
+    if plain.get("recall") is None:
+        return ""
+    never, dropped = plain["never_reported"], plain["dropped"]
+    worst = "" if plain["worst_tenth"] is None else f" ({plain['worst_tenth']:.0f} % for the worst tenth of them)"
+    return (
+        f"Vehicles in plain view within 60 m had a track {plain['recall']:.1f} % of the time{worst}: {_count(never)} "
+        f"of them never had one, and {_count(dropped)} of the tracks on them {'was' if dropped == 1 else 'were'} "
+        "dropped."
     )
 
 
