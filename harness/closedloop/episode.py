@@ -31,6 +31,7 @@ from harness.closedloop.passing import Passage
 from harness.closedloop.plan import CROSS, DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
 from harness.closedloop.traffic import Traffic, with_ego
+from harness.closedloop.withheld import PlainSight
 from harness.decisions.belief import Belief, Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import decide_by, driver_of
@@ -168,6 +169,7 @@ class _Loop:
     change: LaneChange | None = None
     passage: Passage | None = None
     unseen: UnseenOfTracks | None = None
+    sight: PlainSight = field(default_factory=PlainSight)
     _steps: list[tuple[float, ...]] = field(default_factory=list)
     _demand: float = 0.0
     _aim_m: float | None = None
@@ -218,6 +220,7 @@ class _Loop:
     def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
         """Let the driver decide by the tracks, and note what it would do by the truth."""
         bodies = self.perception.bodies(look, tracks)
+        self.sight.look(look)
         unseen = None if self.unseen is None else self.unseen.after(look.observation.scan, tracks, tracker)
         if look.frame.step < len(self.at.frames) - 1:
             return
@@ -234,8 +237,16 @@ class _Loop:
                 float(leader.speed_mps[0]),
                 self._demand,
                 needed,
+                self._is_withheld(look, int(leader.body[0]), bodies),
             )
         )
+
+    def _is_withheld(self, look: Look, leader: int, told: Bodies) -> bool:
+        """Return whether the tracker withholds the vehicle right ahead, a body by the truth, -1 for nobody."""
+        if leader < 0 or self.planned.variant in WITHOUT_TRACKER:
+            return False
+        others = np.flatnonzero(np.arange(len(look.frame)) != look.frame.ego)
+        return self.sight.withholds(look, int(others[leader]), told)
 
     def _pass(
         self, frame: Frame, told: Bodies, real: Bodies, ego: Egos, unseen: Unseen | None
@@ -260,8 +271,8 @@ class _Loop:
 
     def driven(self) -> Driven:
         """Return the steps from the hand-over on."""
-        speed, gap, leader, demanded, needed = np.array(self._steps).T
-        return Driven(speed, gap, leader, demanded, needed, self.traffic.step_s)
+        speed, gap, leader, demanded, needed, withheld = np.array(self._steps).T
+        return Driven(speed, gap, leader, demanded, needed, self.traffic.step_s, withheld > 0.0)
 
     def _look(self, frame: Frame) -> Look:
         """Let the sensor look; what it draws depends on the episode and the step alone, whatever was drawn before."""

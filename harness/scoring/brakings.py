@@ -1,7 +1,8 @@
 """Missed and phantom brakings: where the tracks would have the ego's driver do otherwise than the truth, and why.
 
 A braking is missed where by the truth the driver brakes and by the tracks it does not, for half a second or more; it is
-a phantom the other way round. To blame is the vehicle ahead without which the driver would brake least: for a missed
+a phantom the other way round. For a vehicle in plain view that the tracker withholds a braking is missed more readily,
+see ``harness.scoring.withheld``. To blame is the vehicle ahead without which the driver would brake least: for a missed
 braking by the truth, for a phantom by the tracks. What is told of it is as of the step at which the two differ most.
 """
 
@@ -17,8 +18,11 @@ from harness.scoring.asked import Asked
 from harness.scoring.following import Following
 from harness.scoring.history import DetectionHistory
 from harness.scoring.matching import Matching
+from harness.scoring.plain_view import PlainView
 from harness.scoring.rows import RunRows
-from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.settings import ScoringSettings
+from harness.scoring.stretches import lasting_stretches, missed_stretches
+from harness.scoring.withheld import find_withheld
 from harness.sensor.observation import VISIBILITY_STATES
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
@@ -42,6 +46,7 @@ class Brakings:
         truth_row: Row of ``TruthRows`` of the vehicle to blame at that step, -1 where there is none.
         track_row: Row of ``TrackRows`` of the track to blame or of the one on that vehicle, -1 where there is none.
         fate: Index into ``FATES``.
+        withheld: Whether the vehicle to blame was withheld in plain view at that step.
     """
 
     kind: IntArray
@@ -51,6 +56,7 @@ class Brakings:
     truth_row: IntArray
     track_row: IntArray
     fate: IntArray
+    withheld: BoolArray
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -61,30 +67,29 @@ def find_brakings(
     rows: RunRows,
     matching: Matching,
     following: Following,
+    plain: PlainView,
     settings: ScoringSettings,
 ) -> Brakings:
     """Find the missed and phantom brakings, those missed first, each kind in order of time."""
     by_truth, by_tracks = asked.truth.command.accel_mps2, asked.tracks.command.accel_mps2
+    ahead = find_withheld(asked, rows, matching, plain)
     found: list[tuple[IntArray, ...]] = []
     for kind, (needed, done) in ((MISSED, (by_truth, by_tracks)), (PHANTOM, (by_tracks, by_truth))):
         differ = asked.judged & (needed <= settings.brakes_mps2) & (done > settings.rolls_mps2)
-        first, last = stretches(differ, rows.episode)
-        seconds = np.array([asked.step_s[a : b + 1].sum() for a, b in zip(first, last, strict=True)])
-        lasting = seconds >= settings.decision_s - TIME_TOLERANCE_S if len(first) else np.zeros(0, dtype=bool)
-        first, last = first[lasting], last[lasting]
+        if kind == MISSED:
+            first, last = missed_stretches(
+                differ, asked.judged & ahead.misses(needed, done, settings), rows.episode, asked.step_s, settings
+            )
+        else:
+            first, last = lasting_stretches(differ, rows.episode, asked.step_s, settings)
         worst = np.array(
             [a + int(np.argmax((done - needed)[a : b + 1])) for a, b in zip(first, last, strict=True)], dtype=np.int64
         )
         blame = _blamed_vehicles if kind == MISSED else _blamed_tracks
-        found.append((np.full(len(first), kind), first, last, worst, *blame(asked, worst, matching, following)))
+        blamed = blame(asked, worst, matching, following)
+        of_withheld = ahead.decisive[worst] & (kind == MISSED)
+        found.append((np.full(len(first), kind), first, last, worst, *blamed, of_withheld))
     return Brakings(*(np.concatenate(column) for column in zip(*found, strict=True)))
-
-
-def stretches(holds: BoolArray, episode: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first and the last step of each unbroken stretch of an episode in which something holds."""
-    goes_on = holds[1:] & holds[:-1] & (np.diff(episode) == 0)
-    first = np.flatnonzero(holds & ~np.append(False, goes_on)[: len(holds)])
-    return first, np.flatnonzero(holds & ~np.append(goes_on, False)[: len(holds)])
 
 
 def _blamed_vehicles(

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.scoring.brakings import stretches
-from harness.scoring.conflicts import HARD_DRAC_MPS2, SHORT_TTC_S, deceleration_to_avoid, time_to_collision
+from harness.scoring.collision_time import time_to_collision
+from harness.scoring.conflicts import HARD_DRAC_MPS2, SHORT_TTC_S, deceleration_to_avoid
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.stretches import missed_stretches, stretches
+from harness.scoring.withheld import WithheldAhead
 from mmpf.compute.arrays import BoolArray, FloatArray
 
 HARD_BRAKE_MPS2 = -3.0
@@ -86,6 +88,7 @@ class Driven:
         demanded_mps2: Acceleration that the driver demands by the belief.
         needed_mps2: What it would demand by the truth.
         step_s: Time between steps.
+        withheld: Whether that vehicle right ahead is in plain view and the tracker withholds it; None for never.
     """
 
     speed_mps: FloatArray
@@ -94,6 +97,7 @@ class Driven:
     demanded_mps2: FloatArray
     needed_mps2: FloatArray
     step_s: float
+    withheld: BoolArray | None = None
 
 
 @dataclass(frozen=True)
@@ -206,11 +210,16 @@ def score_drive(driven: Driven, ended: str, contact: Contact | None, settings: S
     ttc = time_to_collision(driven.gap_m, driven.speed_mps, driven.leader_mps)
     drac = deceleration_to_avoid(driven.gap_m, driven.speed_mps, driven.leader_mps)
     hard = _times(accel < HARD_BRAKE_MPS2, 0.0, step_s)
-    needed = driven.needed_mps2, driven.demanded_mps2
-    missed, phantom = (
-        _times((brakes <= settings.brakes_mps2) & (rolls > settings.rolls_mps2), settings.decision_s, step_s)
-        for brakes, rolls in (needed, needed[::-1])
-    )
+    needed, demanded = driven.needed_mps2, driven.demanded_mps2
+    fails = (needed <= settings.brakes_mps2) & (demanded > settings.rolls_mps2)
+    makes_up = (demanded <= settings.brakes_mps2) & (needed > settings.rolls_mps2)
+    phantom = _times(makes_up, settings.decision_s, step_s)
+    withheld = np.zeros(len(needed), dtype=bool) if driven.withheld is None else driven.withheld
+    unbraked = WithheldAhead(withheld, withheld, ttc).misses(needed, demanded, settings)
+    no_episodes = np.zeros(len(needed), dtype=np.int64)
+    begins, ends = missed_stretches(fails, unbraked, no_episodes, np.full(len(needed), step_s), settings)
+    missed = len(begins)
+    of_withheld = sum(bool(unbraked[a : b + 1].any()) for a, b in zip(begins, ends, strict=True))
     return {
         "ended": ended,
         "drives_s": round(drives_s, 6),
@@ -225,6 +234,7 @@ def score_drive(driven: Driven, ended: str, contact: Contact | None, settings: S
         "hard_brakes": hard,
         "hard_brakes_per_km": _per(hard, km),
         "missed": missed,
+        "missed_withheld": of_withheld,
         "missed_per_km": _per(missed, km),
         "phantom": phantom,
         "phantom_per_km": _per(phantom, km),

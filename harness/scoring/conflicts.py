@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.scoring.collision_time import time_to_collision
 from harness.scoring.encroachment import post_encroachment_times
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
@@ -18,13 +19,6 @@ from mmpf.compute.arrays import BoolArray, FloatArray
 
 SHORT_TTC_S, HARD_DRAC_MPS2 = (1.5, 3.0), 3.4
 """Limits of a conflict in the literature."""
-
-
-def time_to_collision(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: FloatArray) -> FloatArray:
-    """Return the gap over the speed of closing in (Hayward 1972); infinite where the gap does not close, (n,)."""
-    closing = speed_mps - leader_mps
-    nears = np.isfinite(gap_m) & (closing > 0.0)
-    return np.asarray(np.divide(np.maximum(gap_m, 0.0), closing, out=np.full(len(gap_m), np.inf), where=nears))
 
 
 def deceleration_to_avoid(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: FloatArray) -> FloatArray:

@@ -19,13 +19,13 @@ from harness.scoring.brakings import (
     MISSED_FATES,
     PHANTOM,
     PHANTOM_FATES,
-    stretches,
 )
-from harness.scoring.conflicts import time_to_collision
+from harness.scoring.collision_time import time_to_collision
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.stretches import stretches
 from harness.sensor.observation import HIDDEN, OUT
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
@@ -75,6 +75,7 @@ class DecisionPart:
         kind: Of each missed or phantom braking, see ``Brakings``.
         fate: Likewise.
         hidden: Whether the vehicle to blame was hidden or never in the sensor's range, of each.
+        withheld: Whether it was in plain view and withheld by the tracker, of each.
         lateness_s: Of each onset of braking.
         collision_time_error_s: Of each step with a short time to collision.
         forbidden: Gaps beside the ego that the truth forbids, over steps and sides.
@@ -86,6 +87,7 @@ class DecisionPart:
     kind: IntArray
     fate: IntArray
     hidden: BoolArray
+    withheld: BoolArray
     lateness_s: FloatArray
     collision_time_error_s: FloatArray
     forbidden: int
@@ -113,6 +115,7 @@ def measure_decisions(evidence: Evidence) -> DecisionPart | None:
         kind=brakings.kind,
         fate=brakings.fate,
         hidden=np.isin(state, (HIDDEN, OUT)),
+        withheld=brakings.withheld,
         lateness_s=lateness(asked, evidence.rows.episode, settings),
         collision_time_error_s=collision_time_errors(asked, settings),
         forbidden=forbidden,
@@ -158,7 +161,8 @@ def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, o
     Returns:
         ``km`` and ``n`` steps that are judged; ``accel_difference_mps2`` and ``accel_difference_p99_mps2``, mean and
         99th percentile of the absolute difference of demanded accelerations; ``missed`` and ``phantom`` brakings and
-        either ``_per_km``; ``missed_hidden``, those for a hidden vehicle; ``missed_by`` and ``phantom_by`` what the
+        either ``_per_km``; ``missed_hidden``, those for a hidden vehicle, and ``missed_withheld``, those for one in
+        plain view that has no track which the driver believes; ``missed_by`` and ``phantom_by`` what the
         track did; ``lateness_s`` over ``onsets``; ``collision_time_error_s`` over ``collision_time_n`` steps;
         ``unsafe_gaps_percent`` of ``forbidden_gaps``. nan where there is nothing to tell; empty where nobody was asked.
     """
@@ -166,7 +170,9 @@ def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, o
     if not asked:
         return {}
     difference = np.abs(joined([part.difference_mps2 for part in asked]))
-    kind, fate, hidden = (joined([getattr(part, name) for part in asked]) for name in ("kind", "fate", "hidden"))
+    kind, fate, hidden, withheld = (
+        joined([getattr(part, name) for part in asked]) for name in ("kind", "fate", "hidden", "withheld")
+    )
     late = joined([part.lateness_s for part in asked])
     error_s = joined([part.collision_time_error_s for part in asked])
     km, forbidden = sum(part.km for part in asked), sum(part.forbidden for part in asked)
@@ -184,6 +190,7 @@ def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, o
         count = int((kind == code).sum())
         table |= {KINDS[code]: count, f"{KINDS[code]}_per_km": count / km if km > 0.0 else np.nan}
     table["missed_hidden"] = int(((kind == MISSED) & hidden).sum())
+    table["missed_withheld"] = int(withheld.sum())
     for code, possible in ((MISSED, MISSED_FATES), (PHANTOM, PHANTOM_FATES)):
         of_kind = fate[kind == code]
         table[f"{KINDS[code]}_by"] = {FATES[place]: int((of_kind == place).sum()) for place in possible}

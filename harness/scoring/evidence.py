@@ -105,7 +105,7 @@ def gather(
         settings=settings,
         seed=seed,
         asked=asked,
-        brakings=None if asked is None else find_brakings(asked, rows, matching, following, settings),
+        brakings=None if asked is None else find_brakings(asked, rows, matching, following, plain, settings),
         unseen=None if unseen is None else count_unseen(unseen, rows, history, matching, following),
     )
 

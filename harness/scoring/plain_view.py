@@ -24,13 +24,15 @@ class PlainView:
     Attributes:
         near: In plain view (visible to the sensor's full-view fraction or more, within its range) and near the ego:
             within ``plain_view_m``, centre to centre.
-        counted: Those that have also been in plain view for ``plain_view_s`` without interruption, near or not.
+        lasting: In plain view for ``plain_view_s`` without interruption, near or not.
+        counted: Near and lasting.
         away_m: Distance from the ego; nan at a step without an ego.
         step_s: Time that each row's step stands for.
         names: Name of each vehicle by its code, shape (vehicles,).
     """
 
     near: BoolArray
+    lasting: BoolArray
     counted: BoolArray
     away_m: FloatArray
     step_s: FloatArray
@@ -50,13 +52,13 @@ def plain_view(truth: pd.DataFrame, rows: RunRows, settings: ScoringSettings) ->
     away_m = np.hypot(vehicles.lon_m - ego_lon[vehicles.step], vehicles.lat_m - ego_lat[vehicles.step])
     plain = vehicles.in_range & (vehicles.state == VISIBLE)
     near = plain & (away_m <= settings.plain_view_m)
-    long_enough = lasting_s(plain, vehicles.vehicle, vehicles.step, vehicles.time_s) >= (
-        settings.plain_view_s - TIME_TOLERANCE_S
-    )
+    in_view_s = lasting_s(plain, vehicles.vehicle, vehicles.step, vehicles.time_s)
+    lasting = in_view_s >= settings.plain_view_s - TIME_TOLERANCE_S
     first = np.flatnonzero(first_of_group(vehicles.vehicle)) if len(vehicles) else np.zeros(0, dtype=np.int64)
     return PlainView(
         near=near,
-        counted=near & long_enough,
+        lasting=lasting,
+        counted=near & lasting,
         away_m=away_m,
         step_s=durations(rows.time_s, rows.episode)[vehicles.step],
         names=truth["vehicle_id"].to_numpy(dtype=object)[vehicles.name_row[first]].astype(np.str_),

@@ -10,7 +10,6 @@ import pytest
 from harness.errors import InputError
 from harness.scoring.asked import _times
 from harness.scoring.assignment import best_assignment, components
-from harness.scoring.brakings import stretches
 from harness.scoring.clear import ClearScores, clear_of_parts
 from harness.scoring.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, score_drive
 from harness.scoring.conflicts import ConflictPart, conflicts
@@ -23,6 +22,7 @@ from harness.scoring.history import last_row_where
 from harness.scoring.manoeuvre import heading_rate, manoeuvre_between
 from harness.scoring.scarce import check_scored
 from harness.scoring.settings import ScoringSettings
+from harness.scoring.stretches import stretches
 from harness.scoring.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
 
 NAN = float("nan")

@@ -1,0 +1,46 @@
+"""Whether the vehicle right ahead of a driven ego is in plain view and withheld by the tracker, look by look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from harness.decisions.bodies import Bodies
+from harness.scoring.directions import along_and_across
+from harness.scoring.pairs import GATE_SIMILARITY, similarity
+from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.sensor.observation import VISIBLE, Look
+
+
+@dataclass
+class PlainSight:
+    """Who has been in plain view since when; the rule is that of ``harness.scoring.withheld``.
+
+    Attributes:
+        settings: Gate, and the time in plain view from which a vehicle must have a track.
+    """
+
+    settings: ScoringSettings = field(default_factory=ScoringSettings)
+    _since_s: dict[str, float] = field(default_factory=dict)
+
+    def look(self, look: Look) -> None:
+        """Note who is in plain view; every look in turn."""
+        seen = look.frame.vehicle_id[look.observation.state == VISIBLE].tolist()
+        self._since_s = {name: self._since_s.get(name, look.frame.time_s) for name in seen}
+
+    def withholds(self, look: Look, row: int, told: Bodies) -> bool:
+        """Return whether a vehicle is in plain view for long enough and none of the bodies told is within the gate.
+
+        Args:
+            look: The look that was noted last.
+            row: The vehicle's row of the frame.
+            told: What the driver is told of.
+        """
+        frame = look.frame
+        since_s = self._since_s.get(str(frame.vehicle_id[row]), np.inf)
+        if frame.time_s - since_s < self.settings.plain_view_s - TIME_TOLERANCE_S:
+            return False
+        direction = np.full(len(told), 0.0 if frame.direction_rad is None else frame.direction_rad[row])
+        away = along_and_across(frame.lon_m[row] - told.lon_m, frame.lat_m[row] - told.lat_m, direction)
+        return not bool((similarity(*away, self.settings) >= GATE_SIMILARITY).any())
