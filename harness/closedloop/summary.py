@@ -98,8 +98,8 @@ EXPLANATION = (
     "truth until the episode ends: after 20 s, with a collision, or where the road does. A *missed* braking is one "
     "that the truth would have demanded for half a second or longer (-2 m/s² or less) while the belief demanded more "
     "than -1 m/s²; a *phantom* is the other way round. For a vehicle right ahead that is in plain view and that the "
-    "tracker withholds a braking is missed also where the belief brakes less by 1 m/s² or more, or does not brake with a "
-    "time to collision below 4 s, for half of a second out of one. Impact speed is the mean over collisions."
+    "tracker withholds a braking is missed also where the belief brakes less by 1 m/s² or more, or does not brake with "
+    "a time to collision below 4 s, for half of a second out of one. Impact speed is the mean over collisions."
 )
 OF_GAPS = (
     "In episodes *gap* the ego needs the lane beside it, where a hidden vehicle is in its way. *Changed* says whether "

@@ -133,11 +133,9 @@ def _in_plain_view(metrics: Metrics) -> str:
         return ""
     never, dropped = plain["never_reported"], plain["dropped"]
     worst = "" if plain["worst_tenth"] is None else f" ({plain['worst_tenth']:.0f} % for the worst tenth of them)"
-    return (
-        f"Vehicles in plain view within 60 m had a track {plain['recall']:.1f} % of the time{worst}: {_count(never)} "
-        f"of them never had one, and {_count(dropped)} of the tracks on them {'was' if dropped == 1 else 'were'} "
-        "dropped."
-    )
+    had = f"{_plural(never, 'vehicle')} never had one" if never else "no vehicle was without one all the time"
+    lost = f"{_plural(dropped, 'track')} {'was' if dropped == 1 else 'were'} dropped" if dropped else "none was dropped"
+    return f"Vehicles in plain view within 60 m had a track {plain['recall']:.1f} % of the time{worst}; {had}, {lost}."
 
 
 def _in_sight(metrics: Metrics) -> str:

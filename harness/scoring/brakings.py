@@ -73,7 +73,7 @@ def find_brakings(
     """Find the missed and phantom brakings, those missed first, each kind in order of time."""
     by_truth, by_tracks = asked.truth.command.accel_mps2, asked.tracks.command.accel_mps2
     ahead = find_withheld(asked, rows, matching, plain)
-    found: list[tuple[IntArray, ...]] = []
+    found: list[tuple[IntArray | BoolArray, ...]] = []
     for kind, (needed, done) in ((MISSED, (by_truth, by_tracks)), (PHANTOM, (by_tracks, by_truth))):
         differ = asked.judged & (needed <= settings.brakes_mps2) & (done > settings.rolls_mps2)
         if kind == MISSED:

@@ -114,7 +114,7 @@ def undecided(metric: str = "mot.hota", **other):
         ),
         (
             comparison(*(undecided(key, wanting="x") for key in (*PRIMARY, "mot.idf1")), verdict()),
-            ("mmpf cvm: x (HOTA in sight, hidden cost (10 m if lost), same identity and 1 more).",),
+            ("mmpf cvm: x (HOTA in sight, hidden cost (10 m if lost), same identity and 3 more).",),
         ),
     ],
 )  # fmt: skip

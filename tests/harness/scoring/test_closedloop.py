@@ -1,5 +1,7 @@
 """The scores of a drive against closed forms: a car that brakes steadily behind one that stands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -112,3 +114,13 @@ def test_who_never_crosses_or_meets_nobody_has_no_time_between():
     scored = score_crossing(Crossed(None, None, 7.0, ~never, never, None, yielded=None, made_brake=False))
     assert (scored["crossed_percent"], scored["pet_s"], scored["pet_below_1_5_percent"]) == (0.0, None, 0.0)
     assert (scored["yielded_percent"], scored["unsafe_to_go_percent"]) == (None, None)
+
+
+def test_a_withheld_car_that_the_ego_rolls_up_to_gently_is_a_missed_braking():
+    drives_on = stop_behind(130.0, 20.0, 1.6)
+    belief = replace(drives_on, demanded_mps2=np.full(STEPS, 0.5), needed_mps2=np.full(STEPS, -1.6))
+    assert score_drive(belief, IN_TIME, None, SETTINGS)["missed"] == 0
+    scored = score_drive(replace(belief, withheld=np.ones(STEPS, dtype=bool)), IN_TIME, None, SETTINGS)
+    assert (scored["missed"], scored["missed_withheld"]) == (1, 1)
+    seen = score_drive(replace(drives_on, withheld=np.ones(STEPS, dtype=bool)), IN_TIME, None, SETTINGS)
+    assert (seen["missed"], seen["missed_withheld"]) == (0, 0)
