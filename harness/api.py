@@ -207,7 +207,8 @@ def compare(
         b: Likewise.
         tolerance: Share of a's value by which b may be worse.
         time_tolerance: Likewise of the time of a step, which is judged between trackers of one stress test.
-        primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost and same identity.
+        primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost, same
+            identity and the recall in plain view with that of the worst tenth of vehicles.
 
     Raises:
         InputError: A folder is not there, or the two have nothing in common that could be compared.

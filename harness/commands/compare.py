@@ -45,7 +45,8 @@ class Options(TypedDict):
         str | None,
         Option(
             "Metrics that get a verdict, with commas between; the others are described. "
-            "(default: mot.hota,hidden.hidden_cost_m,occlusion.same_id_percent; of drives by belief "
+            "(default: mot.hota,hidden.hidden_cost_m,occlusion.same_id_percent,in_plain_view.recall,"
+            "in_plain_view.worst_tenth; of drives by belief "
             "drive.collided_percent,drive.ttc_below_1_5_percent,drive.hard_brakes_per_km)"
         ),
     ]

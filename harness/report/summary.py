@@ -103,7 +103,7 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
     table = Table(title="Tracks against truth", box=box.SIMPLE, title_justify="left")
     table.add_column("vehicles", no_wrap=True)
-    columns = mot_columns()
+    columns = [column for column in mot_columns() if column.key not in BESIDE]
     for column in columns:
         table.add_column(column.heading, justify="right")
     for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
@@ -127,5 +127,17 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"fast as real time, the tracker {number(timing['tracker_ms']['p50'], 1)} ms a step; "
         f"{number(timing['total_s'], 1)} s in all, with loading, warm-up, scoring and drawing"
     )
+    plain = _plain_view(metrics.get("in_plain_view") or {})
     others = (": ".join(score) for score in other_scores(metrics))
-    return Text("\n".join((events, *others, road, speed)))
+    return Text("\n".join((*plain, events, *others, road, speed)))
+
+
+def _plain_view(scores: Mapping[str, Any]) -> list[str]:
+    """Return a line on the vehicles in plain view; none of a run that was scored before there was such a score."""
+    if scores.get("recall") is None:
+        return []
+    return [
+        f"In plain view with a track: {number(scores['recall'], 1, ' %')}, worst tenth of vehicles "
+        f"{number(scores['worst_tenth'], 1, ' %')}; never reported {scores['never_reported']}, dropped "
+        f"{scores['dropped']}"
+    ]

@@ -47,11 +47,11 @@ QUANTITIES = (
     ),
     Quantity(
         f"{NAME}.never_reported", "vehicles in plain view never reported",
-        decimals=1, compared=True, tabled=True, reported=True, optional=True,
+        decimals=1, compared=True, tabled=True, optional=True,
     ),
     Quantity(
         f"{NAME}.dropped", "tracks dropped in plain view",
-        decimals=1, compared=True, tabled=True, reported=True, optional=True,
+        decimals=1, compared=True, tabled=True, optional=True,
     ),
     Quantity(
         f"{NAME}.stopped_recall", "stopped amid traffic, in plain view with a track, %", True,
