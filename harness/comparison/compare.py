@@ -28,6 +28,7 @@ from harness.comparison.verdicts import (
 from harness.comparison.why import Why
 from harness.errors import InputError
 from harness.grid.rows import column_of
+from harness.scoring import existence, in_plain_view
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.scoring.quantity import Quantity
 from harness.writing.numbers import without_nan
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+YOUNGER = (in_plain_view.NAME, existence.NAME)
+"""Metrics that grids made earlier lack."""
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
 
@@ -225,12 +228,17 @@ def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, 
 
 
 def _is_told(quantity: Quantity, rules: Rules, matched: tuple[pd.DataFrame, pd.DataFrame]) -> bool:
-    """Return whether a metric is told of; one that is judged unasked is not where a side is older than the metric."""
+    """Return whether a metric is told of: judged or there, but not unasked where a side is older than it."""
     there = [quantity.key in rows for rows in matched]
-    if not rules.judges(quantity):
-        return any(there)
-    unasked = rules.primary == PRIMARY and quantity.optional
-    return all(there) or not unasked
+    if _is_younger(quantity, rules) and not all(there):
+        return False
+    return rules.judges(quantity) or any(there)
+
+
+def _is_younger(quantity: Quantity, rules: Rules) -> bool:
+    """Return whether grids that are older than a metric are compared without it."""
+    asked_for = rules.primary != PRIMARY and rules.judges(quantity)
+    return quantity.key.partition(".")[0] in YOUNGER and not asked_for
 
 
 def _in_one_run(a: Source, b: Source) -> bool:
@@ -252,15 +260,16 @@ def _pairing_notes(arms: list[Arms]) -> list[str]:
 
 
 def _older_notes(a: Source, b: Source, rules: Rules) -> list[str]:
-    """Say which metrics a side lacks since it is older than they are."""
-    if rules.primary != PRIMARY:
+    """Say which judged metrics one side lacks since it is older than they are."""
+    younger = [
+        each.key for each in compared_quantities(rules.primary) if _is_younger(each, rules) and rules.judges(each)
+    ]
+    lacking = {side.name: [key for key in younger if key not in side.rows] for side in (a, b)}
+    if all(lacking.values()):
         return []
-    optional = [quantity for quantity in compared_quantities(rules.primary) if quantity.optional]
-    judged = [quantity.key for quantity in optional if rules.judges(quantity)]
-    lacking = [(side.name, [key for key in judged if key not in side.rows]) for side in (a, b)]
-    if all(keys for _, keys in lacking):
-        return []
-    return [f"{name} is older than {', '.join(keys)}, so these are not judged." for name, keys in lacking if keys]
+    return [
+        f"{name} is older than {', '.join(keys)}, so these are not judged." for name, keys in lacking.items() if keys
+    ]
 
 
 def _time_notes(a: Source, b: Source) -> list[str]:

@@ -493,3 +493,44 @@ def test_a_suite_that_got_worse_exits_with_one(small_suite, tmp_path, monkeypatc
     table["mot.hota"] *= 1.1
     table.to_parquet(recorded)
     assert run_command_line(["compare", "--suite", "standard", "--out", "again", "--quiet"]) == 1
+
+
+IN_PLAIN_VIEW = ["in_plain_view.recall", "in_plain_view.worst_tenth"]
+
+
+def without_plain_view(folder: str) -> str:
+    """Make a grid's folder one that is older than recall in plain view."""
+    path = Path(folder) / "runs.parquet"
+    rows = pd.read_parquet(path)
+    rows.drop(columns=[name for name in rows if name.startswith("in_plain_view.")]).to_parquet(path)
+    return folder
+
+
+def test_recall_in_plain_view_and_that_of_the_worst_tenth_are_judged_unasked(tmp_path):
+    a = grid_folder(tmp_path / "a", **{name.replace(".", "__"): wobbling(98.0) for name in IN_PLAIN_VIEW})
+    b = grid_folder(tmp_path / "b", **{name.replace(".", "__"): wobbling(60.0, 1) for name in IN_PLAIN_VIEW})
+    found = words(compared(a, b))
+    assert [found[name] for name in IN_PLAIN_VIEW] == [WORSE, WORSE]
+    listed = {verdict.metric for verdict in compared(a, b).verdicts if verdict.verdict == UNTESTED}
+    assert {"in_plain_view.never_reported", "in_plain_view.dropped", "in_plain_view.stopped_recall"} <= listed
+
+
+@pytest.mark.parametrize("older", ["a", "b", "ab"])
+def test_a_grid_that_is_older_than_a_score_is_compared_without_it(older, tmp_path):
+    folders = [grid_folder(tmp_path / name) for name in "ab"]
+    for name, folder in zip("ab", folders, strict=True):
+        if name in older:
+            without_plain_view(folder)
+    comparison = compared(*folders)
+    assert comparison.outcome == NO_WORSE
+    assert set(words(comparison)) == set(PRIMARY) - set(IN_PLAIN_VIEW)
+    told = [note for note in comparison.notes if "is older than in_plain_view.recall" in note]
+    assert len(told) == (1 if len(older) == 1 else 0)
+
+
+def test_a_score_that_is_asked_for_and_that_b_is_too_old_for_is_undecided(tmp_path):
+    a, b = grid_folder(tmp_path / "a"), without_plain_view(grid_folder(tmp_path / "b"))
+    rules = Rules(primary=("in_plain_view.recall",))
+    found = compare(open_source(a, "compare"), open_source(b, "compare"), rules)
+    assert found.outcome == UNDECIDED
+    assert any("b has no value of it" in reason for reason in found.reasons)

@@ -17,14 +17,17 @@ from harness.comparison.vehicles import (
     closeness,
     hidden_cost_by_vehicle,
     hota_by_vehicle,
+    plain_view_by_vehicle,
     ratio_by_vehicle,
     same_identity_by_vehicle,
+    worst_tenth_by_vehicle,
 )
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.metrics import score_metrics
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import ScoringSettings
 from tests.golden import equals_golden
+from tests.harness.scoring.scenes import Scene
 
 CARS = 6
 GOLDEN = Path(__file__).parent / "golden"
@@ -180,3 +183,54 @@ def test_a_run_without_tracks_has_no_part_of_hota_and_one_without_vehicles_no_ho
     assert _hota_influence(np.ones(3), np.zeros(3), nobody, nobody).tolist() == [0.0] * 3
     alone = np.array([[2.0], [2.0]])
     assert _hota_influence(np.full(2, 1.0), np.full(2, 1.0), alone, alone).tolist() == [0.0, 0.0]
+
+
+def in_plain_view(reported) -> Evidence:
+    """Return what is known of cars in plain view for 4 s, each with a track from the end on for so many steps."""
+    scene = Scene(40)
+    for number, steps in enumerate(reported):
+        lon = -54.0 + 9.0 * (number % 12)
+        scene.vehicle(f"car{number}", lon=lon, lat=8.0 * (number // 12))
+        scene.track(number, lon, 8.0 * (number // 12), at=np.arange(40 - steps, 40))
+    return gather(*scene.tables(), ScoringSettings(), 0)
+
+
+REPORTED = [34, 3, 20, 30, 9, 35, 31, 29, 28, 33, 27, 32, 26, 25, 24, 23, 22, 21, 19, 18]
+
+
+def test_recall_in_plain_view_is_the_metric_and_a_mean_over_vehicles_parts():
+    evidence = in_plain_view(REPORTED)
+    found = plain_view_by_vehicle(evidence, 20)
+    assert found.value == pytest.approx(score_metrics(evidence)["in_plain_view"]["recall"])
+    assert found.value == pytest.approx(100.0 * np.mean(REPORTED) / 35.0)
+    np.testing.assert_allclose(found.influence, (100.0 * np.array(REPORTED) / 35.0 - found.value) / 20.0)
+
+
+def test_the_influence_on_the_worst_tenth_is_its_derivative_along_a_vehicles_weight():
+    evidence = in_plain_view(REPORTED)
+    found = worst_tenth_by_vehicle(evidence, 20)
+    recall = 100.0 * np.array(REPORTED) / 35.0
+    assert found.value == pytest.approx(score_metrics(evidence)["in_plain_view"]["worst_tenth"])
+    assert found.value == pytest.approx(np.sort(recall)[:2].mean())
+
+    def worst_tenth(weight: np.ndarray) -> float:
+        """The mean over the worst tenth of the weight, of which the last vehicle may be in with a part of its own."""
+        order = np.argsort(recall)
+        within = np.clip(0.1 * weight.sum() - np.append(0.0, np.cumsum(weight[order])[:-1]), 0.0, weight[order])
+        return float(recall[order] @ within / within.sum())
+
+    step = 1e-6
+    # Less weight, so that the tenth still ends within the second vehicle.
+    numeric = [(worst_tenth(np.ones(20)) - worst_tenth(np.ones(20) - step * unit)) / step for unit in np.eye(20)]
+    # Outside the tenth, the end of the tenth moves within the worst two; inside, beyond them by nothing that counts.
+    outside = np.argsort(recall)[2:]
+    np.testing.assert_allclose(found.influence[outside], np.array(numeric)[outside], rtol=1e-4)
+    assert found.influence.sum() == pytest.approx(0.0)
+    worst, second = np.argsort(recall)[:2]
+    assert found.influence[worst] - found.influence[second] == pytest.approx((recall[worst] - recall[second]) / 2.0)
+
+
+def test_without_a_vehicle_in_plain_view_there_is_no_recall(evidence):
+    for each in (plain_view_by_vehicle(evidence, CARS), worst_tenth_by_vehicle(evidence, CARS)):
+        assert np.isnan(each.value)
+        assert not each.influence.any()

@@ -107,7 +107,8 @@ def test_a_drive_is_told_in_these_numbers():
     assert told == {
         "ended": "collision", "drives_s": 0.3, "km": pytest.approx(km), "collided_percent": 100.0, "collided_with": "x",
         "ran_into": 0.0, "collision_time_s": 0.2, "impact_mps": 1.5, "ttc_below_1_5_percent": 25.0,
-        "drac_above_3_4_percent": 25.0, "hard_brakes": 1, "hard_brakes_per_km": pytest.approx(1 / km), "missed": 1, "missed_withheld": 0,
+        "drac_above_3_4_percent": 25.0, "hard_brakes": 1, "hard_brakes_per_km": pytest.approx(1 / km), "missed": 1,
+        "missed_withheld": 0,
         "missed_per_km": pytest.approx(1 / km), "phantom": 1, "phantom_per_km": pytest.approx(1 / km),
         "mean_speed_mps": pytest.approx(1e3 * km / 0.3), "jerk_mps3": pytest.approx(np.sqrt((jerk**2).mean())),
     }  # fmt: skip

@@ -88,7 +88,7 @@ def test_what_was_not_scored_is_null_under_the_same_keys(tables):
         for key, value in table.items():
             if isinstance(value, dict):
                 yield from leaves(value, f"{prefix}{key}.")
-            elif not isinstance(value, list):
+            elif key not in ("by_seconds_hidden", "vehicles", "deciles"):
                 yield f"{prefix}{key}", value
 
     scores = score_run(*tables).metrics
