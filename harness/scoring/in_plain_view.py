@@ -205,7 +205,7 @@ def _worst_first(losses: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def worst_share(counted: IntArray, followed: IntArray, chosen: BoolArray, share: float) -> IntArray:
-    """Return the vehicles with the least recall, worst first: a share of the chosen, rounded up, so at least one.
+    """Return the vehicles with the least recall, worst first: a share of the chosen, rounded down, but one at least.
 
     Of vehicles with equal recall the one with more vehicle-steps is worse, then the one that comes first.
 
@@ -218,7 +218,7 @@ def worst_share(counted: IntArray, followed: IntArray, chosen: BoolArray, share:
     vehicles = np.flatnonzero(chosen)
     recall = followed[vehicles] / counted[vehicles]
     order = np.lexsort((-counted[vehicles], recall))
-    return vehicles[order[: int(np.ceil(share * len(vehicles) - 1e-9))]]
+    return vehicles[order[: max(1, int(share * len(vehicles) + 1e-9))]]
 
 
 def scores_in_plain_view(parts: Sequence[PlainViewPart], basis: Basis) -> dict[str, object]:
@@ -230,7 +230,7 @@ def scores_in_plain_view(parts: Sequence[PlainViewPart], basis: Basis) -> dict[s
     Returns:
         ``recall``: percent of them with a reported track within the gate, each track serving one vehicle at most.
         ``worst_tenth``: the same over the ``worst_n`` vehicle-steps of the tenth of vehicles with the least recall of
-        their own, among those with at least 1 s of such steps; the tenth is rounded up, so it is one vehicle at least,
+        their own, among those with at least 1 s of such steps; the tenth is rounded down, but is one vehicle at least,
         and of equal vehicles the one with more steps counts as worse. ``median_first_report_s`` and
         ``p90_first_report_s`` over the ``vehicles_n`` vehicles asked for: time in plain view within 60 m, from its
         beginning to the first step there with a track. A vehicle that is never reported there counts with all of its
