@@ -11,6 +11,9 @@ import pytest
 from harness.report.finished import read_recorded_run
 from harness.report.gallery import strip_figure, worst_failures
 from harness.report.page import write_run_page
+from harness.report.sentences import summary_sentences
+from harness.report.summary import print_summary
+from harness.report.tables import mot_table
 from harness.report.withheld import Withheld, withheld_vehicles, withheld_words
 from harness.runfolder import folder as runfolder
 from tests.harness.recorded_scene import write_recorded_scene
@@ -90,3 +93,21 @@ def test_the_page_says_how_many_there_are_and_shows_the_first(run):
 )
 def test_both_kinds_are_counted_in_words(never, dropped, words):
     assert withheld_words({"in_plain_view": {"never_reported": never, "dropped": dropped}}) == words
+
+
+def test_the_screen_the_page_and_the_summary_tell_recall_and_an_old_run_has_none(run, capsys):
+    scores = run.metrics["in_plain_view"] | {"recall": 97.25, "worst_tenth": 12.0, "never_reported": 1, "dropped": 2}
+    known = run.metrics | {"in_plain_view": scores}
+    old = {key: value for key, value in run.metrics.items() if key != "in_plain_view"}
+    sentence = (
+        "had a track 97.2 % of the time (12 % for the worst tenth of them); 1 vehicle never had one, 2 tracks were"
+    )
+    assert sentence in " ".join(summary_sentences(known))
+    assert "97.2" in str(mot_table(known))
+    print_summary(known, run.folder)
+    screen = " ".join(capsys.readouterr().err.split())
+    assert "In plain view with a track: 97.2 %, worst tenth of vehicles 12.0 %; never reported 1, dropped 2" in screen
+    assert "In plain view" not in " ".join(summary_sentences(old))
+    assert "worst tenth %" in str(mot_table(old))
+    print_summary(old, run.folder)
+    assert "In plain view" not in capsys.readouterr().err
