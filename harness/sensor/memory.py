@@ -126,6 +126,24 @@ class Ghosts:
 
 
 @dataclass(frozen=True)
+class Mirrored:
+    """False objects that mirror a vehicle, struct of arrays, each of shape (g,).
+
+    Attributes:
+        vehicle_id: The vehicle that each mirrors.
+        along_m: How far ahead of it each is, along its box.
+        left_m: How far to its left.
+    """
+
+    vehicle_id: StringArray
+    along_m: FloatArray
+    left_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.vehicle_id)
+
+
+@dataclass(frozen=True)
 class Streams:
     """Independent streams of randomness, so that no failing shifts the draws of another."""
 
@@ -134,11 +152,16 @@ class Streams:
     drift: np.random.Generator
     reports: np.random.Generator
     ghosts: np.random.Generator
+    detectability: np.random.Generator
+    mirrored: np.random.Generator
+    posts: np.random.Generator
 
     @classmethod
     def below(cls, parent: np.random.Generator) -> Streams:
         """Return streams that the parent's seed decides; the parent's own numbers stay as they were."""
-        return cls(*parent.spawn(5))
+        own = parent.spawn(5)
+        # Streams that came later lie below the first, so that the parent's next children stay what they were.
+        return cls(*own, *own[0].spawn(3))
 
 
 @dataclass
@@ -152,6 +175,9 @@ class SensorMemory:
         time_s: Time of the last scan.
         vehicles: What is remembered of the vehicles of the last frame.
         ghosts: False objects that stay; None before the first scan.
+        mirrored: False objects that mirror a vehicle; None before the first scan.
+        posts: What stands beside the road for the whole run; None before its first scan.
+        detectability: Factor on the detection probability of each vehicle that was met in the run, by name.
         pending: Times and contents of scans that were made but not handed out yet, oldest first.
     """
 
@@ -161,6 +187,9 @@ class SensorMemory:
     time_s: float = 0.0
     vehicles: VehicleMemory = field(init=False)
     ghosts: Ghosts | None = None
+    mirrored: Mirrored | None = None
+    posts: Ghosts | None = None
+    detectability: dict[str, float] = field(default_factory=dict)
     pending: list[tuple[float, object]] = field(default_factory=list)
 
     def begin_scan(self, parent: np.random.Generator, episode: int, time_s: float) -> float:
@@ -173,9 +202,10 @@ class SensorMemory:
         """
         if self.parent is not parent:
             self.parent, self.streams, self.episode = parent, Streams.below(parent), -1
+            self.posts, self.detectability = None, {}
         step_s = time_s - self.time_s
         if self.episode != episode:
-            self.episode, self.ghosts, step_s = episode, None, 0.0
+            self.episode, self.ghosts, self.mirrored, step_s = episode, None, None, 0.0
             self.vehicles = VehicleMemory.none_of(np.zeros(0, dtype=np.str_))
             self.pending.clear()
         self.time_s = time_s

@@ -8,8 +8,10 @@ from functools import partial
 import numpy as np
 
 from harness.sensor.clutter import ghosts_after, on_a_lane, positions_on_lanes
+from harness.sensor.detectability import detectabilities
 from harness.sensor.failings import Boxes, advance, detection_probability, merged, miss_chain, shifted, split
-from harness.sensor.memory import NORMALS, SensorMemory, VehicleMemory, drifted
+from harness.sensor.falseobjects import in_shadow, mirror_images, mirrored_after, posts_along
+from harness.sensor.memory import NORMALS, Ghosts, SensorMemory, VehicleMemory, drifted
 from harness.sensor.noise import (
     measured_sizes,
     measured_speed,
@@ -57,7 +59,9 @@ def vehicle_returns(
     now = replace(advance(settings, known, misses, step_s, streams.misses), drift=drift)
     memory.vehicles = now
     gone = (now.missed > 0.0) | (now.burst > 0.0)
-    origin = np.flatnonzero((chance < probability / (1.0 - misses.share)) & ~gone)
+    # A vehicle's own factor thins its detections scan by scan; runs of misses stay as they are for all.
+    factor = detectabilities(settings, memory, frame)
+    origin = np.flatnonzero((chance < factor * (probability / (1.0 - misses.share))) & ~gone)
     boxes = _boxes(settings, scene, now, origin)
     normals = np.where(boxes.second[:, None], of_second[boxes.origin], white[boxes.origin])
     drifts = _drifting(settings) * drift[boxes.origin] + _renewed(settings) * normals
@@ -154,13 +158,41 @@ def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scen
 
 
 def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, step_s: float) -> Returns:
-    """Return the detections of false objects that stay, and remember these."""
+    """Return the detections of false objects that last, of every kind, and remember these."""
     rng = memory.streams.ghosts
     memory.ghosts = ghosts = ghosts_after(settings, memory.ghosts, scene.frame, scene.road, step_s, rng)
+    on_lane = on_a_lane(scene.road, ghosts.lon_m, ghosts.lat_m)
+    chance = np.where(on_lane, settings.persistent_clutter_probability, 0.0)
+    kinds = [_returns_of(settings, memory, scene, ghosts, chance, rng)]
+    if settings.mirrored > 0.0:
+        rng = memory.streams.mirrored
+        memory.mirrored = mirrored_after(settings, memory.mirrored, scene, step_s, rng)
+        images = mirror_images(memory.mirrored, scene)
+        kinds.append(_returns_of(settings, memory, scene, images, settings.mirrored_probability, rng))
+    if settings.posts_per_km > 0.0:
+        rng = memory.streams.posts
+        if memory.posts is None:
+            memory.posts = posts_along(settings, scene.road, scene.ego, rng)
+        kinds.append(_returns_of(settings, memory, scene, memory.posts, settings.posts_probability, rng))
+    return Returns(
+        np.concatenate([kind.values for kind in kinds]),
+        np.concatenate([kind.origin for kind in kinds]),
+    )
+
+
+def _returns_of(
+    settings: SensorSettings,
+    memory: SensorMemory,
+    scene: Scene,
+    ghosts: Ghosts,
+    probability: FloatArray | float,
+    rng: np.random.Generator,
+) -> Returns:
+    """Return the detections of false objects, each made with its probability; two blocks of numbers are drawn."""
     chance, normals = rng.random(len(ghosts)), rng.standard_normal((len(ghosts), NORMALS))
-    shown = chance < settings.persistent_clutter_probability
-    shown &= _place_in_reach(settings, scene, ghosts.lon_m, ghosts.lat_m)
-    shown &= on_a_lane(scene.road, ghosts.lon_m, ghosts.lat_m)
+    shown = (chance < probability) & _place_in_reach(settings, scene, ghosts.lon_m, ghosts.lat_m)
+    if settings.persistent_clutter_occluded:
+        shown &= ~in_shadow(scene, ghosts.lon_m, ghosts.lat_m)
     ghosts, normals = taken(ghosts, np.flatnonzero(shown)), normals[shown]
     sight = sight_to(ghosts.lon_m, ghosts.lat_m, scene.road, scene.ego, ghosts.axis_rad)
     plain_view, zeros = np.ones(len(ghosts)), np.zeros(len(ghosts))

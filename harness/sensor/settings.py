@@ -48,6 +48,18 @@ class SensorSettings(WithoutTruthValues):
     """Share of a vehicle's time in bursts of misses that have nothing to do with visibility or range."""
     burst_s: Positive = 0.8
     """Mean length of such a burst."""
+    detectability_share: Probability = 0.0
+    """Share of vehicles that are hard to detect: each keeps one factor on its detection probability all along."""
+    detectability_least: Probability = 0.3
+    """Smallest such factor; between it and one the factor is drawn from a beta distribution."""
+    detectability_mean: Probability = 0.65
+    """Mean of the factors of vehicles that are hard to detect."""
+    detectability_spread: Probability = 0.2
+    """Standard deviation of these factors."""
+    detectability_narrow: Probability = 1.0
+    """One more factor for narrow vehicles, which motorcycles are."""
+    detectability_narrow_m: Positive = 1.2
+    """Width below which a vehicle is narrow."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.7
     """Seen to this fraction or more a vehicle is in plain view; below it detection falls and noise grows."""
     hidden_fraction: Probability = 0.15
@@ -62,6 +74,18 @@ class SensorSettings(WithoutTruthValues):
     """Probability with which each of them is detected in a scan."""
     persistent_clutter_moving: Probability = 0.3
     """Share of them that moves along a lane with the traffic, as reflections do; the rest is fixed to the road."""
+    persistent_clutter_occluded: bool = False
+    """Whether false objects in the shadow of a vehicle are not detected: those that stay, mirrored ones and posts."""
+    mirrored: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    """Expected number of false objects that mirror a real vehicle within range: they keep their distance to it."""
+    mirrored_s: Positive = 3.0
+    """Their mean life."""
+    mirrored_probability: Probability = 0.6
+    """Probability with which each of them is detected in a scan."""
+    posts_per_km: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    """Expected number of posts and signs per kilometre of lane that the detector takes for vehicles all along."""
+    posts_probability: Probability = 0.9
+    """Probability with which each of them is detected in a scan."""
     std_lon_m: Positive = 0.3
     """Longitudinal error of the box fitted to a vehicle in plain view."""
     std_lat_m: Positive = 0.2
@@ -86,8 +110,8 @@ class SensorSettings(WithoutTruthValues):
     """Share of time in which a long vehicle is seen as two boxes."""
     split_s: Positive = 0.5
     """Mean length of such a time."""
-    split_length_m: Positive = 8.0
-    """Length from which a vehicle is long."""
+    split_length_m: NotNegative = 8.0
+    """Length from which a vehicle is long; 0: vehicles of any length are seen as two boxes."""
     merged_share: Share = 0.0
     """Share of time in which two vehicles close together are seen as one box."""
     merged_s: Positive = 0.4
@@ -131,4 +155,9 @@ class SensorSettings(WithoutTruthValues):
             raise ValueError("hidden_fraction must be below full_view_fraction")
         if self.nominal_hidden_fraction >= self.nominal_full_view_fraction:
             raise ValueError("nominal_hidden_fraction must be below nominal_full_view_fraction")
+        if self.detectability_share > 0.0 and not self.detectability_least < self.detectability_mean < 1.0:
+            raise ValueError("detectability_mean must lie between detectability_least and 1")
+        most = (self.detectability_mean - self.detectability_least) * (1.0 - self.detectability_mean)
+        if self.detectability_share > 0.0 and not 0.0 < self.detectability_spread**2 < most:
+            raise ValueError(f"detectability_spread must lie between 0 and {most**0.5:.3g} with this least and mean")
         return self
