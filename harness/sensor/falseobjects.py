@@ -35,11 +35,11 @@ def mirrored_after(
         rng: Source of randomness.
     """
     if before is None:
-        return _new_images(scene, int(rng.poisson(settings.mirrored)), rng)
-    kept = np.exp(-step_s / settings.mirrored_s)
+        return _new_images(scene, int(rng.poisson(settings.mirrored_clutter)), rng)
+    kept = np.exp(-step_s / settings.mirrored_clutter_s)
     stays = rng.random(len(before)) < kept
     stays &= np.isin(before.vehicle_id, scene.frame.vehicle_id[_others_in_range(scene)])
-    born = _new_images(scene, int(rng.poisson(settings.mirrored * (1.0 - kept))), rng)
+    born = _new_images(scene, int(rng.poisson(settings.mirrored_clutter * (1.0 - kept))), rng)
     return joined(taken(before, np.flatnonzero(stays)), born)
 
 

@@ -164,11 +164,11 @@ def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scen
     on_lane = on_a_lane(scene.road, ghosts.lon_m, ghosts.lat_m)
     chance = np.where(on_lane, settings.persistent_clutter_probability, 0.0)
     kinds = [_returns_of(settings, memory, scene, ghosts, chance, rng)]
-    if settings.mirrored > 0.0:
+    if settings.mirrored_clutter > 0.0:
         rng = memory.streams.mirrored
         memory.mirrored = mirrored_after(settings, memory.mirrored, scene, step_s, rng)
         images = mirror_images(memory.mirrored, scene)
-        kinds.append(_returns_of(settings, memory, scene, images, settings.mirrored_probability, rng))
+        kinds.append(_returns_of(settings, memory, scene, images, settings.mirrored_clutter_probability, rng))
     if settings.posts_per_km > 0.0:
         rng = memory.streams.posts
         if memory.posts is None:

@@ -76,13 +76,13 @@ class SensorSettings(WithoutTruthValues):
     """Share of them that moves along a lane with the traffic, as reflections do; the rest is fixed to the road."""
     persistent_clutter_occluded: bool = False
     """Whether false objects in the shadow of a vehicle are not detected: those that stay, mirrored ones and posts."""
-    mirrored: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    mirrored_clutter: Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "objects"})] = 0.0
     """Expected number of false objects that mirror a real vehicle within range: they keep their distance to it."""
-    mirrored_s: Positive = 3.0
+    mirrored_clutter_s: Positive = 3.0
     """Their mean life."""
-    mirrored_probability: Probability = 0.6
+    mirrored_clutter_probability: Probability = 0.6
     """Probability with which each of them is detected in a scan."""
-    posts_per_km: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    posts_per_km: Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "1/km"})] = 0.0
     """Expected number of posts and signs per kilometre of lane that the detector takes for vehicles all along."""
     posts_probability: Probability = 0.9
     """Probability with which each of them is detected in a scan."""

@@ -87,7 +87,7 @@ def test_a_mean_below_the_least_factor_is_refused():
 
 def test_mirror_images_keep_their_distance_to_a_vehicle():
     frames = [frame_of((30.0 + 2.0 * k, 0.0)) for k in range(25)]
-    seen = film(frames, **CALM, mirrored=2.0, mirrored_s=1e6, mirrored_probability=1.0)
+    seen = film(frames, **CALM, mirrored_clutter=2.0, mirrored_clutter_s=1e6, mirrored_clutter_probability=1.0)
     counts = {len(false_places(one)[0]) for one in seen}
     assert len(counts) == 1
     assert counts != {0}
