@@ -25,7 +25,7 @@ from typer.exceptions import TyperException
 from typer.main import get_group
 
 from harness import exitcodes
-from harness.commands.from_options import typer_command
+from harness.commands.from_options import typer_command, with_values
 from harness.ends import code_of_end, ends_like_ctrl_c, told_to_end
 from harness.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
@@ -103,7 +103,7 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
     """Run a command and turn whatever ends it into an exit code."""
     try:
         _refuse_pipes(arguments)
-        outcome = group(args=list(arguments), prog_name="python -m harness", standalone_mode=False)
+        outcome = group(args=_completed(arguments, called), prog_name="python -m harness", standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:
         # Python would complain once more when it flushes stdout at its end.
@@ -116,6 +116,13 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
     if outcome == EXIT_INTERRUPTED:
         return _complain("interrupted", code_of_end())
     return outcome if isinstance(outcome, int) else EXIT_DONE
+
+
+def _completed(arguments: Sequence[str], called: str | None) -> list[str]:
+    """Return what was typed, with the values of options that were typed without one."""
+    if called not in {entry.name for entry in COMMANDS}:
+        return list(arguments)
+    return with_values(importlib.import_module(f"harness.commands.{called}").command, arguments)
 
 
 def _told(error: BaseException) -> tuple[str, int]:

@@ -144,6 +144,8 @@ def with_truth(request: DriveRequest) -> DriveRequest:
 
 def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, RunConfig]:
     """Return each belief's configuration, as a stress test on the same lists would have it."""
+    if any(word.strip().startswith("altered.") for word in request.settings):
+        raise InputError("`settings`: altered.* is for run and stress; set sensor.* here, such as sensor.burst_share")
     trackers = dict.fromkeys(STAND_IN if belief in WITHOUT_TRACKER else belief for belief in beliefs)
     words = [] if request.driver is None else [f"decisions.driver={request.driver}"]
     grid = GridRequest(

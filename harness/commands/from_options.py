@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from operator import getitem
 from typing import Annotated, Any, cast, get_type_hints
 
@@ -35,6 +35,24 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return called
+
+
+def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> list[str]:
+    """Return what was typed, with a value after each option that may be typed without one.
+
+    Args:
+        command: As ``typer_command`` takes it.
+        arguments: What was typed.
+    """
+    table = get_type_hints(command).get("options")
+    options = {} if table is None else {name: entry.option for name, entry in declared(table).items()}
+    alone = {f"--{name.replace('_', '-')}": option.alone for name, option in options.items() if option.alone}
+    completed: list[str] = []
+    for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
+        completed.append(word)
+        if word in alone and after.startswith("--"):
+            completed.append(str(alone[word]))
+    return completed
 
 
 def _parameter(name: str, entry: Declared) -> inspect.Parameter:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
+from harness.sensor.altered_settings import AlteredSettings
 from harness.truth.network.demand import DEFAULT_DENSITY, DENSITY_RANGE
 from harness.truth.network.network import default_demand
 from mmpf.options import FilterOptions
@@ -207,6 +208,8 @@ class RunConfig(_Strict):
     """The traffic."""
     sensor: SensorConfig = Field(default_factory=SensorConfig)
     """The sensor."""
+    altered: AlteredSettings = Field(default_factory=AlteredSettings)
+    """What is done to the detections after the sensor made them, or after they were recorded."""
     tracker: TrackerConfig = Field(default_factory=TrackerConfig)
     """The tracker."""
     decisions: DecisionsConfig = Field(default_factory=DecisionsConfig)
@@ -217,6 +220,8 @@ class RunConfig(_Strict):
         table = self.model_dump(exclude_none=True)
         if not table["tracker"]["believes"]:
             del table["tracker"]["believes"]
+        if self.altered == AlteredSettings():
+            del table["altered"]
         if self.decisions == DecisionsConfig():
             # Nothing that a run records depends on it, and folders of runs that knew no driver stay the same.
             del table["decisions"]

@@ -36,6 +36,7 @@ class Option:
         least: Smallest value.
         most: Largest value.
         is_argument: Whether its value is typed without its name.
+        alone: Value where its name is typed without one; None if it needs one.
     """
 
     help: str
@@ -47,6 +48,7 @@ class Option:
     least: float | None = None
     most: float | None = None
     is_argument: bool = False
+    alone: str | None = None
 
 
 class RunOptions(TypedDict, total=False):

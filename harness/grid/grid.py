@@ -21,7 +21,8 @@ from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.errors import InputError
 from harness.grid.cells import DEMAND, DENSITY, NET, RECORDING, Cell, Grid, PlannedRun
-from harness.grid.mismatch import mismatches
+from harness.grid.worlds import chosen_worlds
+from harness.runfolder.folder import is_run_folder
 from harness.sensor.profiles import sensor_settings
 from harness.truth.recorded.egos import EACH
 
@@ -54,7 +55,8 @@ class GridRequest:
         vary: ``KEY=VALUES`` words; each is one more axis.
         replay: Files of recorded traffic in place of simulated traffic.
         ego: Which recorded vehicles carry the sensor, as in ``ego`` of a run.
-        mismatch: Whether each run is made under every mismatch of ``harness.grid.mismatch``.
+        mismatch: Worlds of ``harness.grid.worlds`` under each of which every run is made: a list, or all; True for the
+            usual ones.
     """
 
     net: str | None = "us101"
@@ -70,7 +72,7 @@ class GridRequest:
     vary: tuple[str, ...] = ()
     replay: tuple[str, ...] = ()
     ego: str | None = None
-    mismatch: bool = False
+    mismatch: bool | str = False
     nets: str | None = None
 
     @property
@@ -192,7 +194,9 @@ def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
     if request.replay:
         if len({Path(path).name for path in request.replay}) < len(request.replay):
             raise InputError("`replay`: two of the files have the same name; results are told apart by it")
-        return [{RECORDING: path, "ego": request.ego or EACH} for path in request.replay]
+        # A run's folder has its ego; asking for one is refused where its configuration is made.
+        egos = [request.ego or (None if is_run_folder(Path(path)) else EACH) for path in request.replay]
+        return [{RECORDING: path, "ego": ego} for path, ego in zip(request.replay, egos, strict=True)]
     return [{NET: net, **point} for net in request.networks for point in traffic]
 
 
@@ -219,9 +223,15 @@ def _mismatches(request: GridRequest) -> Mapping[str | None, tuple[str, ...]]:
     """Return the settings of each mismatch by its name; those of none where none is asked for."""
     if not request.mismatch:
         return {None: ()}
-    options = {"sensor": request.sensor}
-    sensor = resolve_run_config(None, options, [word for word in request.settings if word.startswith("sensor.")]).sensor
-    return dict(mismatches(sensor_settings(sensor.profile, sensor.overrides)).items())
+    folders = [path for path in request.replay if is_run_folder(Path(path))]
+    if 0 < len(folders) < len(request.replay):
+        raise InputError("`mismatch`: give finished runs or files of recorded traffic in `replay`, not both")
+    words = [word for word in request.settings if word.startswith("sensor.")]
+    options = {"sensor": request.sensor, "replay": folders[0] if folders else None}
+    sensor = resolve_run_config(None, options, words).sensor
+    settings = sensor_settings(sensor.profile, sensor.overrides)
+    asked = request.mismatch if isinstance(request.mismatch, str) else None
+    return dict(chosen_worlds(asked, settings, of_finished=bool(folders)).items())
 
 
 def _combinations(axes: Mapping[str, Sequence[float]]) -> Iterator[dict[str, float]]:

@@ -1,44 +1,27 @@
-"""What it costs trackers that the world is not as they believe: a ready grid of mismatches, and its table.
-
-The true sensor is changed by settings of ``sensor.*``, of which the data sheet says nothing; what is believed is
-changed by ``tracker.believes.*``. Within a mismatch all trackers are given the same detections.
-"""
+"""What it costs trackers that the world is not as they believe, over the worlds of ``harness.grid.worlds``."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.grid.cells import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from harness.grid.rows import column_of
+from harness.grid.worlds import AS_IS
 from harness.scoring.statistics import few_groups_ci
-from harness.sensor.settings import SensorSettings
+from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
 
-AS_IS = "as is"
+NAN = float("nan")
 HOTA, SWITCHES, COVERAGE = "mot.hota", "mot.id_switches", "calibration.coverage95.lon"
-
-
-def mismatches(sensor: SensorSettings) -> dict[str, tuple[str, ...]]:
-    """Return the settings of each mismatch by its name; those that multiply, on top of the sensor's figures."""
-    return {
-        AS_IS: (),
-        "noise believed x 0.5": ("tracker.believes.noise_factor=0.5",),
-        "noise believed x 2": ("tracker.believes.noise_factor=2.0",),
-        "detection probability 0.7": ("sensor.detection_probability=0.7",),
-        "clutter x 5": (
-            f"sensor.clutter_per_scan={5.0 * max(sensor.clutter_per_scan, 0.1):g}",
-            f"sensor.persistent_clutter={5.0 * sensor.persistent_clutter:g}",
-        ),
-        "noise correlated": ("sensor.bias_share=0.9", "sensor.bias_time_s=1.0"),
-        "bursts 15 % of 0.8 s": ("sensor.burst_share=0.15", "sensor.burst_s=0.8"),
-    }
+RECALL, WORST_TENTH = "in_plain_view.recall", "in_plain_view.worst_tenth"
+MISSED, HIDDEN_COST, FALSE_TRACKS = "mot.missed", "hidden.hidden_cost_m", "mot.false_tracks_per_scan"
 
 
 @dataclass(frozen=True)
@@ -55,6 +38,12 @@ class Cost:
         id_switches: Identity switches a run.
         coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
+        hota_ci95: 95 % interval of HOTA over the runs, Student's.
+        recall: Percent of vehicle-steps in plain view that have a reported track; nan of runs without that score.
+        worst_tenth: The same of the worst tenth of vehicles.
+        missed: Missed vehicle-steps in sight a run.
+        hidden_cost_m: Hidden cost.
+        false_tracks_per_scan: False tracks in sight.
     """
 
     variant: str
@@ -66,18 +55,44 @@ class Cost:
     id_switches: float
     coverage95_lon: float
     runs: int
+    hota_ci95: tuple[float, float] = field(default=(NAN, NAN))
+    recall: float = NAN
+    worst_tenth: float = NAN
+    missed: float = NAN
+    hidden_cost_m: float = NAN
+    false_tracks_per_scan: float = NAN
+
+    @property
+    def name(self) -> str:
+        """The tracker and its model in words."""
+        return " ".join(word for word in (self.variant, self.model) if word)
+
+
+@dataclass(frozen=True)
+class Lead:
+    """How far the first tracker is ahead of the best of the others in a world.
+
+    Attributes:
+        mismatch: The world.
+        first: The first tracker.
+        best_other: The other with the highest mean HOTA on the runs that both ended well.
+        hota_ahead: HOTA of the first less that of the other, paired run by run, points.
+        hota_ahead_ci95: Its 95 % interval over the runs, Student's.
+        runs: Number of pairs.
+    """
+
+    mismatch: str
+    first: str
+    best_other: str
+    hota_ahead: float
+    hota_ahead_ci95: tuple[float, float]
+    runs: int
 
 
 def costs(table: pd.DataFrame) -> list[Cost]:
     """Return what each mismatch costs each tracker, from the rows of the grid."""
-    table = table[table["succeeded"].astype(bool)].copy()
-    table["model"] = table["model"].fillna("")
-    world = [name for name in (NET, DENSITY, DEMAND, RECORDING, SEED) if name in table]
-    axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.", "traffic."))]
-    # As text, since missing values are no keys to join on.
-    table["world"] = ["|".join(map(str, row)) for row in table[[*world, *axes]].itertuples(index=False)]
     found = []
-    for (variant, model), rows in table.groupby(["variant", "model"], sort=False):
+    for (variant, model), rows in _by_world(table).groupby(["variant", "model"], sort=False):
         usual = rows[rows[MISMATCH] == AS_IS].set_index("world")[HOTA]
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
             loss = usual.reindex(some["world"]).to_numpy(dtype=np.float64) - column_of(some, HOTA)
@@ -93,51 +108,112 @@ def costs(table: pd.DataFrame) -> list[Cost]:
                     id_switches=_mean(column_of(some, SWITCHES)),
                     coverage95_lon=_mean(column_of(some, COVERAGE)),
                     runs=len(some),
+                    hota_ci95=_interval(column_of(some, HOTA)),
+                    recall=_mean(column_of(some, RECALL)),
+                    worst_tenth=_mean(column_of(some, WORST_TENTH)),
+                    missed=_mean(column_of(some, MISSED)),
+                    hidden_cost_m=_mean(column_of(some, HIDDEN_COST)),
+                    false_tracks_per_scan=_mean(column_of(some, FALSE_TRACKS)),
                 )
             )
     return found
 
 
-def costs_markdown(found: Sequence[Cost], failures: Sequence[str]) -> str:
-    """Return the table, a line for each tracker and mismatch, and which runs failed."""
+def leads(table: pd.DataFrame) -> list[Lead]:
+    """Return how far the first tracker is ahead of the best of the others, world by world; none of a single tracker."""
+    rows = _by_world(table)
+    found = []
+    for mismatch, some in rows.groupby(MISMATCH, sort=False):
+        hota = {
+            " ".join(filter(None, map(str, key))): each.set_index("world")[HOTA]
+            for key, each in some.groupby(["variant", "model"], sort=False)
+        }
+        first, *others = hota
+        pairs = {name: hota[first].sub(hota[name]).dropna().to_numpy(dtype=np.float64) for name in others}
+        pairs = {name: ahead for name, ahead in pairs.items() if len(ahead)}
+        if not pairs:
+            continue
+        best = min(pairs, key=lambda name: float(pairs[name].mean()))
+        ahead = pairs[best]
+        found.append(Lead(str(mismatch), first, best, _mean(ahead), _interval(ahead), len(ahead)))
+    return found
+
+
+def _by_world(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs that ended well, each with the traffic and settings that it shares with those of others."""
+    table = table[table["succeeded"].astype(bool)].copy()
+    table["model"] = table["model"].fillna("")
+    world = [name for name in (NET, DENSITY, DEMAND, RECORDING, SEED) if name in table]
+    axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.", "traffic."))]
+    # As text, since missing values are no keys to join on.
+    table["world"] = ["|".join(map(str, row)) for row in table[[*world, *axes]].itertuples(index=False)]
+    return table
+
+
+HEADS = (
+    *("tracker", "mismatch", "HOTA", "loss", "identity switches", "recall in plain view", "worst tenth", "missed"),
+    *("hidden cost, m", "false tracks a scan", "95 % intervals cover", "runs"),
+)
+
+
+def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequence[Lead] = ()) -> str:
+    """Return the table, a line for each tracker and mismatch, who is ahead by how much, and which runs failed."""
     lines = [
         "# What mismatches cost",
         "",
-        "Trackers believe the sensor's data sheet; a mismatch changes what is true, or the noise that they are told.",
+        "Trackers believe the sensor's data sheet; a mismatch changes what is true, or the noise or map they are told.",
         "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.",
+        "Missed are vehicle-steps in sight, a run.",
         "",
-        "| tracker | mismatch | HOTA | loss | identity switches | 95 % intervals cover | runs |",
-        "|---|---|---:|---:|---:|---:|---:|",
+        *markdown_table(HEADS, [_cells(cost) for cost in found]),
     ]
-    for cost in found:
-        loss = "" if cost.mismatch == AS_IS else _with_interval(cost.hota_loss, cost.hota_loss_ci95)
-        name = " ".join(word for word in (cost.variant, cost.model) if word)
-        lines.append(
-            f"| {name} | {cost.mismatch} | {cost.hota:.1f} | {loss} | {cost.id_switches:.1f} | "
-            f"{_percent(cost.coverage95_lon)} | {cost.runs} |"
-        )
+    if ahead:
+        heads = ("mismatch", "first", "best of the others", "HOTA ahead of it", "runs")
+        rows = [
+            (each.mismatch, each.first, each.best_other, _points(each.hota_ahead, each.hota_ahead_ci95), str(each.runs))
+            for each in ahead
+        ]
+        lines += ["", "The first tracker against the best of the others, paired run by run:", ""]
+        lines += markdown_table(heads, rows)
     if failures:
         lines += ["", "Failed:", "", *(f"- {line}" for line in failures)]
     return "\n".join(lines) + "\n"
 
 
+def _cells(cost: Cost) -> list[str]:
+    return [
+        cost.name,
+        cost.mismatch,
+        _points(cost.hota, cost.hota_ci95),
+        "" if cost.mismatch == AS_IS else _points(cost.hota_loss, cost.hota_loss_ci95),
+        _number(cost.id_switches, 1),
+        _number(cost.recall, 1, " %"),
+        _number(cost.worst_tenth, 1, " %"),
+        _number(cost.missed, 0),
+        _number(cost.hidden_cost_m, 2),
+        _number(cost.false_tracks_per_scan, 2),
+        _number(cost.coverage95_lon, 0, " %"),
+        str(cost.runs),
+    ]
+
+
 def _mean(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")
+    return float(known.mean()) if len(known) else NAN
 
 
 def _interval(values: FloatArray) -> tuple[float, float]:
-    if len(values) < 2:
-        return float("nan"), float("nan")
-    interval = few_groups_ci(values, np.ones(len(values)))
+    known = values[np.isfinite(values)]
+    if len(known) < 2:
+        return NAN, NAN
+    interval = few_groups_ci(known, np.ones(len(known)))
     return interval.low, interval.high
 
 
-def _with_interval(loss: float, ends: tuple[float, float]) -> str:
-    if not np.isfinite(loss):
-        return "-"
-    return f"{loss:.1f} [{ends[0]:.1f}, {ends[1]:.1f}]" if np.isfinite(ends[0]) else f"{loss:.1f}"
+def _points(value: float, ends: tuple[float, float]) -> str:
+    told = _number(value, 1)
+    return f"{told} [{ends[0]:.1f}, {ends[1]:.1f}]" if np.isfinite(ends[0]) else told
 
 
-def _percent(share: float) -> str:
-    return f"{share:.0f} %" if np.isfinite(share) else "-"
+def _number(value: float, decimals: int, unit: str = "") -> str:
+    return f"{value:.{decimals}f}{unit}" if np.isfinite(value) else "-"

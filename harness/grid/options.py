@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 from harness.config.options import Option, setting_words
 from harness.errors import InputError
+from harness.grid.worlds import USUAL
 
 if TYPE_CHECKING:
     from harness.grid.grid import GridRequest
@@ -64,11 +65,13 @@ class GridOptions(TypedDict, total=False):
         Option("One more axis; repeatable.", panel=GRID, metavar="KEY=VALUES"),
     ]
     mismatch: Annotated[
-        bool,
+        str | Sequence[str] | bool | None,
         Option(
-            "Every run under a ready grid of wrong beliefs and harder worlds; one table of what each costs.",
+            "Every run in worlds that are not as believed: A,B,C, all, or none named for the usual ones; one table of "
+            "what each costs. See docs/comparing.md.",
             panel=GRID,
-            default=False,
+            metavar="[WORLDS]",
+            alone=USUAL,
         ),
     ]
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
@@ -123,9 +126,17 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         vary=tuple(_axes(options["vary"])),
         replay=tuple(map(str, files)),
         ego=options["ego"],
-        mismatch=options["mismatch"],
+        mismatch=_worlds(options["mismatch"]),
         nets=nets,
     )
+
+
+def _worlds(asked: object) -> bool | str:
+    """Return the worlds that are asked for; True for the usual ones, False for none."""
+    if asked is None or isinstance(asked, bool):
+        return bool(asked)
+    listed = _listed(asked) or ""
+    return True if listed == USUAL else listed
 
 
 def _format_words(name: str | None) -> list[str]:

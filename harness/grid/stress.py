@@ -175,10 +175,11 @@ def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path
 
 
 def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
-    from harness.grid.mismatch import costs, costs_markdown  # noqa: PLC0415
+    from harness.grid.mismatch import costs, costs_markdown, leads  # noqa: PLC0415
 
-    found = costs(table)
-    return _Told({"mismatches": [asdict(cost) for cost in found]}, costs_markdown(found, failures))
+    found, ahead = costs(table), leads(table)
+    numbers = {"mismatches": [asdict(cost) for cost in found], "leads": [asdict(each) for each in ahead]}
+    return _Told(numbers, costs_markdown(found, failures, ahead))
 
 
 def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001

@@ -25,16 +25,18 @@ class Streams:
         truth: For the traffic.
         sensor: For the sensor's noise.
         tracker: Parent of one child for each episode's tracker.
+        altered: Parent of the streams of what is done to detections afterwards.
     """
 
     truth: np.random.SeedSequence
     sensor: np.random.SeedSequence
     tracker: np.random.SeedSequence
+    altered: np.random.SeedSequence
 
     @classmethod
     def from_seed(cls, seed: int) -> Streams:
-        """Return the three streams of a root seed."""
-        return cls(*np.random.SeedSequence(seed).spawn(3))
+        """Return the streams of a root seed."""
+        return cls(*np.random.SeedSequence(seed).spawn(4))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, Streams, look_at
 from harness.running.replay import read_looks
 from harness.scoring.asked import Driven
+from harness.sensor.altered import altered
+from harness.sensor.altered_settings import AlteredSettings
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings
@@ -61,9 +63,24 @@ def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
         InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """
     if config.replay is None:
-        return _simulated(config, simulate)
+        return _altered(_simulated(config, simulate), config)
     path = Path(config.replay)
-    return read_looks(path, config) if runfolder.is_run_folder(path) else _recorded(path, config)
+    return _altered(read_looks(path, config) if runfolder.is_run_folder(path) else _recorded(path, config), config)
+
+
+def _altered(looks: Looks, config: RunConfig) -> Looks:
+    """Return the looks with their detections altered as the configuration asks for."""
+    settings = config.altered
+    if settings == AlteredSettings():
+        return looks
+    sensor = sensor_settings(config.sensor.profile, config.sensor.overrides)
+    every = settings.every_scan
+    return replace(
+        looks,
+        step_s=every * looks.step_s,
+        expected_steps=-(-looks.expected_steps // every),
+        stream=altered(looks.stream, settings, sensor, looks.road, Streams.from_seed(config.seed).altered),
+    )
 
 
 def _recorded(path: Path, config: RunConfig) -> Looks:

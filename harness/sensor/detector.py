@@ -76,7 +76,7 @@ class RayedSensor:
         origin = origin[order]
         values = np.concatenate([returns.values, flashes.values, standing.values])[order]
         seen = _Seen(
-            _detections(self.settings, values, road),
+            detections_from(self.settings, values, road),
             np.where(origin >= 0, frame.vehicle_id[origin], ""),
             np.where(origin >= 0, fraction[origin], np.nan),
         )
@@ -188,7 +188,7 @@ def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, se
     due = [k for k, (time_s, _) in enumerate(memory.pending) if time_s <= frame.time_s - settings.latency_s + 1e-6]
     if not due:
         nothing = np.zeros((0, 11))
-        return _Seen(_detections(settings, nothing, road), seen.truth_id[:0], seen.visible_fraction[:0])
+        return _Seen(detections_from(settings, nothing, road), seen.truth_id[:0], seen.visible_fraction[:0])
     late = cast("_Seen", memory.pending[due[-1]][1])
     del memory.pending[: due[-1] + 1]
     # Of a vehicle that has left meanwhile there is no truth.
@@ -196,7 +196,8 @@ def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, se
     return _Seen(late.detections, np.where(still, late.truth_id, ""), np.where(still, late.visible_fraction, np.nan))
 
 
-def _detections(settings: SensorSettings, values: FloatArray, road: Road) -> Detections:
+def detections_from(settings: SensorSettings, values: FloatArray, road: Road) -> Detections:
+    """Return rows of ``Returns.values``, shape (d, 11), as detections, rounded as a sensor hands them out."""
     rounded = np.round(values, DECIMALS)
     rounded[:, 3:10] = np.maximum(rounded[:, 3:10], 10.0**-DECIMALS)
     lon, lat, speed, std_lon, std_lat, std_speed, *size, correlation = np.ascontiguousarray(rounded.T)

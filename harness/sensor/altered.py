@@ -1,0 +1,230 @@
+"""Looks whose detections are altered after the sensor made them, alike whether it looks live or is on record.
+
+Each alteration is a generator from looks to looks with a stream of randomness of its own, so that one leaves the draws
+of the others as they were. Truth and visibility stay as they are; what the sensor knows of its own shadows follows from
+the altered detections again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from harness.sensor.altered_settings import AlteredSettings
+from harness.sensor.detector import DECIMALS, detections_from
+from harness.sensor.memory import Chain, SensorMemory, next_state
+from harness.sensor.observation import Look, Observation
+from harness.sensor.returns import flashing_returns, standing_returns
+from harness.sensor.scene import Scene, box_axes, sight_to
+from harness.sensor.settings import SensorSettings
+from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, free_space, sensor_position
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
+from mmpf.road import Road
+from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan
+
+UNKNOWN_DIRECTION_RAD = float(np.pi)
+
+
+def altered(
+    looks: Iterable[Look], settings: AlteredSettings, sensor: SensorSettings, road: Road, stream: np.random.SeedSequence
+) -> Iterator[Look]:
+    """Yield looks as they are in the world that the settings describe.
+
+    Args:
+        looks: What the sensor saw.
+        settings: What is done to it.
+        sensor: The figures of the sensor, after which false detections are made.
+        road: The road.
+        stream: Parent of the streams of all alterations.
+    """
+    thins, bursts, far, dark, adds, ego = (np.random.default_rng(child) for child in stream.spawn(6))
+    if settings.every_scan > 1:
+        looks = some_scans(looks, settings.every_scan)
+    if not settings.false_kept:
+        looks = (_kept(look, look.observation.truth_id != "") for look in looks)
+    if settings.kept_probability < 1.0:
+        looks = thinned(looks, settings.kept_probability, thins)
+    if settings.dark_share > 0.0:
+        looks = darkened(looks, settings.dark_share, settings.dark_probability, dark)
+    if settings.burst_share > 0.0:
+        looks = in_bursts(looks, Chain(settings.burst_share, settings.burst_s), bursts)
+    if settings.half_range_m is not None:
+        looks = fading(looks, settings.half_range_m, settings.half_range_width_m, road, far)
+    if settings.adds:
+        looks = with_false(looks, settings.of_added(sensor), road, adds)
+    if settings.blind_s > 0.0:
+        looks = blinded(looks, settings.blind_s, settings.blind_every_s)
+    if settings.ego_std_m > 0.0 or settings.ego_std_deg > 0.0:
+        looks = misplaced(looks, settings.ego_std_m, np.deg2rad(settings.ego_std_deg), road, ego)
+    return (_with_shadows(look, sensor, road) for look in looks)
+
+
+def some_scans(looks: Iterable[Look], every: int) -> Iterator[Look]:
+    """Yield the first of every so many looks, their steps numbered anew."""
+    for k, look in enumerate(looks):
+        if k % every == 0:
+            yield replace(look, frame=replace(look.frame, step=k // every))
+
+
+def thinned(looks: Iterable[Look], probability: float, rng: np.random.Generator) -> Iterator[Look]:
+    """Yield looks in which each detection of a vehicle is kept with a probability."""
+    for look in looks:
+        false = look.observation.truth_id == ""
+        yield _kept(look, false | (rng.random(len(false)) < probability))
+
+
+def darkened(looks: Iterable[Look], share: float, probability: float, rng: np.random.Generator) -> Iterator[Look]:
+    """Yield looks in which each detection of some of the vehicles is kept with a probability.
+
+    Vehicles are numbered as they are first detected, and every so many a one is dark, beginning at a random one: their
+    share is exact up to one vehicle.
+    """
+    begin = float(rng.random())
+    is_dark = {"": False}
+    for look in looks:
+        names = look.observation.truth_id
+        new = np.array(sorted(set(names.tolist()) - set(is_dark)), dtype=np.str_)
+        for name in rng.permutation(new).tolist():
+            number = len(is_dark) - 1
+            is_dark[name] = np.floor(begin + (number + 1) * share) > np.floor(begin + number * share)
+        dark = np.array([is_dark[name] for name in names.tolist()], dtype=np.bool_)
+        yield _kept(look, ~dark | (rng.random(len(names)) < probability))
+
+
+def in_bursts(looks: Iterable[Look], chain: Chain, rng: np.random.Generator) -> Iterator[Look]:
+    """Yield looks without the detections of vehicles that are in a burst, a two-state chain for each vehicle."""
+    state: dict[str, float] = {}
+    time_s, episode = 0.0, -1
+    for look in looks:
+        frame = look.frame
+        if frame.episode != episode:
+            state, episode, time_s = {}, frame.episode, frame.time_s
+        names = frame.vehicle_id.tolist()
+        before = np.array([state.get(name, np.nan) for name in names])
+        now = next_state(chain, before, frame.time_s - time_s, rng.random(len(names)))
+        state, time_s = dict(zip(names, now.astype(np.float64).tolist(), strict=True)), frame.time_s
+        yield _kept(look, np.array([state.get(name, 0.0) == 0.0 for name in look.observation.truth_id.tolist()], bool))
+
+
+def fading(
+    looks: Iterable[Look], half_m: float, width_m: float, road: Road, rng: np.random.Generator
+) -> Iterator[Look]:
+    """Yield looks in which detections of vehicles are lost with the distance, half of them at ``half_m``."""
+    for look in looks:
+        detections, ego = look.observation.scan.detections, look.frame.ego_pose
+        distance = sight_to(detections.lon_m, detections.lat_m, road, ego, 0.0).distance
+        kept = rng.random(len(distance)) * (1.0 + np.exp((distance - half_m) / width_m)) < 1.0
+        yield _kept(look, kept | (look.observation.truth_id == ""))
+
+
+def blinded(looks: Iterable[Look], blind_s: float, every_s: float) -> Iterator[Look]:
+    """Yield looks without any detection at the end of every period, counted from the first look."""
+    begin_s = None
+    for look in looks:
+        begin_s = look.frame.time_s if begin_s is None else begin_s
+        # Times are multiples of the step but for their last digits.
+        sees = (look.frame.time_s - begin_s + 1e-6) % every_s < every_s - blind_s
+        yield look if sees else _kept(look, np.zeros(len(look.observation.truth_id), dtype=np.bool_))
+
+
+def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: np.random.Generator) -> Iterator[Look]:
+    """Yield looks with the false detections of another sensor added, in an order that tells nothing."""
+    memory = SensorMemory()
+    for look in looks:
+        frame, seen = look.frame, look.observation
+        step_s = memory.begin_scan(rng, frame.episode, frame.time_s)
+        sight = sight_to(frame.lon_m, frame.lat_m, road, frame.ego_pose, box_axes(road, frame.heading_rad))
+        scene = Scene(frame, road, sight, seen.visible_fraction, seen.occluder, seen.in_range)
+        flashes = flashing_returns(sensor, memory, scene, rng)
+        values = np.concatenate([flashes.values, standing_returns(sensor, memory, scene, step_s).values])
+        made = _like(detections_from(sensor, values, road), seen.scan.detections)
+        detections = joined(seen.scan.detections, made)
+        order = rng.permutation(len(detections))
+        fraction = np.append(seen.detection_visible_fraction, np.full(len(made), np.nan))
+        yield replace(
+            look,
+            observation=replace(
+                seen,
+                scan=replace(seen.scan, detections=taken(detections, order)),
+                truth_id=np.concatenate([seen.truth_id, np.full(len(made), "")])[order],
+                detection_visible_fraction=fraction[order],
+            ),
+        )
+
+
+def misplaced(
+    looks: Iterable[Look], std_m: float, std_rad: float, road: Road, rng: np.random.Generator
+) -> Iterator[Look]:
+    """Yield looks whose ego takes itself to be elsewhere and turned, and with itself all that it detects."""
+    for look in looks:
+        scan = look.observation.scan
+        along, across, turn = rng.standard_normal(3) * [std_m, std_m, std_rad]
+        x, y = np.array(sensor_position(scan.ego, road))
+        ego_lon, ego_lat = road.to_road(np.array([x + along]), np.array([y + across]))
+        ego = replace(
+            scan.ego,
+            lon_m=float(ego_lon[0]),
+            lat_m=float(ego_lat[0]),
+            heading_rad=scan.ego.heading_rad + float(turn),
+        )
+        detections = scan.detections
+        at_x, at_y = road.to_cartesian(detections.lon_m, detections.lat_m)
+        cosine, sine = np.cos(turn), np.sin(turn)
+        from_x, from_y = at_x - x, at_y - y
+        lon, lat = road.to_road(
+            x + along + cosine * from_x - sine * from_y, y + across + sine * from_x + cosine * from_y
+        )
+        headings = detections.headings
+        if headings is not None:
+            headings = replace(headings, heading_rad=headings.heading_rad + turn)
+        detections = replace(detections, lon_m=_rounded(lon), lat_m=_rounded(lat), headings=headings)
+        yield _with_scan(look, replace(scan, ego=ego, detections=detections))
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    return np.asarray(np.round(values, DECIMALS))
+
+
+def _kept(look: Look, keep: BoolArray) -> Look:
+    """Return a look with some of its detections."""
+    if keep.all():
+        return look
+    index, seen = np.flatnonzero(keep), look.observation
+    return replace(look, observation=_taken(seen, index))
+
+
+def _taken(seen: Observation, index: IntArray) -> Observation:
+    return replace(
+        seen,
+        scan=replace(seen.scan, detections=taken(seen.scan.detections, index)),
+        truth_id=seen.truth_id[index],
+        detection_visible_fraction=seen.detection_visible_fraction[index],
+    )
+
+
+def _like(made: Detections, others: Detections) -> Detections:
+    """Return detections with the columns that others have; a direction that nobody measured is wholly uncertain."""
+    zeros = np.zeros(len(made))
+    sizes, headings, correlation = made.sizes, None, None
+    if others.sizes is not None and sizes is None:
+        sizes = BodySizes(zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M, zeros + 0.5, zeros + 0.2)
+    if others.headings is not None:
+        headings = BodyHeadings(zeros, zeros + UNKNOWN_DIRECTION_RAD, zeros + 0.5)
+    if others.correlation is not None:
+        correlation = zeros if made.correlation is None else made.correlation
+    return replace(made, sizes=None if others.sizes is None else sizes, headings=headings, correlation=correlation)
+
+
+def _with_scan(look: Look, scan: Scan) -> Look:
+    return replace(look, observation=replace(look.observation, scan=scan))
+
+
+def _with_shadows(look: Look, sensor: SensorSettings, road: Road) -> Look:
+    """Return a look whose sensor knows of the shadows of the detections that are left."""
+    scan = look.observation.scan
+    view_rad = float(np.deg2rad(sensor.field_of_view_deg))
+    return _with_scan(
+        look, replace(scan, free_space=free_space(scan.detections, scan.ego, road, sensor.range_m, view_rad))
+    )

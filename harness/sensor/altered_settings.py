@@ -1,0 +1,90 @@
+"""What is done to detections after the sensor made them, live or on record, in figures."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import ConfigDict, Field, model_validator
+
+from harness.sensor.settings import NotNegative, Positive, Probability, SensorSettings, Share
+from mmpf.settings import WithoutTruthValues
+
+Count = Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "objects"})]
+# Figures of false detections that are the sensor's own unless they are set here.
+FIGURES = (
+    *("persistent_clutter_s", "persistent_clutter_probability", "persistent_clutter_moving"),
+    *("persistent_clutter_occluded", "mirrored_clutter_s", "mirrored_clutter_probability", "posts_probability"),
+)
+COUNTS = ("clutter_per_scan", "persistent_clutter", "mirrored_clutter", "posts_per_km")
+
+
+class AlteredSettings(WithoutTruthValues):
+    """A harder or easier world, made of the sensor's own detections; the data sheet stays as it is."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+    every_scan: Annotated[int, Field(ge=1, le=100)] = 1
+    """Of so many scans one is left, the truth between them left out too: 2 makes 5 Hz of 10 Hz."""
+    kept_probability: Probability = 1.0
+    """Probability with which each detection of a vehicle is kept."""
+    dark_share: Share = 0.0
+    """Share of the vehicles that are detected less than the others, for the whole run."""
+    dark_probability: Probability = 1.0
+    """Probability with which each detection of such a vehicle is kept."""
+    burst_share: Share = 0.0
+    """Share of each vehicle's time in bursts without any detection of it."""
+    burst_s: Positive = 0.8
+    """Mean length of such a burst."""
+    half_range_m: Positive | None = None
+    """Distance at which half the detections of vehicles are kept, by a logistic curve; all at any distance if not set.
+    """
+    half_range_width_m: Positive = 8.0
+    """Scale of that curve: so much nearer 73 % are kept."""
+    false_kept: bool = True
+    """Whether the sensor's own false detections are kept."""
+    clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    """Expected number of false detections a scan that are added and flash up once."""
+    persistent_clutter: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    """Expected number of false objects around the ego that are added and stay for a while."""
+    persistent_clutter_s: Positive | None = None
+    """Their mean life; as the sensor's own if not set, and so for all figures of what is added."""
+    persistent_clutter_probability: Probability | None = None
+    """Probability with which each of them is detected in a scan."""
+    persistent_clutter_moving: Probability | None = None
+    """Share of them that moves along a lane with the traffic."""
+    persistent_clutter_occluded: bool | None = None
+    """Whether what is added and lasts is not detected in the shadow of a vehicle."""
+    mirrored_clutter: Count = 0.0
+    """Expected number of false objects that are added and mirror a real vehicle."""
+    mirrored_clutter_s: Positive | None = None
+    """Their mean life."""
+    mirrored_clutter_probability: Probability | None = None
+    """Probability with which each of them is detected in a scan."""
+    posts_per_km: Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "1/km"})] = 0.0
+    """Expected number of posts and signs per kilometre of lane that are added."""
+    posts_probability: Probability | None = None
+    """Probability with which each of them is detected in a scan."""
+    blind_s: NotNegative = 0.0
+    """Time for which there is no detection at all, again and again."""
+    blind_every_s: Positive = 8.0
+    """Time from the end of one such time to the end of the next."""
+    ego_std_m: NotNegative = 0.0
+    """Error of the ego's place, along and across, new in each scan; all that it detects is off with it."""
+    ego_std_deg: NotNegative = 0.0
+    """Error of the ego's heading, likewise."""
+
+    @model_validator(mode="after")
+    def _sees_at_times(self) -> AlteredSettings:
+        if self.blind_s >= self.blind_every_s:
+            raise ValueError("blind_s must be below blind_every_s")
+        return self
+
+    @property
+    def adds(self) -> bool:
+        """Whether false detections are added."""
+        return any(getattr(self, name) > 0.0 for name in COUNTS)
+
+    def of_added(self, sensor: SensorSettings) -> SensorSettings:
+        """Return a sensor's settings with the false detections that are added in place of its own."""
+        figures = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
+        return sensor.model_copy(update=figures | {name: getattr(self, name) for name in COUNTS})
