@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.config.model import TrafficConfig
 from harness.grid.cells import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from harness.grid.rows import column_of
 from harness.grid.worlds import AS_IS
 from harness.scoring.statistics import few_groups_ci
 from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
+from mmpf.settings import fields_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NAN = float("nan")
+TRAFFIC_SETTINGS = {f"traffic.{key}" for key, _ in fields_of(TrafficConfig)}
 HOTA, SWITCHES, COVERAGE = "mot.hota", "mot.id_switches", "calibration.coverage95.lon"
 RECALL, WORST_TENTH = "in_plain_view.recall", "in_plain_view.worst_tenth"
 MISSED, HIDDEN_COST, FALSE_TRACKS = "mot.missed", "hidden.hidden_cost_m", "mot.false_tracks_per_scan"
@@ -144,7 +147,8 @@ def _by_world(table: pd.DataFrame) -> pd.DataFrame:
     table = table[table["succeeded"].astype(bool)].copy()
     table["model"] = table["model"].fillna("")
     world = [name for name in (NET, DENSITY, DEMAND, RECORDING, SEED) if name in table]
-    axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.", "traffic."))]
+    # Scores of the traffic begin with the name of its settings.
+    axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.")) or name in TRAFFIC_SETTINGS]
     # As text, since missing values are no keys to join on.
     table["world"] = ["|".join(map(str, row)) for row in table[[*world, *axes]].itertuples(index=False)]
     return table

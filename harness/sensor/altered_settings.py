@@ -50,7 +50,7 @@ class AlteredSettings(WithoutTruthValues):
     """Their mean life; as the sensor's own if not set, and so for all figures of what is added."""
     persistent_clutter_probability: Probability | None = None
     """Probability with which each of them is detected in a scan."""
-    persistent_clutter_moving: Probability | None = None
+    persistent_clutter_moving: Annotated[float | None, Field(ge=0.0, le=1.0)] = None
     """Share of them that moves along a lane with the traffic."""
     persistent_clutter_occluded: bool | None = None
     """Whether what is added and lasts is not detected in the shadow of a vehicle."""

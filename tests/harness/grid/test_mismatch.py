@@ -3,7 +3,10 @@ import pandas as pd
 import pytest
 
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.mismatch import AS_IS, costs, costs_markdown, mismatches
+from harness.config.layers import resolve_run_config
+from harness.errors import InputError
+from harness.grid.mismatch import AS_IS, costs, costs_markdown, leads
+from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
 from harness.sensor.profiles import sensor_settings
 
 
@@ -19,7 +22,7 @@ def test_every_tracker_runs_under_every_mismatch_on_shared_detections():
 
 def test_five_times_the_clutter_is_five_times_that_of_the_profile():
     sensor = sensor_settings("lidar", {})
-    words = dict(word.split("=") for word in mismatches(sensor)["clutter x 5"])
+    words = dict(word.split("=") for word in usual_worlds(sensor)["clutter x 5"])
     assert float(words["sensor.clutter_per_scan"]) == pytest.approx(5 * sensor.clutter_per_scan)
     assert float(words["sensor.persistent_clutter"]) == pytest.approx(5 * sensor.persistent_clutter)
 
@@ -37,4 +40,56 @@ def test_losses_are_paired_run_by_run():
     low, high = bursts.hota_loss_ci95
     # Three runs with a standard deviation of 1: 4.303 standard errors of 1 / sqrt(3) to either side.
     assert (low, high) == pytest.approx((3.0 - 4.303 / 3**0.5, 3.0 + 4.303 / 3**0.5), abs=1e-3)
-    assert "| a | bursts | 73.7 | 3.0 [" in costs_markdown([usual, bursts], [])
+    # HOTA of 88, 57 and 76: a mean of 73.67, a standard deviation of 15.63.
+    assert "| a | bursts | 73.7 [34.8, 112.5] | 3.0 [" in costs_markdown([usual, bursts], [])
+
+
+def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world():
+    hota = {
+        "first": {AS_IS: (90.0, 80.0), "posts": (70.0, 60.0)},
+        "second": {AS_IS: (80.0, 76.0), "posts": (75.0, 69.0)},
+        "third": {AS_IS: (85.0, 70.0), "posts": (60.0, 60.0)},
+    }
+    rows = [
+        {"variant": tracker, "model": None, "density": 20.0, "seed": seed, "mismatch": world, "succeeded": True}
+        | {"mot.hota": value, "traffic.flow_veh_per_h": value}
+        for tracker, by_world in hota.items()
+        for world, values in by_world.items()
+        for seed, value in enumerate(values)
+    ]
+    usual, posts = leads(pd.DataFrame(rows))
+    assert (usual.mismatch, usual.first, usual.best_other, usual.runs) == (AS_IS, "first", "second", 2)
+    assert (usual.hota_ahead, posts.hota_ahead) == (7.0, -7.0)
+    # Differences of 10 and 4: 12.706 standard errors of 3 to either side.
+    assert usual.hota_ahead_ci95 == pytest.approx((7.0 - 12.706 * 3.0, 7.0 + 12.706 * 3.0), abs=1e-2)
+    assert posts.best_other == "second"
+    page = costs_markdown(costs(pd.DataFrame(rows)), [], [usual])
+    assert "| as is | first | second | 7.0 [-31.1, 45.1] | 2 |" in page
+    assert leads(pd.DataFrame(rows[:4])) == []
+
+
+def test_worlds_are_chosen_by_name_and_as_is_comes_first():
+    sensor = sensor_settings("lidar", {})
+    chosen = chosen_worlds("posts, clutter x 5,dark", sensor, of_finished=False)
+    assert list(chosen) == [AS_IS, "posts", "clutter x 5", "dark"]
+    assert list(chosen_worlds("clutter-x-5", sensor, of_finished=False)) == [AS_IS, "clutter x 5"]
+    assert chosen_worlds(None, sensor, of_finished=False) == usual_worlds(sensor)
+    assert set(chosen_worlds("all", sensor, of_finished=False)) >= set(altered_worlds(sensor))
+    with pytest.raises(InputError, match=r"`mismatch` 'post': no such world; did you mean posts\?"):
+        chosen_worlds("post", sensor, of_finished=False)
+
+
+def test_no_world_of_finished_runs_simulates_the_sensor_anew():
+    sensor = sensor_settings("lidar", {})
+    for asked in (None, "all"):
+        for words in chosen_worlds(asked, sensor, of_finished=True).values():
+            assert not any(word.startswith("sensor.") for word in words)
+    with pytest.raises(InputError, match="noise-correlated: it needs the sensor simulated anew"):
+        chosen_worlds("noise-correlated", sensor, of_finished=True)
+
+
+def test_the_settings_of_every_world_are_known_and_change_something():
+    sensor = sensor_settings("lidar", {})
+    for name, words in altered_worlds(sensor).items():
+        config = resolve_run_config(None, {}, list(words))
+        assert config != resolve_run_config(None, {}, []), name

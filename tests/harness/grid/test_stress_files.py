@@ -116,10 +116,12 @@ def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
     finished = run_stress(request, tmp_path / "out", MadeUp(bad.key))
     words = "net us101, density 20.0, mismatch noise believed x 0.5, variant detections, seed 0: it broke"
     assert (tmp_path / "out" / "table.md").read_text().endswith(f"\nFailed:\n\n- {words}\n")
-    assert list(finished.summary) == ["grid", "runs", "failed", "failures", "mismatches"]
+    assert list(finished.summary) == ["grid", "runs", "failed", "failures", "mismatches", "leads"]
     assert finished.summary["mismatches"][0] == {
         "variant": "detections", "model": "", "mismatch": "as is", "hota": 80.0, "hota_loss": 0.0,
         "hota_loss_ci95": [None, None], "id_switches": None, "coverage95_lon": None, "runs": 1,
+        "hota_ci95": [None, None], "recall": None, "worst_tenth": None, "missed": None, "hidden_cost_m": None,
+        "false_tracks_per_scan": None,
     }  # fmt: skip
     assert (drawn, finished.points, finished.breaks) == ([], (), ())
 

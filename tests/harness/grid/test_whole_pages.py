@@ -12,7 +12,8 @@ import pytest
 
 from harness.grid import ablation, pooled, pooled_tables
 from harness.grid.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
-from harness.grid.mismatch import AS_IS, Cost, costs, costs_markdown, mismatches
+from harness.grid.mismatch import AS_IS, Cost, costs, costs_markdown, leads
+from harness.grid.worlds import usual_worlds
 from harness.grid.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
 from harness.grid.pooled_tables import hidden_figure, pooled_markdown
 from harness.grid.tuning_file import Outcome, write_outcome
@@ -111,7 +112,8 @@ def mismatch_runs() -> pd.DataFrame:
             "net": "us101", "density": density, "demand": None, "seed": seed, "sensor.range_m": 50.0,
             "variant": variant, "model": model, "mismatch": mismatch, "succeeded": True,
             "mot.hota": hota - 3 * place - seed * shift,
-            "mot.id_switches": place + shift, "calibration.coverage95.lon": None if model is None else 95.0 - shift,
+            "mot.id_switches": place + shift,
+            "mot.missed": 10 * shift, "in_plain_view.recall": 99.0 - shift, "calibration.coverage95.lon": None if model is None else 95.0 - shift,
         }
         for variant, model, hota in (("mmpf", "cvm", 90.0), ("echo", None, 50.0))
         for shift, mismatch in enumerate((AS_IS, "bursts", "noise"))
@@ -123,7 +125,9 @@ def mismatch_runs() -> pd.DataFrame:
 
 
 def test_the_page_of_mismatches():
-    equals_golden(costs_markdown(costs(mismatch_runs()), ["seed 0: it broke", "seed 1: too"]), GOLDEN / "mismatches.md")
+    runs = mismatch_runs()
+    page = costs_markdown(costs(runs), ["seed 0: it broke", "seed 1: too"], leads(runs))
+    equals_golden(page, GOLDEN / "mismatches.md")
 
 
 def test_what_a_mismatch_costs_is_over_the_runs_that_ended_well_in_both():
@@ -143,7 +147,7 @@ def test_what_a_mismatch_costs_is_over_the_runs_that_ended_well_in_both():
 
 def test_what_was_never_measured_is_a_dash_and_a_page_without_failures_tells_of_none():
     text = costs_markdown([Cost("a", "", "noise", 50.0, 1.0, (0.5, 1.5), 2.0, float("nan"), 3)], [])
-    assert text.endswith("---:|\n| a | noise | 50.0 | 1.0 [0.5, 1.5] | 2.0 | - | 3 |\n")
+    assert text.endswith("--- |\n| a | noise | 50.0 | 1.0 [0.5, 1.5] | 2.0 | - | - | - | - | - | - | 3 |\n")
 
 
 def test_a_loss_over_one_pair_has_no_interval_and_one_over_none_is_a_dash():
@@ -154,7 +158,7 @@ def test_a_loss_over_one_pair_has_no_interval_and_one_over_none_is_a_dash():
 
 def test_the_settings_of_every_mismatch():
     sensor = sensor_settings("lidar", {"clutter_per_scan": 0.4, "persistent_clutter": 0.2})
-    assert mismatches(sensor) == {
+    assert usual_worlds(sensor) == {
         "as is": (),
         "noise believed x 0.5": ("tracker.believes.noise_factor=0.5",),
         "noise believed x 2": ("tracker.believes.noise_factor=2.0",),
@@ -164,7 +168,7 @@ def test_the_settings_of_every_mismatch():
         "bursts 15 % of 0.8 s": ("sensor.burst_share=0.15", "sensor.burst_s=0.8"),
     }
     quiet = sensor_settings("lidar", {"clutter_per_scan": 0.0})
-    assert mismatches(quiet)["clutter x 5"][0] == "sensor.clutter_per_scan=0.5"
+    assert usual_worlds(quiet)["clutter x 5"][0] == "sensor.clutter_per_scan=0.5"
 
 
 ARMS = {DEFAULT: "the default", "mmpf+birth.other_speed_std_mps=2.5": "another", "mmpf+model_error.speed=0": "a third"}
