@@ -2,9 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.grid.grid import GridRequest, plan_grid
 from harness.config.layers import resolve_run_config
 from harness.errors import InputError
+from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.mismatch import AS_IS, costs, costs_markdown, leads
 from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
 from harness.sensor.profiles import sensor_settings

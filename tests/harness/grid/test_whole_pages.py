@@ -13,11 +13,11 @@ import pytest
 from harness.grid import ablation, pooled, pooled_tables
 from harness.grid.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
 from harness.grid.mismatch import AS_IS, Cost, costs, costs_markdown, leads
-from harness.grid.worlds import usual_worlds
 from harness.grid.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
 from harness.grid.pooled_tables import hidden_figure, pooled_markdown
 from harness.grid.tuning_file import Outcome, write_outcome
 from harness.grid.tuning_search import Scores, Trial
+from harness.grid.worlds import usual_worlds
 from harness.scoring.metrics import quantities
 from harness.sensor.profiles import sensor_settings
 from tests.golden import described, equals_golden
@@ -113,7 +113,8 @@ def mismatch_runs() -> pd.DataFrame:
             "variant": variant, "model": model, "mismatch": mismatch, "succeeded": True,
             "mot.hota": hota - 3 * place - seed * shift,
             "mot.id_switches": place + shift,
-            "mot.missed": 10 * shift, "in_plain_view.recall": 99.0 - shift, "calibration.coverage95.lon": None if model is None else 95.0 - shift,
+            "mot.missed": 10 * shift, "in_plain_view.recall": 99.0 - shift,
+            "calibration.coverage95.lon": None if model is None else 95.0 - shift,
         }
         for variant, model, hota in (("mmpf", "cvm", 90.0), ("echo", None, 50.0))
         for shift, mismatch in enumerate((AS_IS, "bursts", "noise"))

@@ -1,0 +1,159 @@
+"""Detections altered after the sensor, in tiny scenes: what is lost, what is added, and that truth stays as it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from harness.sensor.altered import altered
+from harness.sensor.altered_settings import AlteredSettings
+from harness.sensor.detector import build_sensor
+from harness.sensor.observation import Look
+from harness.sensor.profiles import sensor_settings
+from tests.harness.sensor.sensor_scenes import ROAD, frame_of
+
+AROUND = [(12.0 * k, side) for k in range(-2, 3) for side in (-7.0, 7.0)]
+SENSOR = sensor_settings(
+    "lidar-independent", {"detection_probability": 1.0, "clutter_per_scan": 0.0, "persistent_clutter": 0.0}
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_free_space():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.sensor.detector.free_space", lambda *_: None)
+        patch.setattr("harness.sensor.altered.free_space", lambda *_: None)
+        yield
+
+
+def film(steps, cars=AROUND, sensor=SENSOR, speed=0.0):
+    """Return looks at cars that keep their places to the ego, which moves; the sensor alone fails in nothing."""
+    rng, eye = np.random.default_rng(0), build_sensor(sensor)
+    frames = [
+        replace(frame_of(*cars, ego_lon=300.0 + 0.1 * speed * k), step=k, time_s=round(0.1 * k, 1))
+        for k in range(steps)
+    ]
+    return [Look(frame, eye.observe(frame, ROAD, rng)) for frame in frames]
+
+
+def done(looks, seed=0, sensor=SENSOR, **settings):
+    return list(altered(looks, AlteredSettings(**settings), sensor, ROAD, np.random.SeedSequence(seed)))
+
+
+def seen(looks):
+    """Return for each vehicle in which looks it was detected."""
+    names = sorted({name for look in looks for name in look.frame.vehicle_id.tolist()} - {"ego"})
+    return {name: np.array([name in look.observation.truth_id for look in looks]) for name in names}
+
+
+def false_places(look):
+    false = look.observation.truth_id == ""
+    detections = look.observation.scan.detections
+    return detections.lon_m[false], detections.lat_m[false]
+
+
+def test_the_same_seed_alters_alike_and_another_otherwise():
+    looks = film(20)
+    first, again, other = (done(looks, seed, kept_probability=0.5) for seed in (1, 1, 2))
+
+    def names(some):
+        return [look.observation.truth_id.tolist() for look in some]
+
+    assert names(first) == names(again)
+    assert names(first) != names(other)
+
+
+def test_detections_are_thinned_and_truth_stays():
+    looks = film(200)
+    thin = done(looks, kept_probability=0.75)
+    assert np.mean([flags.mean() for flags in seen(thin).values()]) == pytest.approx(0.75, abs=0.03)
+    for before, after in zip(looks, thin, strict=True):
+        assert after.frame is before.frame
+        assert after.observation.state is before.observation.state
+        kept = np.isin(before.observation.truth_id, after.observation.truth_id)
+        assert (before.observation.scan.detections.lon_m[kept] == after.observation.scan.detections.lon_m).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_vehicle_in_five_is_dark_for_the_whole_run(seed):
+    shares = {
+        name: flags.mean() for name, flags in seen(done(film(200), seed, dark_share=0.2, dark_probability=0.6)).items()
+    }
+    dark = [share for share in shares.values() if share < 1.0]
+    assert len(shares) == 10
+    assert len(dark) == 2
+    assert dark == pytest.approx([0.6, 0.6], abs=0.12)
+
+
+def test_bursts_take_their_share_and_have_their_mean_length():
+    missed = ~np.array(list(seen(done(film(1500), burst_share=0.15, burst_s=0.8)).values()))
+    assert missed.mean() == pytest.approx(0.15, abs=0.03)
+    begins = (missed[:, 1:] & ~missed[:, :-1]).sum()
+    assert 0.1 * missed.sum() / begins == pytest.approx(0.8, rel=0.2)
+
+
+def test_half_the_detections_are_left_at_the_half_range():
+    cars = [(20.0, -7.0), (60.0, 0.0), (90.0, 7.0)]
+    shares = {name: flags.mean() for name, flags in seen(done(film(600, cars), half_range_m=60.0)).items()}
+    for name, (ahead, aside) in zip(("car1", "car2", "car3"), cars, strict=True):
+        expected = 1.0 / (1.0 + np.exp((np.hypot(ahead, aside) - 60.0) / 8.0))
+        assert shares[name] == pytest.approx(expected, abs=0.06)
+
+
+def test_the_sensor_is_blind_for_the_last_second_of_every_eight():
+    counts = [len(look.observation.truth_id) for look in done(film(170), blind_s=1.0, blind_every_s=8.0)]
+    assert [k for k, count in enumerate(counts) if count == 0] == [*range(70, 80), *range(150, 160)]
+
+
+def test_every_second_scan_is_left_with_its_truth_and_its_time():
+    half = done(film(10), every_scan=2)
+    assert [look.frame.step for look in half] == [0, 1, 2, 3, 4]
+    assert [look.frame.time_s for look in half] == [0.0, 0.2, 0.4, 0.6, 0.8]
+
+
+def test_all_detections_of_a_scan_are_off_with_the_ego_alike():
+    looks = film(300)
+    jittered = done(looks, ego_std_m=0.2, ego_std_deg=0.3)
+    shifts, turns = [], []
+    for before, after in zip(looks, jittered, strict=True):
+        true, told = before.observation.scan, after.observation.scan
+        shift = np.array([told.ego.lon_m - true.ego.lon_m, told.ego.lat_m - true.ego.lat_m])
+        turn = told.ego.heading_rad - true.ego.heading_rad
+        # By hand: turned about the true ego, then shifted.
+        for k in range(len(told.detections)):
+            x, y = true.detections.lon_m[k] - true.ego.lon_m, true.detections.lat_m[k] - true.ego.lat_m
+            lon = true.ego.lon_m + shift[0] + np.cos(turn) * x - np.sin(turn) * y
+            lat = true.ego.lat_m + shift[1] + np.sin(turn) * x + np.cos(turn) * y
+            assert (told.detections.lon_m[k], told.detections.lat_m[k]) == pytest.approx((lon, lat), abs=1e-4)
+        shifts.append(shift)
+        turns.append(turn)
+        assert after.frame is before.frame
+    assert np.std(shifts, axis=0) == pytest.approx([0.2, 0.2], rel=0.15)
+    assert np.rad2deg(np.std(turns)) == pytest.approx(0.3, rel=0.15)
+
+
+def test_false_detections_are_left_out_and_others_put_in():
+    noisy = SENSOR.model_copy(update={"clutter_per_scan": 3.0})
+    looks = film(300, sensor=noisy)
+    assert np.mean([len(false_places(look)[0]) for look in looks]) == pytest.approx(3.0, abs=0.4)
+    clean = done(looks, sensor=noisy, false_kept=False)
+    assert all(len(false_places(look)[0]) == 0 and len(look.observation.truth_id) == 10 for look in clean)
+    others = done(looks, sensor=noisy, false_kept=False, clutter_per_scan=1.0)
+    assert np.mean([len(false_places(look)[0]) for look in others]) == pytest.approx(1.0, abs=0.2)
+    for look in others:
+        look.observation.scan.detections.validate()
+        assert np.isnan(look.observation.detection_visible_fraction).sum() == len(false_places(look)[0])
+
+
+def test_posts_are_added_where_they_stay():
+    looks = done(film(100, cars=[(30.0, 0.0)]), posts_per_km=5.0, posts_probability=1.0)
+    counts = {len(false_places(look)[0]) for look in looks}
+    assert len(counts) == 1
+    places = [sorted(false_places(look)[0]) for look in looks]
+    assert np.std(places, axis=0) == pytest.approx(np.full(counts.pop(), 0.3), abs=0.1)
+
+
+def test_a_blind_time_longer_than_its_period_is_refused():
+    with pytest.raises(ValidationError, match="blind_s must be below blind_every_s"):
+        AlteredSettings(blind_s=9.0)
