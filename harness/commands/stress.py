@@ -33,7 +33,9 @@ def command(options: Options) -> None:
     --mismatch makes every run again with the noise believed half and twice
     as large, 30 % of detections missed, five times the clutter, noise that
     drifts, and bursts of misses, while trackers believe the data sheet; its
-    one table says what each costs each tracker.
+    one table says what each costs each tracker. --mismatch all and --mismatch
+    A,B,C take more worlds, such as dark,posts,ego-jitter; finished runs in
+    --replay are altered, the sensor is not simulated anew.
 
     Examples:
       python -m harness stress --models gmm,idm,cvm,cam --seeds 10
@@ -44,6 +46,7 @@ def command(options: Options) -> None:
       python -m harness stress --nets us101,curve,junction --seeds 5
       python -m harness stress --nets curve,junction --demands light,heavy
       python -m harness stress --densities 20,45 --mismatch --trackers mmpf,stonesoup-jpda
+      python -m harness stress --replay RUN --mismatch all --trackers mmpf,pmbm
       python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
       python -m harness stress --replay kitti/label_02 --format kitti-tracking
       python -m harness stress --scheduler tcp://host:8786
