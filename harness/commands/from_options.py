@@ -50,7 +50,7 @@ def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> li
     completed: list[str] = []
     for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
         completed.append(word)
-        if word in alone and after.startswith("--"):
+        if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))
     return completed
 

@@ -2,11 +2,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.commands.from_options import with_values
+from harness.commands.stress import command
 from harness.config.layers import resolve_run_config
+from harness.config.options import checked
 from harness.errors import InputError
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.mismatch import AS_IS, costs, costs_markdown, leads
+from harness.grid.options import GridOptions, request_of
 from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
+from harness.running.open import open_looks
+from harness.running.run import run
 from harness.sensor.profiles import sensor_settings
 
 
@@ -93,3 +99,31 @@ def test_the_settings_of_every_world_are_known_and_change_something():
     for name, words in altered_worlds(sensor).items():
         config = resolve_run_config(None, {}, list(words))
         assert config != resolve_run_config(None, {}, []), name
+
+
+def test_finished_runs_are_planned_with_their_own_ego_and_altered_detections(tmp_path):
+    folder = tmp_path / "finished"
+    run(resolve_run_config(None, {"density": 20.0, "duration": 1.0, "tracker": "detections"}, []), out=folder)
+    grid = plan_grid(
+        GridRequest(net=None, seeds="1", trackers="detections", replay=(str(folder),), mismatch="fewer,none-false")
+    )
+    assert [cell.runs[0].mismatch for cell in grid.cells] == [AS_IS, "fewer", "none-false"]
+    as_is, fewer, none_false = (list(open_looks(cell.config)) for cell in grid.cells)
+    for usual, less, clean in zip(as_is, fewer, none_false, strict=True):
+        names = usual.observation.truth_id
+        assert set(less.observation.truth_id) <= set(names)
+        assert (clean.observation.truth_id == names[names != ""]).all()
+    assert sum(len(look.observation.truth_id) for look in fewer) < sum(len(look.observation.truth_id) for look in as_is)
+    with pytest.raises(InputError, match="`mismatch`: give finished runs or files of recorded traffic"):
+        plan_grid(GridRequest(net=None, seeds="1", replay=(str(folder), __file__), mismatch="fewer"))
+
+
+def test_the_flag_alone_asks_for_the_usual_worlds():
+    typed = ["stress", "--mismatch", "--trackers", "pmbm", "--mismatch"]
+    assert with_values(command, typed) == ["stress", "--mismatch", "usual", "--trackers", "pmbm", "--mismatch", "usual"]
+    assert with_values(command, ["stress", "--mismatch", "posts"]) == ["stress", "--mismatch", "posts"]
+    assert with_values(command, ["stress", "--mismatch=posts", "-x"]) == ["stress", "--mismatch=posts", "-x"]
+    for asked in (True, "usual"):
+        assert request_of(checked(GridOptions, {"mismatch": asked}, "stress")).mismatch is True
+    assert request_of(checked(GridOptions, {"mismatch": ["posts", "dark"]}, "stress")).mismatch == "posts,dark"
+    assert request_of(checked(GridOptions, {}, "stress")).mismatch is False
