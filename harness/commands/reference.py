@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 import os
 import tempfile
+from collections.abc import Sequence
 from contextlib import chdir
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
-from harness.commands.from_options import typer_command
+from harness.commands.from_options import typer_command, with_values
 from harness.config.options import Option
 from harness.exitcodes import DONE, WORSE
 
@@ -96,13 +97,26 @@ def _execute(words: list[str], out: Path, workers: int | None, quiet: bool, root
     if quiet and "--quiet" in known:
         added.append("--quiet")
     with chdir(root):
-        called(args=[*words[1:], *added], prog_name=f"python -m harness {words[0]}", standalone_mode=False)
+        called(
+            args=_typed(words[0], [*words[1:], *added]),
+            prog_name=f"python -m harness {words[0]}",
+            standalone_mode=False,
+        )
 
 
 def _command_of(name: str) -> Any:  # noqa: ANN401
     application = typer.Typer(add_completion=False)
-    application.command()(typer_command(importlib.import_module(f"harness.commands.{name}").command))
+    application.command()(typer_command(_function_of(name)))
     return typer.main.get_command(application)
+
+
+def _typed(name: str, words: Sequence[str]) -> list[str]:
+    """Return a command's words, with the values of options that were typed without one."""
+    return with_values(_function_of(name), words)
+
+
+def _function_of(name: str) -> Any:  # noqa: ANN401
+    return importlib.import_module(f"harness.commands.{name}").command
 
 
 def _list(root: Path) -> None:
@@ -140,7 +154,7 @@ def made_as_listed(reference: Reference, folder: Path) -> bool:
     from harness.config.options import checked  # noqa: PLC0415
     from harness.grid.options import GridOptions, request_of  # noqa: PLC0415
 
-    context = _command_of("stress").make_context("stress", list(reference.words[1:]))
+    context = _command_of("stress").make_context("stress", _typed("stress", reference.words[1:]))
     own = {name: value for name, value in context.params.items() if name in GridOptions.__annotations__}
     asked = json.loads(json.dumps(asdict(request_of(checked(GridOptions, own, "stress")))))
     made = json.loads((folder / "grid.json").read_text(encoding="utf-8"))
