@@ -13,8 +13,9 @@ from typing import Literal
 
 import numpy as np
 
+from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON
-from harness.trackers.plane import fitted, is_in_plane
+from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.box_tracks import (
     BoxOptions,
@@ -82,7 +83,7 @@ class BoxKalman:
 def build_box_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of boxes."""
     chosen = in_frame(BoxKalmanOptions.model_validate(dict(options)), setting)
-    return fitted(BoxKalman(chosen, setting.sensor, is_in_plane(setting)), setting)
+    return as_reported(BoxKalman(chosen, setting.sensor, is_in_plane(setting)), setting, chosen.doubtful)
 
 
 def _matched(tracks: BoxTracks, detections: Detections, options: BoxKalmanOptions) -> tuple[IntArray, IntArray]:

@@ -12,8 +12,8 @@ from typing import Annotated
 
 import numpy as np
 
+from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, newborn
-from harness.trackers.plane import fitted
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.imm import (
@@ -142,4 +142,4 @@ class ImmGnn:
 def build_imm_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of interacting models."""
     chosen = in_frame(ImmGnnOptions.model_validate(dict(options)), setting)
-    return fitted(ImmGnn(chosen, setting.sensor), setting)
+    return as_reported(ImmGnn(chosen, setting.sensor), setting, chosen.doubtful)

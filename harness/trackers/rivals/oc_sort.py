@@ -24,8 +24,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, GaussianStates, predict_constant_velocity, update_variable
-from harness.trackers.plane import fitted, is_in_plane
+from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
 from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
@@ -163,7 +164,7 @@ class OcSort:
 def build_oc_sort(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build OC-SORT."""
     chosen = in_frame(OcSortOptions.model_validate(dict(options)), setting)
-    return fitted(OcSort(chosen, setting.sensor, is_in_plane(setting)), setting)
+    return as_reported(OcSort(chosen, setting.sensor, is_in_plane(setting)), setting, chosen.doubtful)
 
 
 def _matched(tracks: OcTracks, detections: Detections, options: OcSortOptions) -> tuple[IntArray, IntArray]:

@@ -6,6 +6,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import Field
 
+from harness.trackers.doubtful import DoubtfulOptions
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
 from mmpf.settings import NotNegative, Positive, Settings, in_unit
@@ -36,6 +37,8 @@ class RivalOptions(Settings):
     """Spread of a new track's lateral speed."""
     hidden_after_s: Positive = 0.5
     """Unseen for longer, a track is reported as hidden, which is for pictures alone."""
+    doubtful: DoubtfulOptions = DoubtfulOptions()
+    """When a track that stands amid moving traffic is reported as tentative only."""
 
 
 _Options = TypeVar("_Options", bound=RivalOptions)

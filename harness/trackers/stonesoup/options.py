@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from harness.trackers.doubtful import DoubtfulOptions
 from harness.trackers.stonesoup.stitching import StitchingOptions
 from mmpf.options import Footprint
 from mmpf.settings import Positive, Probability, Settings, in_unit
@@ -45,6 +46,8 @@ class KalmanOptions(Settings):
     """Whether detections far outside a track's gate are left out before Stone Soup computes distances to them. The
     Kalman trackers' tracks stay the same, in about half the time; off, they run as Stone Soup ships them.
     """
+    doubtful: DoubtfulOptions = DoubtfulOptions()
+    """When a track that stands amid moving traffic is reported as tentative only."""
 
     @property
     def layout(self) -> StateLayout:

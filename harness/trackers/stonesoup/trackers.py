@@ -45,7 +45,8 @@ from stonesoup.updater import Updater
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.particle import ParticleUpdater
 
-from harness.trackers.plane import fitted, is_in_plane
+from harness.trackers.doubtful import as_reported
+from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
 from harness.trackers.stonesoup.aware_parts import CarFollowingPredictor, MissedInViewDeleter, ShadowAwareHypothesiser
@@ -78,7 +79,7 @@ def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker
     initiators = _initiators(chosen, predictor, updater)
     associator = _nearest_neighbour(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
-    return _in_frame(setting, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
+    return _in_frame(setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
 
 
 @trackers.register("stonesoup-jpda")
@@ -108,6 +109,7 @@ def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> 
     assembly.tracker.deleter = CompositeDeleter(deleters, intersect=False)
     return _in_frame(
         setting,
+        chosen,
         StoneSoupTracker(
             replace(assembly, awareness=awareness),
             chosen,
@@ -131,7 +133,7 @@ def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> Tr
     associator = GNNWith2DAssignment(WithinReach(hypothesiser, (chosen.layout.lon, chosen.layout.lat), reach_m))
     initiators = _initiators(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
-    return _in_frame(setting, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
+    return _in_frame(setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
 
 
 _Options = TypeVar("_Options", bound=KalmanOptions)
@@ -155,8 +157,8 @@ def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str,
     return chosen.model_copy(update=alike)
 
 
-def _in_frame(setting: TrackerSetting, tracker: StoneSoupTracker) -> Tracker:
-    return fitted(tracker, setting)
+def _in_frame(setting: TrackerSetting, options: KalmanOptions, tracker: StoneSoupTracker) -> Tracker:
+    return as_reported(tracker, setting, options.doubtful)
 
 
 def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
@@ -177,14 +179,14 @@ def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> Tr
     associator = _nearest_neighbour(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, (single, drawing), associator, updater)
     return _in_frame(
-        setting, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2, rng=setting.rng)
+        setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2, rng=setting.rng)
     )
 
 
 def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> Tracker:
     assembly = _jpda_assembly(options, setting, KalmanPredictor(_transition_model(options)), PDAHypothesiser)
     clutter = options.clutter_factor * setting.sensor.clutter_density_per_m2
-    return _in_frame(setting, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
+    return _in_frame(setting, options, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
 
 
 def _jpda_assembly(

@@ -14,8 +14,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict_constant_velocity
-from harness.trackers.plane import fitted, is_in_plane
+from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
@@ -40,6 +41,7 @@ from mmpf.settings import Positive, Probability
 from mmpf.tracks import Tracks
 
 _SLOW_MPS = 1.0
+_LEAST_OF_NEWCOMERS = 0.1
 
 
 class PmbmOptions(RivalOptions):
@@ -68,7 +70,7 @@ class PmbmOptions(RivalOptions):
     reported_existence: Probability = 0.5
     """A track is reported from this probability that it exists on."""
     least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
-    """A hypothesis that exists with less than this probability is dropped."""
+    """A hypothesis that exists with less than this probability, or a tenth of a newcomer's, is dropped."""
     most_hypotheses: Annotated[int, Field(ge=1, le=1000)] = 10
     """Global hypotheses kept of tracks that depend on each other."""
     least_weight: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
@@ -89,7 +91,9 @@ class Pmbm:
         in_view = setting.sensor.detection_probability if chosen is None else chosen
         self._visibility = Visibility(setting.sensor, in_view, options.hidden_probability)
         limits = Limits(options.most_hypotheses, options.least_weight)
-        self._pruning = Pruning(options.gate_std, limits, options.least_existence, options.alike_scans)
+        newcomer_exists = options.newcomer_share / (1.0 + options.newcomer_share)
+        least_existence = min(options.least_existence, _LEAST_OF_NEWCOMERS * newcomer_exists)
+        self._pruning = Pruning(options.gate_std, limits, least_existence, options.alike_scans)
         self._time_s: float | None = None
         self._next_track_id = 1
         self._mixture = nothing(options.alike_scans)
@@ -146,14 +150,18 @@ class Pmbm:
         if not self._options.shadow_aware or not len(best):
             return np.full(len(singles.existence), self._visibility.in_view)
         mean = singles.states.mean
+        # A hypothesis is not in the shadow of its own track; one that is in no best hypothesis casts none itself.
+        others, first = np.unique(singles.lives.track_id, return_index=True)
+        bodiless = first[~np.isin(others, singles.lives.track_id[best])]
+        likely = singles.existence[best] >= self._options.reported_existence
         recent = scan.time_s - singles.lives.last_seen_s[best] <= self._options.occluder_unseen_s + TIME_TOLERANCE_S
-        casts_shadow = recent & (singles.existence[best] >= self._options.reported_existence)
+        casts_shadow = np.concatenate([recent & likely, np.zeros(len(bodiless), dtype=np.bool_)])
+        best = np.concatenate([best, bodiless])
         bodies = Bodies(singles.size_m[best, 0], singles.size_m[best, 1], self._turn(mean[best]))
         plane = SensorPlane(scan.ego, self._road)
         table = depth_table(plane, mean[best, LON], mean[best, LAT], casts_shadow, bodies)
-        # A hypothesis is not in the shadow of its own track's best one; a track that has none is taken for the first.
         caster_of = dict(zip(singles.lives.track_id[best].tolist(), range(len(best)), strict=True))
-        component = np.array([caster_of.get(number, 0) for number in singles.lives.track_id.tolist()], dtype=np.int64)
+        component = np.array([caster_of[number] for number in singles.lives.track_id.tolist()], dtype=np.int64)
         along = _widest(singles.states.covariance)
         lon, lat = ((mean[:, row, None] + along[:, k, None] * POINTS).ravel() for k, row in enumerate((LON, LAT)))
         places = lon, lat, np.repeat(component, len(POINTS))
@@ -177,7 +185,8 @@ class Pmbm:
 @trackers.register("pmbm")
 def build_pmbm(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the PMBM tracker."""
-    return fitted(Pmbm(in_frame(PmbmOptions.model_validate(dict(options)), setting), setting), setting)
+    chosen = in_frame(PmbmOptions.model_validate(dict(options)), setting)
+    return as_reported(Pmbm(chosen, setting), setting, chosen.doubtful)
 
 
 def _widest(covariance: FloatArray) -> FloatArray:

@@ -1,0 +1,124 @@
+"""What stands still amid moving traffic is doubtful: one rule over the tracks that any tracker reports.
+
+False objects mostly stand, vehicles in flowing traffic mostly move. A track that stands while the traffic around it
+flows is reported as tentative, unless it was seen to move before, has been followed for long, or lies in the ego's
+path, where a withheld vehicle is a danger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from harness.trackers.plane import fitted, is_in_plane
+from harness.trackers.protocol import Tracker, TrackerSetting
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.scan import EgoPose, Scan
+from mmpf.settings import NotNegative, Positive, Settings, in_unit
+from mmpf.tracks import TENTATIVE, Tracks
+
+
+class DoubtfulOptions(Settings):
+    """When a track that stands amid moving traffic is reported as tentative only."""
+
+    on: bool = False
+    """Whether the rule is applied at all."""
+    standing_mps: Positive = 2.0
+    """A track stands if its speed may be below this."""
+    standing_std: Annotated[NotNegative, in_unit("σ")] = 0.0  # noqa: RUF001
+    """How many of its stated deviations a speed may be off; the more, the longer a new track must show that it moves."""
+    flow_mps: Positive = 5.0
+    """Traffic flows if the median speed of the other confirmed tracks nearby, without the doubtful ones, is above this.
+    """
+    flow_within_m: Positive = 100.0
+    """Tracks within this distance are nearby."""
+    least_others: Annotated[int, Field(ge=1)] = 2
+    """With fewer tracks nearby than these nothing is known of the traffic, and nothing is doubtful."""
+    moved_s: NotNegative = 1.0
+    """A track whose speed was surely (by two deviations) above ``standing_mps`` for this long in all is a vehicle: it
+    may stop.
+    """
+    trusted_after_s: Positive = 10.0
+    """A track that has been followed for so long is not doubtful any more."""
+    path_half_width_m: NotNegative = 1.8
+    """A track this near to the ego's line ahead is in its path and never doubtful; 0 leaves paths out."""
+    path_ahead_m: NotNegative = 100.0
+    """How far the ego's path reaches."""
+
+
+class DoubtingTracker:
+    """A tracker whose standing tracks are tentative while the traffic around them flows."""
+
+    def __init__(self, tracker: Tracker, options: DoubtfulOptions, in_plane: bool = False) -> None:
+        """Wrap a tracker.
+
+        Args:
+            tracker: The tracker.
+            options: What is doubtful.
+            in_plane: Whether the road frame is the plane, where the ego's path leads along its heading; else it leads
+                along the road.
+        """
+        self._tracker, self._options, self._in_plane = tracker, options, in_plane
+        self._time_s: float | None = None
+        self._first_s: dict[int, float] = {}
+        self._moved_s: dict[int, float] = {}
+        self._doubted: set[int] = set()
+
+    def step(self, scan: Scan) -> Tracks:
+        """Take in one scan and return the tracks; see ``Tracker``."""
+        tracks = self._tracker.step(scan)
+        interval_s = 0.0 if self._time_s is None else scan.time_s - self._time_s
+        self._time_s = scan.time_s
+        names, speed = tracks.track_id.tolist(), np.abs(tracks.speed_mps)
+        surely_moves = speed - 2.0 * tracks.std_speed_mps > self._options.standing_mps
+        self._first_s = {name: self._first_s.get(name, scan.time_s) for name in names}
+        self._moved_s = {
+            name: self._moved_s.get(name, 0.0) + (interval_s if moves else 0.0)
+            for name, moves in zip(names, surely_moves.tolist(), strict=True)
+        }
+        doubtful = self._stands_amid_flow(tracks, speed) & ~self._is_trusted(names, scan.time_s)
+        doubtful &= ~self._in_path(tracks, scan.ego)
+        self._doubted = set(tracks.track_id[doubtful].tolist())
+        return replace(tracks, state=np.where(doubtful, TENTATIVE, tracks.state).astype(np.int8))
+
+    def _is_trusted(self, names: list[int], time_s: float) -> BoolArray:
+        """Return which tracks have shown what they are, by moving or by staying, shape (m,)."""
+        options = self._options
+        moved_s = np.array([self._moved_s[name] for name in names])
+        followed_s = time_s - np.array([self._first_s[name] for name in names])
+        return np.asarray((moved_s > options.moved_s - 1e-6) & (moved_s > 0.0)) | (
+            followed_s > options.trusted_after_s - 1e-6
+        )
+
+    def _stands_amid_flow(self, tracks: Tracks, speed: FloatArray) -> BoolArray:
+        """Return which confirmed tracks stand while those nearby flow, shape (m,)."""
+        options = self._options
+        confirmed = tracks.state != TENTATIVE
+        stands = confirmed & (speed - options.standing_std * tracks.std_speed_mps < options.standing_mps)
+        doubted = np.array([name in self._doubted for name in tracks.track_id.tolist()], dtype=np.bool_)
+        tells = np.flatnonzero(confirmed & ~doubted)
+        flows = np.zeros(len(tracks), dtype=np.bool_)
+        for k in np.flatnonzero(stands).tolist():
+            away_m = np.hypot(tracks.lon_m[tells] - tracks.lon_m[k], tracks.lat_m[tells] - tracks.lat_m[k])
+            nearby = speed[tells[(away_m <= options.flow_within_m) & (tells != k)]]
+            flows[k] = len(nearby) >= options.least_others and np.median(nearby) > options.flow_mps
+        return flows
+
+    def _in_path(self, tracks: Tracks, ego: EgoPose) -> BoolArray:
+        """Return which tracks lie ahead of the ego near its line, shape (m,)."""
+        turn = ego.heading_rad if self._in_plane else 0.0
+        lon, lat = tracks.lon_m - ego.lon_m, tracks.lat_m - ego.lat_m
+        ahead = lon * np.cos(turn) + lat * np.sin(turn)
+        aside = lat * np.cos(turn) - lon * np.sin(turn)
+        options = self._options
+        near = np.abs(aside) < options.path_half_width_m
+        return np.asarray(near & (ahead > 0.0) & (ahead <= options.path_ahead_m))
+
+
+def as_reported(tracker: Tracker, setting: TrackerSetting, options: DoubtfulOptions) -> Tracker:
+    """Return a tracker of two coordinates fitted to the frame of its road, that doubts what the options say."""
+    tracker = fitted(tracker, setting)
+    return DoubtingTracker(tracker, options, is_in_plane(setting)) if options.on else tracker
