@@ -1,38 +1,35 @@
 """Tunes the trackers' settings, all by one procedure and with one budget, so that nobody can say a rival was crippled.
 
-    python -m harness.grid.tuning --tracker all --seeds 100:102 --duration 20 --trials 24 --processes 2 --write
+    python -m harness.grid.tuning --tracker all --processes 2 --write
 
 Detections are recorded once, at two densities, on seeds that are never reported on (100 to 199), and every setting of
-every tracker follows the same ones. A search begins at the tracker's defaults and moves one setting of
-``tuning_spaces`` after the other up its ladder as long as that helps, then down, and so on until nothing helps; what is
-left of the budget goes to pairs of settings drawn at random. So each tracker is tried the same number of times. The
-objective is ``Trial.objective``. ``--write`` puts the outcome into ``harness/trackers/tuned.toml``, from which the
-trackers take their defaults; mmpf's are defaults in its code, which are to be brought up to what the file says.
+every tracker follows the same ones. ``tuning_search`` is the search, ``tuning_spaces`` what it may change; it begins at
+the trackers' defaults, and each tracker is tried the same number of times. A setting is tried on one seed's recordings
+after the other and stopped when it is behind. ``--write`` puts the outcome into ``harness/trackers/tuned.toml``, from
+which the trackers take their defaults; mmpf's are defaults in its code, which are to be brought up to what the file
+says.
 """
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import multiprocessing
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, partial
 from time import perf_counter
 
-import numpy as np
-
 from harness.config.model import RunConfig, SensorConfig
+from harness.errors import InputError
 from harness.grid.pool import ONE_THREAD
 from harness.grid.tuning_file import Outcome, write_outcome
-from harness.grid.tuning_search import Options, Scores, Trial, best_of, search
-from harness.grid.tuning_spaces import ALWAYS, SEARCH_SPACES, default_options, ladders, nested
-from harness.running.follow import StageTimes, track
+from harness.grid.tuning_search import Found, Scores, Trial, check_installed, search
+from harness.grid.tuning_spaces import ALWAYS, SEARCH_SPACES, Options, default_options, nested, space_of
+from harness.running.follow import track
 from harness.running.looks import Looks
 from harness.running.open import open_looks
 from harness.scoring import score_run
@@ -40,9 +37,7 @@ from harness.trackers.catalogue import TUNED_FILE, build_tracker
 
 DENSITIES = (20.0, 45.0)
 TUNING_SEEDS = range(100, 200)
-TRIALS = 24
-
-TryOn = Callable[[str, Options], Scores]
+TRIALS = 64
 
 
 @dataclass(frozen=True)
@@ -62,95 +57,38 @@ class Recording:
     sensor: str
 
 
-@dataclass(frozen=True)
-class Followed:
-    """How one setting did on one recording.
-
-    Attributes:
-        scores: Its scores.
-        ms_per_step: Mean time of a tracker step.
-    """
-
-    scores: Scores
-    ms_per_step: float
+Batches = Sequence[Sequence[Recording]]
 
 
-def tune(tracker: str, budget: int, try_on: TryOn) -> list[Trial]:
+def tune(tracker: str, batches: Batches, budget: int) -> Found:
     """Search a tracker's space.
 
     Args:
         tracker: Name of the tracker, one of ``SEARCH_SPACES``.
+        batches: The recordings, in the batches in which they are followed.
         budget: Number of settings to try, the defaults among them.
-        try_on: Follows all recordings with a tracker of given options.
-
-    Returns:
-        All trials in the order they were made.
     """
+    begin = perf_counter()
 
-    def score(options: Options) -> Trial:
-        begin = perf_counter()
-        trial = Trial(options, try_on(tracker, options))
-        shown = json.dumps(options)
-        sys.stderr.write(f"{tracker} {trial.objective:.2f} {trial.scores} {shown} {perf_counter() - begin:.0f} s\n")
-        return trial
+    def tell(trial: Trial) -> None:
+        until = f" stopped after {trial.batches}" if trial.stopped else ""
+        shown = json.dumps(trial.options)
+        sys.stderr.write(
+            f"{tracker} {trial.objective:.2f}{until} {trial.scores} {shown} {perf_counter() - begin:.0f} s\n"
+        )
 
-    return search(default_options(tracker), ladders(tracker), score, budget)
+    def follow_batch(options: Options, batch: int) -> list[Scores]:
+        return [follow(tracker, options, recording) for recording in batches[batch]]
 
-
-@contextmanager
-def recordings_shared(recordings: Sequence[Recording], processes: int) -> Iterator[TryOn]:
-    """Deal recordings out to processes, each of which makes its own once and keeps them.
-
-    Args:
-        recordings: What every setting is tried on.
-        processes: How many work at a time; one works in this process.
-
-    Yields:
-        What follows all recordings with a tracker of given options.
-    """
-    if processes == 1:
-        yield lambda tracker, options: mean_scores(follow_all(tracker, options, tuple(recordings)))
-        return
-    os.environ.update(ONE_THREAD)
-    context = multiprocessing.get_context("spawn")
-    shares = [tuple(recordings[first::processes]) for first in range(min(processes, len(recordings)))]
-    with ExitStack() as stack:
-        workers = [stack.enter_context(ProcessPoolExecutor(1, context)) for _ in shares]
-
-        def try_on(tracker: str, options: Options) -> Scores:
-            asked = [
-                worker.submit(follow_all, tracker, options, share)
-                for worker, share in zip(workers, shares, strict=True)
-            ]
-            return mean_scores(list(itertools.chain.from_iterable(each.result() for each in asked)))
-
-        yield try_on
+    return search(default_options(tracker), space_of(tracker), follow_batch, len(batches), budget, tell)
 
 
-def mean_scores(followed: Sequence[Followed]) -> Scores:
-    """Return the means over recordings; a score that a recording has none of is left out of its mean."""
-    by_name = {name: [getattr(each.scores, name) for each in followed] for name in Scores.names()}
-    return Scores(**{name: _mean(values) for name, values in by_name.items()})
-
-
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
-
-
-def follow_all(tracker: str, options: Options, recordings: tuple[Recording, ...]) -> list[Followed]:
-    """Follow recordings with a tracker of given options, dotted keys with values."""
-    chosen = {**ALWAYS.get(tracker, {}), **nested(options)}
-    return [_follow(tracker, chosen, recording) for recording in recordings]
-
-
-def _follow(tracker: str, options: Options, recording: Recording) -> Followed:
-    times = StageTimes()
-    tables = track(
-        _looks(recording), lambda setting: build_tracker(tracker, setting, options), recording.seed, times=times
-    )
-    metrics = score_run(tables.truth, tables.detections, tables.tracks, recording.seed).metrics
-    return Followed(Scores.of(metrics), 1e3 * float(np.mean(times.tracker_s)))
+def follow(tracker: str, options: Options, recording: Recording) -> Scores:
+    """Follow a recording with a tracker of given options, dotted keys with values, whatever its tuned ones are."""
+    chosen = nested({**ALWAYS.get(tracker, {}), **options})
+    build = partial(build_tracker, tracker, options=chosen, tuned=False)
+    tables = track(_looks(recording), build, recording.seed)
+    return Scores.of(score_run(tables.truth, tables.detections, tables.tracks, recording.seed).metrics)
 
 
 @cache
@@ -167,33 +105,48 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seeds, names = _seed_range(parser, chosen.seeds), _tracker_names(parser, chosen.tracker)
     if chosen.trials < 1 or chosen.processes < 1:
         parser.error("--trials and --processes: give 1 or more")
-    recordings = [Recording(density, seed, chosen.duration, chosen.sensor) for density in DENSITIES for seed in seeds]
-    with recordings_shared(recordings, chosen.processes) as try_on:
-        for name in names:
-            begin = perf_counter()
-            trials = tune(name, chosen.trials, try_on)
-            best = best_of(trials)
-            seconds = perf_counter() - begin
-            sys.stdout.write(
-                f"{name}: {trials[0].objective:.2f} -> {best.objective:.2f} in {len(trials)} trials, {seconds:.0f} s: "
-                f"{json.dumps(best.options)}\n"
-            )
-            sys.stdout.flush()
-            if chosen.write:
-                write_outcome(
-                    Outcome(name, _command(name, chosen), [asdict(each) for each in recordings], trials), TUNED_FILE
-                )
+    try:
+        check_installed()
+    except InputError as error:
+        parser.error(str(error))
+    batches = [[Recording(density, seed, chosen.duration, chosen.sensor) for density in DENSITIES] for seed in seeds]
+    recordings = [asdict(each) for batch in batches for each in batch]
+    for name, found in _all_found(names, batches, chosen.trials, chosen.processes):
+        sys.stdout.write(f"{_in_words(name, found)}\n")
+        sys.stdout.flush()
+        if chosen.write:
+            write_outcome(Outcome(name, _command(name, chosen), recordings, found), TUNED_FILE)
+
+
+def _all_found(names: Sequence[str], batches: Batches, budget: int, processes: int) -> Iterator[tuple[str, Found]]:
+    """Yield what is found for each tracker; each process searches for one at a time, on recordings of its own."""
+    search_one = partial(tune, batches=batches, budget=budget)
+    if processes == 1 or len(names) == 1:
+        yield from ((name, search_one(name)) for name in names)
+        return
+    os.environ.update(ONE_THREAD)
+    with ProcessPoolExecutor(min(processes, len(names)), multiprocessing.get_context("spawn")) as pool:
+        yield from zip(names, pool.map(search_one, names), strict=True)
+
+
+def _in_words(name: str, found: Found) -> str:
+    ends = ", ".join(f"{key} ({end})" for key, end in found.at_an_end.items())
+    stopped = sum(trial.stopped for trial in found.trials)
+    return (
+        f"{name}: {found.trials[0].objective:.2f} -> {found.best.objective:.2f} in {len(found.trials)} trials, "
+        f"{stopped} of them stopped early: {json.dumps(found.best.options)}; at the end of its range: {ends or 'none'}"
+    )
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m harness.grid.tuning", description="Tune trackers' settings.")
     known = ", ".join(SEARCH_SPACES)
     parser.add_argument("--tracker", required=True, help=f"all, or names with commas between them: {known}")
-    parser.add_argument("--seeds", default="100:102", help="A:B, B excluded, within 100:200")
-    parser.add_argument("--duration", type=float, default=20.0, help="seconds of each recording")
+    parser.add_argument("--seeds", default="100:104", help="A:B, B excluded, within 100:200")
+    parser.add_argument("--duration", type=float, default=12.0, help="seconds of each recording")
     parser.add_argument("--sensor", default=SensorConfig().profile, help="sensor profile")
     parser.add_argument("--trials", type=int, default=TRIALS, help="settings tried for each tracker")
-    parser.add_argument("--processes", type=int, default=1, help="recordings followed at a time")
+    parser.add_argument("--processes", type=int, default=1, help="trackers searched for at a time")
     parser.add_argument("--write", action="store_true", help=f"put the outcome into {TUNED_FILE.name}")
     return parser
 
@@ -224,7 +177,4 @@ def _seed_range(parser: argparse.ArgumentParser, text: str) -> range:
 
 
 if __name__ == "__main__":
-    # Under its own name, so that worker processes know the recordings that they are sent.
-    from harness.grid.tuning import main as run
-
-    run()
+    main()

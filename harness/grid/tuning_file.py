@@ -8,14 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.grid.tuning_search import FALSE_HIDDEN_COST, HIDDEN_COST_PER_M, Trial, best_of
-from harness.grid.tuning_spaces import DEFAULTS_IN_CODE
+from harness.grid.tuning_search import OBJECTIVE, Found, Trial
+from harness.grid.tuning_spaces import DEFAULTS_IN_CODE, Range
 from harness.writing.files import write_text
-
-OBJECTIVE = (
-    f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan, "
-    "the hidden ones where they are measured"
-)
 
 
 @dataclass(frozen=True)
@@ -26,13 +21,13 @@ class Outcome:
         tracker: Name of the tracker.
         command: What makes it again.
         recordings: What every setting was tried on, a table for each.
-        trials: The search, the defaults first.
+        found: What the search has come to.
     """
 
     tracker: str
     command: str
     recordings: Sequence[Mapping[str, object]]
-    trials: Sequence[Trial]
+    found: Found
 
 
 def write_outcome(outcome: Outcome, path: Path) -> None:
@@ -47,23 +42,30 @@ def write_outcome(outcome: Outcome, path: Path) -> None:
 
 
 def _table(outcome: Outcome) -> list[str]:
-    best, first = best_of(outcome.trials), outcome.trials[0]
+    found = outcome.found
+    best, first = found.best, found.trials[0]
     scores = {name: getattr(best.scores, name) for name in best.scores.names()}
+    ranges = {
+        key: [values.low, values.high] if isinstance(values, Range) else list(values)
+        for key, values in found.space.items()
+    }
     # What a tracker takes from here is called options; what its code holds by itself is only told of.
     options = "found" if outcome.tracker in DEFAULTS_IN_CODE else "options"
     return [
         f"[{outcome.tracker}]",
         f"command = {json.dumps(outcome.command)}",
-        f"budget = {len(outcome.trials)}",
+        f"budget = {len(found.trials)}",
         f"objective_is = {json.dumps(OBJECTIVE)}",
         f"objective_before = {first.objective:.3f}",
         f"objective = {best.objective:.3f}",
         *(f"{name} = {value:.3f}" for name, value in scores.items() if math.isfinite(value)),
+        f"at_an_end = {json.dumps(sorted(found.at_an_end))}",
+        f"searched = {_inline(ranges)}",
         "recordings = [",
         *(f"  {_inline(entry)}," for entry in outcome.recordings),
         "]",
         "trials = [",
-        *(f"  {_inline({'objective': round(trial.objective, 3), **trial.options})}," for trial in outcome.trials),
+        *(f"  {_inline(_told(trial))}," for trial in found.trials),
         "]",
         "",
         f"[{outcome.tracker}.{options}]",
@@ -72,9 +74,13 @@ def _table(outcome: Outcome) -> list[str]:
     ]
 
 
+def _told(trial: Trial) -> dict[str, object]:
+    stopped = {"stopped_after": trial.batches} if trial.stopped else {}
+    return {"objective": round(trial.objective, 3), **stopped, **trial.options}
+
+
 def _assignments(table: Mapping[str, object]) -> list[str]:
-    """Return a line for each value; TOML has no word for None, which every such option has as its default."""
-    return [f"{name} = {json.dumps(value)}" for name, value in table.items() if value is not None]
+    return [f"{name} = {json.dumps(value)}" for name, value in table.items()]
 
 
 def _inline(entry: Mapping[str, object]) -> str:

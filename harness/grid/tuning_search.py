@@ -1,22 +1,32 @@
-"""A search that moves one setting at a time up and down its ladder, for a given number of trials."""
+"""The search for a tracker's settings: Optuna's tree-structured Parzen estimator with successive halving.
+
+Each setting is tried on the recordings batch by batch; one that is behind half of those tried so far is stopped. Half
+way and at three quarters of the trials, ranges at whose end the best setting lies are widened.
+"""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-Options = dict[str, object]
+from harness.errors import InputError
+from harness.grid.tuning_spaces import Choices, End, Options, Range, is_searched, short
 
 HIDDEN_COST_PER_M = 5.0
 """Points of the objective for a metre of hidden cost."""
 FALSE_HIDDEN_COST = 2.0
 """Points of the objective for a false hidden track a scan: else a tracker that keeps everything would be the best."""
-_REPEATS_UNTIL_MORE, _REPEATS_UNTIL_EXHAUSTED = 50, 1000
+WITHHELD_COST = 1.0
+"""Points of the objective for each percent of the vehicle-steps in plain view that have no track."""
+OBJECTIVE = (
+    f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan - "
+    f"{WITHHELD_COST:g} (100 - plain_view_recall), each where it is measured"
+)
+_WIDENED_AFTER = (0.5, 0.75)
 
 
 @dataclass(frozen=True)
@@ -28,12 +38,14 @@ class Scores:
         idf1: IDF1 in sight, percent.
         hidden_cost_m: Mean of the error, at most 10 m, over all vehicle-steps hidden after having been tracked.
         false_hidden_tracks_per_scan: False hidden tracks a scan.
+        plain_view_recall: Share of the vehicle-steps in plain view that have a track, percent.
     """
 
     hota: float
     idf1: float
     hidden_cost_m: float = math.nan
     false_hidden_tracks_per_scan: float = math.nan
+    plain_view_recall: float = math.nan
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -43,14 +55,38 @@ class Scores:
     @classmethod
     def of(cls, metrics: Mapping[str, Any]) -> Scores:
         """Take the scores out of a run's metrics."""
-        in_sight = metrics["mot"]
-        hidden = metrics.get("hidden", {})
-        costs = {name: _number(hidden.get(name)) for name in ("hidden_cost_m", "false_hidden_tracks_per_scan")}
-        return cls(_number(in_sight["hota"]), _number(in_sight["idf1"]), **costs)
+        in_sight, hidden, in_view = (metrics.get(name, {}) for name in ("mot", "hidden", "in_plain_view"))
+        return cls(
+            _number(in_sight["hota"]),
+            _number(in_sight["idf1"]),
+            _number(hidden.get("hidden_cost_m")),
+            _number(hidden.get("false_hidden_tracks_per_scan")),
+            _number(in_view.get("recall")),
+        )
+
+    @classmethod
+    def mean(cls, several: Sequence[Scores]) -> Scores:
+        """Return the means over recordings; a score that a recording has none of is left out of its mean."""
+        return cls(**{name: _mean([getattr(each, name) for each in several]) for name in cls.names()})
+
+    @property
+    def objective(self) -> float:
+        """What the search maximises, see ``OBJECTIVE``."""
+        costs = (
+            HIDDEN_COST_PER_M * self.hidden_cost_m,
+            FALSE_HIDDEN_COST * self.false_hidden_tracks_per_scan,
+            WITHHELD_COST * (100.0 - self.plain_view_recall),
+        )
+        return 0.5 * (self.hota + self.idf1) - sum(cost for cost in costs if math.isfinite(cost))
 
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else math.nan
 
 
 @dataclass(frozen=True)
@@ -59,85 +95,167 @@ class Trial:
 
     Attributes:
         options: The tracker's options by dotted key.
-        scores: Its scores, means over the recordings.
+        scores: Its scores, means over the recordings that it was tried on.
+        batches: On how many batches of recordings it was tried.
+        stopped: Whether it was stopped before the last one.
     """
 
     options: Options
     scores: Scores
+    batches: int = 1
+    stopped: bool = False
 
     @property
     def objective(self) -> float:
-        """What the search maximises: the mean of HOTA and IDF1 in sight, less what hiding costs, where it is known."""
-        scores = self.scores
-        costs = HIDDEN_COST_PER_M * scores.hidden_cost_m, FALSE_HIDDEN_COST * scores.false_hidden_tracks_per_scan
-        return 0.5 * (scores.hota + scores.idf1) - sum(cost for cost in costs if math.isfinite(cost))
+        """What the search maximises."""
+        return self.scores.objective
 
 
-def best_of(trials: Sequence[Trial]) -> Trial:
-    """Return the best trial, the earliest of equals."""
-    return max(trials, key=lambda trial: trial.objective)
+@dataclass(frozen=True)
+class Found:
+    """What a search has come to.
+
+    Attributes:
+        trials: All trials in the order they were made, the defaults first.
+        space: What was searched, with the ranges as they were widened.
+    """
+
+    trials: Sequence[Trial]
+    space: Mapping[str, Range | Choices]
+
+    @property
+    def best(self) -> Trial:
+        """The best trial that was not stopped, the earliest of equals."""
+        return max((trial for trial in self.trials if not trial.stopped), key=lambda trial: trial.objective)
+
+    @property
+    def at_an_end(self) -> dict[str, End]:
+        """Which of the best settings lie at an end of their range, and at which."""
+        return ends_near(self.best.options, self.space)
+
+
+def ends_near(options: Options, space: Mapping[str, Range | Choices]) -> dict[str, End]:
+    """Return which settings lie at an end of their range, and at which."""
+    near = {}
+    for key, value in options.items():
+        values = space[key]
+        end = values.end_near(value) if isinstance(values, Range) and isinstance(value, int | float) else None
+        if end is not None:
+            near[key] = end
+    return near
+
+
+Follow = Callable[[Options, int], Sequence[Scores]]
 
 
 def search(
-    start: Options, ladders: Mapping[str, Sequence[object]], score: Callable[[Options], Trial], budget: int
-) -> list[Trial]:
+    start: Options,
+    space: Mapping[str, Range | Choices],
+    follow: Follow,
+    batches: int,
+    budget: int,
+    tell: Callable[[Trial], object],
+) -> Found:
     """Search for the best setting.
 
     Args:
-        start: Where the search begins.
-        ladders: The values of each setting, in order.
-        score: Tries a setting.
-        budget: Number of trials; fewer only if there are no more settings.
+        start: The first setting that is tried.
+        space: The values of each setting.
+        follow: Follows one batch of recordings with given options, and returns the scores on each.
+        batches: How many batches there are.
+        budget: Number of trials, those that are stopped among them.
+        tell: Is called with every trial.
 
-    Returns:
-        All trials in the order they were made, none of them twice.
+    Raises:
+        InputError: Optuna is not installed.
     """
-    progress = _Search(ladders, score, budget, [score(start)], {_key(start)})
-    made = 0
-    while made < len(progress.trials) < budget:
-        made = len(progress.trials)
-        progress.climb(1)
-        progress.climb(-1)
-    progress.try_pairs()
-    return progress.trials
+    study, space = _study(), dict(space)
+    trials = [_tried(start, follow, batches, None)]
+    study.add_trial(_known(trials[0], space))
+    tell(trials[0])
+    while len(trials) < budget:
+        if len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
+            for key, end in Found(trials, space).at_an_end.items():
+                values = space[key]
+                space[key] = values.widened(end) if isinstance(values, Range) else values
+        asked = study.ask()
+        trials.append(_tried(_suggested(asked, space), follow, batches, asked))
+        if trials[-1].stopped:
+            study.tell(asked, state=_optuna().trial.TrialState.PRUNED)
+        else:
+            study.tell(asked, trials[-1].objective)
+        tell(trials[-1])
+    return Found(trials, space)
 
 
-@dataclass
-class _Search:
-    ladders: Mapping[str, Sequence[object]]
-    score: Callable[[Options], Trial]
-    budget: int
-    trials: list[Trial]
-    tried: set[str]
+def check_installed() -> None:
+    """Refuse to begin without Optuna.
 
-    def climb(self, step: int) -> None:
-        """Move each setting along its ladder as long as that helps."""
-        for option, ladder in self.ladders.items():
-            while True:
-                rung = ladder.index(best_of(self.trials).options[option]) + step
-                if not 0 <= rung < len(ladder) or not self._helps({option: ladder[rung]}):
-                    break
-
-    def try_pairs(self) -> None:
-        """Change two settings of the best at once, drawn at random, and more when those are exhausted."""
-        rng = np.random.default_rng(0)
-        names, repeats = list(self.ladders), 0
-        while len(self.trials) < self.budget and repeats < _REPEATS_UNTIL_EXHAUSTED:
-            made = len(self.trials)
-            several = min(2 + repeats // _REPEATS_UNTIL_MORE, len(names))
-            chosen = [names[k] for k in rng.choice(len(names), size=several, replace=False).tolist()]
-            self._helps({name: self.ladders[name][int(rng.integers(len(self.ladders[name])))] for name in chosen})
-            repeats = repeats + 1 if len(self.trials) == made else 0
-
-    def _helps(self, change: Options) -> bool:
-        best = best_of(self.trials)
-        options = best.options | change
-        if _key(options) in self.tried or len(self.trials) >= self.budget:
-            return False
-        self.tried.add(_key(options))
-        self.trials.append(self.score(options))
-        return self.trials[-1].objective > best.objective
+    Raises:
+        InputError: It is not installed.
+    """
+    _optuna()
 
 
-def _key(options: Options) -> str:
-    return json.dumps(options, sort_keys=True)
+def _optuna() -> Any:  # noqa: ANN401
+    try:
+        import optuna  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "optuna":
+            raise
+        raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'") from None
+    return optuna
+
+
+def _study() -> Any:  # noqa: ANN401
+    optuna = _optuna()
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    # Parameters are drawn one by one, so that a range may be widened in between.
+    sampler = optuna.samplers.TPESampler(seed=0, multivariate=False)
+    pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=2)
+    return optuna.create_study(direction="maximize", sampler=sampler, pruner=pruner)
+
+
+def _tried(options: Options, follow: Follow, batches: int, asked: Any) -> Trial:  # noqa: ANN401
+    """Return how well a setting did; one that Optuna asked for is stopped when it says so."""
+    done: list[Scores] = []
+    for batch in range(1, batches + 1):
+        done += follow(options, batch - 1)
+        trial = Trial(options, Scores.mean(done), batch)
+        if asked is not None and batch < batches:
+            asked.report(trial.objective, batch)
+            if asked.should_prune():
+                return replace(trial, stopped=True)
+    return trial
+
+
+def _suggested(asked: Any, space: Mapping[str, Range | Choices]) -> Options:  # noqa: ANN401
+    options: Options = {}
+    # Switches come first, since it depends on them what else is asked for.
+    for key in sorted(space, key=lambda key: not key.endswith(".on")):
+        if not is_searched(key, options):
+            continue
+        values = space[key]
+        if not isinstance(values, Range):
+            options[key] = asked.suggest_categorical(key, values)
+        elif values.whole:
+            options[key] = asked.suggest_int(key, int(values.low), int(values.high))
+        else:
+            options[key] = short(asked.suggest_float(key, values.low, values.high, log=values.log))
+    return options
+
+
+def _known(trial: Trial, space: Mapping[str, Range | Choices]) -> Any:  # noqa: ANN401
+    """Return a finished trial as Optuna is told of it, without the values that are outside their ranges."""
+    kinds = _optuna().distributions
+    told = {key: value for key, value in trial.options.items() if value in space[key]}
+    distributions = {}
+    for key in told:
+        values = space[key]
+        if not isinstance(values, Range):
+            distributions[key] = kinds.CategoricalDistribution(values)
+        elif values.whole:
+            distributions[key] = kinds.IntDistribution(int(values.low), int(values.high))
+        else:
+            distributions[key] = kinds.FloatDistribution(values.low, values.high, log=values.log)
+    return _optuna().trial.create_trial(value=trial.objective, params=told, distributions=distributions)

@@ -1,119 +1,186 @@
-"""What the search for each tracker's settings may change: one ladder of values for each setting, in the order tried.
+"""What the search for each tracker's settings may change: a range of numbers or a few values for each setting.
 
-Keys are dotted, as below ``tracker.options``. A ladder goes from one end to the other, since the search moves along it
-step by step, forwards first; a default that is not on its ladder is put there in order. The search begins at the
-trackers' own defaults, so that it leans on no earlier one. A space has about a dozen settings at most, so that a search
-of the usual budget tries each of them.
+Keys are dotted, as below ``tracker.options``. The search begins at the trackers' own defaults, so that it leans on no
+earlier one. Settings of a group with a switch, ``doubtful.on``, are searched only while it is on.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from harness.trackers.catalogue import tracker_options
 from mmpf.settings import fields_of
 
 Value = object
 Options = dict[str, Value]
-Space = Mapping[str, tuple[Value, ...]]
+End = Literal["low", "high"]
 
-_MOTION: Space = {"lon_noise": (0.1, 0.3, 1.0, 3.0), "lat_noise": (0.01, 0.03, 0.1, 0.3)}
-_NOISE: Space = {**_MOTION, "noise_factor": (1.0, 1.5, 2.0)}
-_MEMORY: Space = {"largest_std_lon_m": (5.0, 10.0, 20.0, 40.0), "longest_unseen_s": (2.0, 5.0, 10.0, 15.0)}
-_GATE: Space = {"gate_std": (3.0, 3.9, 5.0)}
-_BIRTH: Space = {
-    "confirm_detections": (2, 3, 5, 8, 12),
-    "held_unseen_s": (0.15, 0.35, 0.7, 1.2),
-    "birth_speed_std_mps": (10.0, 5.0, 3.0),
+_NEAR_END = 0.05
+_WIDENED_BY = 0.5
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers between two ends, which both belong to it.
+
+    Attributes:
+        low: The lower end.
+        high: The upper end.
+        log: Whether the search goes by ratios.
+        whole: Whether only whole numbers are meant.
+        least: No smaller number makes sense, however far the range is widened.
+        most: No larger one does.
+    """
+
+    low: float
+    high: float
+    log: bool = False
+    whole: bool = False
+    least: float = -math.inf
+    most: float = math.inf
+
+    def end_near(self, value: float) -> End | None:
+        """Return the end within 5 % of which a value lies, unless nothing makes sense beyond that end."""
+        low, high = self._scaled(self.low), self._scaled(self.high)
+        share = (self._scaled(value) - low) / (high - low)
+        if share <= _NEAR_END and self.low > self.least:
+            return "low"
+        return "high" if share >= 1.0 - _NEAR_END and self.high < self.most else None
+
+    def widened(self, end: End) -> Range:
+        """Return the range half as wide again beyond an end, as far as that makes sense."""
+        low, high = self._scaled(self.low), self._scaled(self.high)
+        by = _WIDENED_BY * (high - low)
+        if end == "low":
+            return replace(self, low=max(self.least, self._rounded(low - by)))
+        return replace(self, high=min(self.most, self._rounded(high + by)))
+
+    def __contains__(self, value: object) -> bool:
+        return isinstance(value, int | float) and self.low <= value <= self.high
+
+    def _scaled(self, value: float) -> float:
+        return math.log(value) if self.log else float(value)
+
+    def _rounded(self, scaled: float) -> float:
+        value = math.exp(scaled) if self.log else scaled
+        return float(round(value)) if self.whole else short(value)
+
+
+def short(value: float) -> float:
+    """Return a number with three digits, since more are not worth a reader's while."""
+    return float(f"{value:.3g}")
+
+
+Choices = tuple[Value, ...]
+Space = Mapping[str, Range | Choices]
+
+
+def _ratio(low: float, high: float, most: float = math.inf) -> Range:
+    return Range(low, high, log=True, most=most)
+
+
+def _whole(low: int, high: int) -> Range:
+    return Range(low, high, whole=True, least=1)
+
+
+_MOTION: Space = {"lon_noise": _ratio(0.1, 10.0), "lat_noise": _ratio(0.01, 1.0)}
+_NOISE: Space = {**_MOTION, "noise_factor": _ratio(0.5, 2.5)}
+_MEMORY: Space = {"largest_std_lon_m": _ratio(2.0, 40.0), "longest_unseen_s": _ratio(0.5, 20.0)}
+_GATE: Space = {"gate_std": Range(2.5, 6.0, least=0.5)}
+_CONFIRM: Space = {"confirm_detections": _whole(1, 10), "birth_speed_std_mps": _ratio(2.0, 20.0)}
+_BIRTH: Space = {**_CONFIRM, "held_unseen_s": _ratio(0.1, 1.5)}
+_BELIEF: Space = {
+    "detection_probability": Range(0.1, 0.95, least=0.01, most=0.99),
+    "clutter_factor": _ratio(0.1, 10.0),
 }
-_BELIEF: Space = {"detection_probability": (None, 0.7, 0.5, 0.3), "clutter_factor": (0.1, 0.3, 1.0, 3.0, 10.0)}
-_STITCHING: Space = {"stitching.margin_m": (1.0, 3.0, 5.0), "stitching.gate_std": (2.0, 3.0, 4.0)}
-_STONE_SOUP: Space = {**_NOISE, **_MEMORY, **_GATE, **_BIRTH}
+_STITCHING: Space = {
+    "stitching.margin_m": Range(0.0, 8.0, least=0.0),
+    "stitching.gate_std": Range(1.5, 5.0, least=0.5),
+}
+# The ego's path and the time after which a track is trusted are no settings to search: they guard stopped vehicles, of
+# which the recordings have few.
+_DOUBTFUL: Space = {
+    "doubtful.on": (False, True),
+    "doubtful.standing_mps": _ratio(0.5, 8.0),
+    "doubtful.standing_std": Range(0.0, 3.0, least=0.0),
+    "doubtful.flow_mps": _ratio(1.0, 12.0),
+    "doubtful.moved_s": Range(0.0, 3.0, least=0.0),
+}
+_STONE_SOUP: Space = {**_NOISE, **_MEMORY, **_GATE, **_BIRTH, **_DOUBTFUL}
 _JPDA: Space = {**_BELIEF, **_STONE_SOUP}
-# Particles stay as they are: they buy accuracy with time, which no search should trade off.
-_MMPF: Space = {
-    "joint.detectability.run_share": (0.05, 0.08, 0.12, 0.2),
-    "joint.ghosts.vehicle_in_view": (0.02, 0.05, 0.1, 0.15),
-    "joint.ghosts.confirm_log_odds": (0.0, 0.5, 1.0, 2.0),
-    "reporting.reported_std_lon_m": (6.0, 10.0, 15.0, 20.0),
-    "joint.association.birth_density": (0.03, 0.1, 0.3, 1.0),
-    "joint.existence.confirm_hits": (2, 3, 5, 8, 12),
-    "joint.removal.longest_unseen_s": (5.0, 10.0, 15.0),
-    "model_error.accel": (0.3, 0.6, 1.0),
-    "model_error.lat_speed": (0.1, 0.2, 0.4),
-    "model_error.hidden_lon_factor": (1.0, 1.3, 1.7, 2.2),
-    "joint.association.gate_std": (3.5, 4.5, 6.0),
-    "joint.identity.unknown_density": (3e-6, 3e-5, 3e-4),
-}
-_IMMORTAL: Space = {
-    "association": ("distance", "mahalanobis"),
-    **_NOISE,
-    "gate_lon_m": (3.0, 4.5, 6.0, 9.0),
-    "gate_lat_m": (1.2, 1.6, 2.2),
-    **_GATE,
-    **_BIRTH,
-}
-_REMEMBERED: Space = {"longest_unseen_s": (1.0, 3.0, 5.0, 10.0)}
+_STITCHED: Space = {**_JPDA, **_STITCHING}
 _BOXES: Space = {
-    "longest_unseen_s": (0.2, 1.0, 3.0, 5.0, 10.0),
-    "least_overlap": (-0.7, -0.4, -0.2, 0.0),
-    "association": ("overlap", "mahalanobis"),
+    "longest_unseen_s": _ratio(0.2, 15.0),
+    "least_overlap": Range(-0.8, 0.4, least=-1.0, most=0.95),
     **_NOISE,
     **_BIRTH,
+    **_DOUBTFUL,
 }
-# Its three parts make the method what it is: no search switches one off.
-_OC_SORT: Space = {
-    "longest_unseen_s": (0.2, 1.0, 3.0, 5.0, 10.0),
-    "least_overlap": (-0.7, -0.4, -0.2, 0.0),
-    "momentum_weight": (0.1, 0.2, 0.5, 1.0),
-    "recovery_overlap": (0.0, 0.3, 0.6),
-    "momentum_s": (0.3, 0.6, 1.2),
-    **_NOISE,
-    **_BIRTH,
-}
-_IMM: Space = {
-    **_REMEMBERED,
-    **_BELIEF,
-    **_NOISE,
-    "accel_std_mps2": (0.75, 1.5, 3.0),
-    "turn_std_rad_per_s": (0.05, 0.1, 0.2),
-    "gate_std": (3.9, 5.0, 6.0),
-    **_BIRTH,
-}
-_PMBM: Space = {
-    "shadow_aware": (True, False),
-    "newcomer_share": (0.03, 0.1, 0.3),
-    **_BELIEF,
-    **_NOISE,
-    "reported_existence": (0.3, 0.5, 0.8),
-    "longest_unseen_s": (5.0, 10.0, 15.0),
-    "gate_std": (3.9, 4.5, 6.0),
-    "confirm_detections": (2, 3, 5, 8),
-    "birth_speed_std_mps": (10.0, 5.0, 3.0),
+# Particles stay as they are: they buy accuracy with time, which no search should trade off. How mmpf tells false
+# objects from vehicles is left out as long as that is being rebuilt; keys that it does not have are passed over.
+_MMPF: Space = {
+    "joint.detectability.run_share": _ratio(0.03, 0.3, most=0.9),
+    "reporting.reported_std_lon_m": _ratio(5.0, 40.0),
+    "joint.association.birth_density": _ratio(0.01, 2.0),
+    "joint.association.gate_std": Range(3.0, 7.0, least=0.5),
+    "joint.existence.confirm_above": Range(0.2, 0.9, least=0.0, most=0.99),
+    "joint.existence.confirm_hits": _whole(1, 10),
+    "joint.removal.longest_unseen_s": _ratio(4.0, 20.0),
+    "joint.identity.unknown_density": _ratio(1e-6, 1e-3),
+    "model_error.accel": _ratio(0.2, 3.0),
+    "model_error.lat_speed": _ratio(0.05, 0.6),
+    "model_error.hidden_lon_factor": _ratio(0.7, 2.5),
 }
 
 SEARCH_SPACES: dict[str, Space] = {
     "mmpf": _MMPF,
     "stonesoup-gnn": _STONE_SOUP,
     "stonesoup-jpda": _JPDA,
-    "stonesoup-jpda-stitched": {**_JPDA, **_STITCHING},
-    "stonesoup-jpda-aware": {
-        "longest_missed": (5.0, 10.0, 20.0, 40.0),
+    "stonesoup-jpda-stitched": _STITCHED,
+    "stonesoup-jpda-aware": {"longest_missed": _ratio(3.0, 60.0), **_STITCHED},
+    "immortal-kalman": {
+        "association": ("distance", "mahalanobis"),
+        "gate_lon_m": _ratio(2.0, 15.0),
+        "gate_lat_m": _ratio(0.6, 3.0),
+        **_NOISE,
+        **_GATE,
+        **_BIRTH,
+        **_DOUBTFUL,
+    },
+    "stonesoup-particle": _STONE_SOUP,
+    "box-kalman": {"association": ("overlap", "mahalanobis"), **_BOXES},
+    # Its three parts make the method what it is: no search switches one off.
+    "oc-sort": {
+        "momentum_weight": _ratio(0.05, 2.0),
+        "recovery_overlap": Range(-0.5, 0.8, least=-1.0, most=0.95),
+        "momentum_s": _ratio(0.1, 1.5, most=1.5),
+        **_BOXES,
+    },
+    "imm-gnn": {
+        "accel_std_mps2": _ratio(0.3, 5.0),
+        "turn_std_rad_per_s": _ratio(0.02, 0.5),
+        "longest_unseen_s": _ratio(0.5, 15.0),
+        "gate_std": Range(3.0, 7.0, least=0.5),
         **_BELIEF,
         **_NOISE,
-        **_MEMORY,
-        **_GATE,
-        **_STITCHING,
         **_BIRTH,
+        **_DOUBTFUL,
     },
-    "immortal-kalman": _IMMORTAL,
-    "stonesoup-particle": _STONE_SOUP,
-    "box-kalman": _BOXES,
-    "oc-sort": _OC_SORT,
-    "imm-gnn": _IMM,
-    "pmbm": _PMBM,
-    "oracle-kalman": {**_MOTION, "longest_unseen_s": (5.0, 10.0, 15.0), "confirm_detections": (2, 3, 5)},
+    "pmbm": {
+        "shadow_aware": (True, False),
+        "newcomer_share": _ratio(0.001, 0.5),
+        "reported_existence": Range(0.2, 0.9, least=0.0, most=0.99),
+        "longest_unseen_s": _ratio(2.0, 20.0),
+        "gate_std": Range(3.0, 7.0, least=0.5),
+        **_BELIEF,
+        **_NOISE,
+        **_CONFIRM,
+        **_DOUBTFUL,
+    },
+    "oracle-kalman": {**_MOTION, "longest_unseen_s": _ratio(2.0, 20.0), "confirm_detections": _whole(1, 8)},
 }
 
 ALWAYS: dict[str, Options] = {name: {"coarse_gate": True} for name in SEARCH_SPACES if name.startswith("stonesoup")}
@@ -123,16 +190,23 @@ DEFAULTS_IN_CODE = frozenset({"mmpf"})
 """Trackers whose tuned settings are their defaults themselves: ``tuned.toml`` only tells how they were found."""
 
 
+def space_of(tracker: str) -> dict[str, Range | Choices]:
+    """Return what the search for a tracker's settings may change, of those that the tracker has."""
+    known = dict(fields_of(tracker_options(tracker)))
+    return {key: values for key, values in SEARCH_SPACES[tracker].items() if key in known}
+
+
 def default_options(tracker: str) -> Options:
-    """Return where a tracker's search begins: the defaults of the settings in its space, by dotted key."""
+    """Return where a tracker's search begins: the defaults of the settings in its space that are searched then."""
     fields = dict(fields_of(tracker_options(tracker)))
-    return {key: fields[key].get_default() for key in SEARCH_SPACES[tracker]}
+    defaults = {key: fields[key].get_default() for key in space_of(tracker)}
+    return {key: value for key, value in defaults.items() if value is not None and is_searched(key, defaults)}
 
 
-def ladders(tracker: str) -> dict[str, list[Value]]:
-    """Return the values of each setting of a tracker in order, with the default among them."""
-    defaults = default_options(tracker)
-    return {key: _with(defaults[key], values) for key, values in SEARCH_SPACES[tracker].items()}
+def is_searched(key: str, options: Mapping[str, Value]) -> bool:
+    """Return whether a setting makes a difference: its group has no switch, or the switch is on."""
+    switch = f"{key.rpartition('.')[0]}.on"
+    return key == switch or bool(options.get(switch, True))
 
 
 def nested(options: Mapping[str, Value]) -> Options:
@@ -148,9 +222,3 @@ def nested(options: Mapping[str, Value]) -> Options:
             group = inner
         group[last] = value
     return table
-
-
-def _with(default: Value, values: Sequence[Value]) -> list[Value]:
-    if default in values:
-        return list(values)
-    return sorted([*values, default], key=lambda value: value if isinstance(value, int | float) else math.inf)

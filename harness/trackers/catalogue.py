@@ -106,7 +106,9 @@ def tracker_options(name: str) -> type[Settings]:
     return cast(type[Settings], getattr(importlib.import_module(module), options))
 
 
-def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
+def build_tracker(
+    maker: str | TrackerFactory, setting: TrackerSetting, options: Mapping[str, object], *, tuned: bool = True
+) -> AnyTracker:
     """Build a fresh tracker for one episode.
 
     Args:
@@ -115,13 +117,14 @@ def build_tracker(maker: str | TrackerFactory, setting: TrackerSetting, options:
             tracker of one's own; or the factory itself.
         setting: What the tracker may know.
         options: The tracker's own options; they override its tuned ones.
+        tuned: Whether the others are as they were tuned; else they are as in the tracker's code.
 
     Raises:
         InputError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
     """
     if isinstance(maker, str):
         factory = _factory(maker)
-        options = _over(tuned_options(maker), options)
+        options = _over(tuned_options(maker), options) if tuned else options
     else:
         factory = maker
     _check_signature(maker, factory)

@@ -29,10 +29,11 @@ class DoubtfulOptions(Settings):
     standing_mps: Positive = 2.0
     """A track stands if its speed may be below this."""
     standing_std: Annotated[NotNegative, in_unit("σ")] = 0.0  # noqa: RUF001
-    """How many of its stated deviations a speed may be off; the more, the longer a new track must show that it moves."""
-    flow_mps: Positive = 5.0
-    """Traffic flows if the median speed of the other confirmed tracks nearby, without the doubtful ones, is above this.
+    """How many of its stated deviations a speed may be off; the more, the longer a new track has to show that it
+    moves.
     """
+    flow_mps: Positive = 5.0
+    """Traffic flows if the median speed of the other confirmed tracks nearby is above this; doubtful ones don't count."""
     flow_within_m: Positive = 100.0
     """Tracks within this distance are nearby."""
     least_others: Annotated[int, Field(ge=1)] = 2
