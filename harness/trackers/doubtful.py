@@ -33,7 +33,7 @@ class DoubtfulOptions(Settings):
     moves.
     """
     flow_mps: Positive = 5.0
-    """Traffic flows if the median speed of the other confirmed tracks nearby is above this; doubtful ones don't count."""
+    """Traffic flows if the median speed of the other confirmed tracks nearby is above this, without doubtful ones."""
     flow_within_m: Positive = 100.0
     """Tracks within this distance are nearby."""
     least_others: Annotated[int, Field(ge=1)] = 2

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import Future
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
 from harness.config.model import SensorConfig
+from harness.errors import InputError
 from harness.grid import tuning
 from harness.grid.pool import ONE_THREAD
-from harness.grid.tuning import DENSITIES, Followed, Recording, main, recordings_shared, tune
-from harness.grid.tuning_search import Scores, Trial, search
-from harness.grid.tuning_spaces import SEARCH_SPACES, nested
+from harness.grid.tuning import DENSITIES, Recording, follow, main
+from harness.grid.tuning_search import Found, Scores, Trial
+from harness.grid.tuning_spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.running.follow import track
 from harness.scoring import score_run
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
@@ -33,7 +32,7 @@ def test_help_tells_every_option(monkeypatch):
     equals_golden(tuning._parser().format_help().split("\n\n", 1)[1], GOLDEN / "tuning-help.txt")
     chosen = tuning._parser().parse_args(["--tracker", "pmbm"])
     assert vars(chosen) == {
-        "tracker": "pmbm", "seeds": "100:102", "duration": 20.0, "sensor": SensorConfig().profile, "trials": 24,
+        "tracker": "pmbm", "seeds": "100:104", "duration": 12.0, "sensor": SensorConfig().profile, "trials": 64,
         "processes": 1, "write": False,
     }  # fmt: skip
 
@@ -41,55 +40,80 @@ def test_help_tells_every_option(monkeypatch):
 @pytest.fixture
 def asked(monkeypatch) -> dict:
     """Let nothing be followed: what is asked for is noted, and a score is made up of the options."""
-    noted: dict = {"shared": [], "tried": [], "written": []}
+    noted: dict = {"followed": [], "written": []}
 
-    @contextmanager
-    def shared(recordings, processes):
-        noted["shared"].append((list(recordings), processes))
+    def followed(tracker, options, recording):
+        noted["followed"].append((tracker, recording))
+        return Scores(50.0 + options.get("lon_noise", 0.0), 60.0)
 
-        def try_on(tracker, options):
-            noted["tried"].append(tracker)
-            return Scores(50.0 + (options.get("lon_noise", 0) or 0), 60.0)
-
-        yield try_on
-
-    monkeypatch.setattr(tuning, "recordings_shared", shared)
+    monkeypatch.setattr(tuning, "follow", followed)
     monkeypatch.setattr(tuning, "write_outcome", lambda outcome, path: noted["written"].append((outcome, path)))
     return noted
 
 
-def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(asked, capsys, monkeypatch):
-    monkeypatch.setattr(tuning, "default_options", lambda tracker: {"lon_noise": 1.0, "gate_std": None})
-    monkeypatch.setattr(tuning, "ladders", lambda tracker: {"lon_noise": [0.3, 1.0, 3.0], "gate_std": [None, 2]})
-    monkeypatch.setattr(tuning, "perf_counter", iter(np.arange(100.0) ** 2).__next__)
+def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(monkeypatch, capsys):
+    searched: list = []
+
+    def tune(tracker, batches, budget):
+        searched.append((tracker, batches, budget))
+        trials = [
+            Trial({"lon_noise": 1.0}, Scores(51.0, 60.0), 2),
+            Trial({"lon_noise": 3.0, "gate_std": 2.0}, Scores(53.0, 60.0), 2),
+            Trial({"lon_noise": 2.0}, Scores(59.0, 60.0), 1, stopped=True),
+        ]
+        return Found(trials, {"lon_noise": Range(0.3, 3.0), "gate_std": Range(1.0, 3.0)})
+
+    monkeypatch.setattr(tuning, "tune", tune)
     main(["--tracker", "oracle-kalman,pmbm", "--seeds", "101:103", "--trials", "3", "--duration", "5"])
-    recordings = [
-        Recording(density, seed, 5.0, SensorConfig().profile) for density in (20.0, 45.0) for seed in (101, 102)
+    batches = [
+        [Recording(density, seed, 5.0, SensorConfig().profile) for density in (20.0, 45.0)] for seed in (101, 102)
     ]
-    assert asked == {"shared": [(recordings, 1)], "tried": ["oracle-kalman"] * 3 + ["pmbm"] * 3, "written": []}
+    assert searched == [("oracle-kalman", batches, 3), ("pmbm", batches, 3)]
+    told = "55.50 -> 56.50 in 3 trials, 1 of them stopped early: "
+    rest = '{"lon_noise": 3.0, "gate_std": 2.0}; at the end of its range: lon_noise (high)'
+    assert capsys.readouterr().out.splitlines() == [f"{name}: {told}{rest}" for name in ("oracle-kalman", "pmbm")]
+
+
+def test_every_trial_is_told_on_stderr_with_its_scores_options_and_time(asked, capsys, monkeypatch):
+    monkeypatch.setattr(tuning, "perf_counter", iter((10.0, 52.0)).__next__)
+    monkeypatch.setattr(tuning, "default_options", lambda tracker: {"lon_noise": 1.0})
+    monkeypatch.setattr(tuning, "space_of", lambda tracker: {"lon_noise": Range(0.1, 1.0)})
+    found = tuning.tune("pmbm", [RECORDINGS[:2], RECORDINGS[2:]], 1)
+    assert asked["followed"] == [("pmbm", each) for each in RECORDINGS]
+    (trial,) = found.trials
+    assert capsys.readouterr().err == f'pmbm 55.50 {trial.scores} {{"lon_noise": 1.0}} 42 s\n'
+
+
+def test_the_usual_search_of_a_tracker_finds_better_settings_and_says_when_one_lies_at_an_end(asked, capsys):
+    main(["--tracker", "oracle-kalman", "--trials", "32"])
     out, err = capsys.readouterr()
-    equals_golden(out + err, GOLDEN / "tuning-told.txt")
+    assert len(err.splitlines()) == 32
+    assert "stopped after 1" in err
+    assert out.startswith("oracle-kalman: 55.50 -> ")
+    assert float(out.split()[3]) > 60.0
+    assert "lon_noise (high)" in out
 
 
 def test_what_was_found_is_written_with_the_command_that_finds_it_again(asked):
     main(["--tracker", "oracle-kalman", "--trials", "2", "--processes", "3", "--sensor", "radar", "--write"])
     ((outcome, path),) = asked["written"]
     assert path == TUNED_FILE
-    assert (outcome.tracker, len(outcome.trials), asked["shared"][0][1]) == ("oracle-kalman", 2, 3)
+    assert (outcome.tracker, len(outcome.found.trials)) == ("oracle-kalman", 2)
+    assert outcome.found.trials[0].options == default_options("oracle-kalman")
     assert outcome.command == (
-        "python -m harness.grid.tuning --tracker oracle-kalman --seeds 100:102 --duration 20 --sensor radar --trials 2 "
+        "python -m harness.grid.tuning --tracker oracle-kalman --seeds 100:104 --duration 12 --sensor radar --trials 2 "
         "--write"
     )
     assert outcome.recordings == [
-        {"density": density, "seed": seed, "duration_s": 20.0, "sensor": "radar"}
+        {"density": density, "seed": seed, "duration_s": 12.0, "sensor": "radar"}
+        for seed in (100, 101, 102, 103)
         for density in DENSITIES
-        for seed in (100, 101)
     ]
 
 
 def test_all_are_all_trackers_that_have_a_space(asked):
-    main(["--tracker", "all", "--trials", "1"])
-    assert asked["tried"] == list(SEARCH_SPACES)
+    main(["--tracker", "all", "--trials", "1", "--seeds", "100:101"])
+    assert [tracker for tracker, _ in asked["followed"]] == [each for each in SEARCH_SPACES for _ in DENSITIES]
 
 
 @pytest.mark.parametrize(
@@ -102,6 +126,7 @@ def test_all_are_all_trackers_that_have_a_space(asked):
         (["--tracker", "pmbm", "--trials", "0"], "--trials and --processes: give 1 or more"),
         (["--tracker", "pmbm", "--processes", "0"], "--trials and --processes: give 1 or more"),
         (["--tracker", "pmbm", "--seeds", "7"], "--seeds 7: give two numbers as A:B"),
+        (["--tracker", "pmbm", "--seeds", "0:3"], "--seeds 0:3: tuning is done on seeds from 100 to 199 only"),
         (["--tracker", "pmbm", "--seeds", "99:101"], "--seeds 99:101: tuning is done on seeds from 100 to 199 only"),
         (["--tracker", "pmbm", "--seeds", "150:150"], "--seeds 150:150: tuning is done on seeds from 100 to 199 only"),
         (["--tracker", "pmbm", "--seeds", "199:201"], "--seeds 199:201: tuning is done on seeds from 100 to 199 only"),
@@ -112,34 +137,27 @@ def test_what_is_wrong_is_told_in_one_line(asked, words, problem, capsys):
         main(words)
     assert refused.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1] == f"python -m harness.grid.tuning: error: {problem}"
+    assert asked["followed"] == []
+
+
+def test_without_optuna_the_command_ends_before_anything_is_recorded(asked, capsys, monkeypatch):
+    def missing():
+        raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'")
+
+    monkeypatch.setattr(tuning, "check_installed", missing)
+    with pytest.raises(SystemExit) as refused:
+        main(["--tracker", "pmbm"])
+    assert refused.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1].endswith("pip install '.[tuning]'")
 
 
 def test_the_first_and_the_last_tuning_seed_may_be_used(asked):
-    main(["--tracker", "pmbm", "--trials", "1", "--seeds", "100:200"])
-    assert [each.seed for each in asked["shared"][0][0]] == [*range(100, 200)] * 2
-
-
-def followed_by(monkeypatch) -> list:
-    """Let a recording's scores be its seed, and note which recordings are followed together."""
-    together: list = []
-
-    def follow_all(tracker, options, recordings):
-        together.append((tracker, options, recordings))
-        return [Followed(Scores(float(each.seed), 1.0), 1.0) for each in recordings]
-
-    monkeypatch.setattr(tuning, "follow_all", follow_all)
-    return together
-
-
-def test_one_process_follows_all_recordings_itself(monkeypatch):
-    together = followed_by(monkeypatch)
-    with recordings_shared(RECORDINGS, 1) as try_on:
-        assert try_on("pmbm", {"a": 1}).hota == 101.0
-    assert together == [("pmbm", {"a": 1}, tuple(RECORDINGS))]
+    main(["--tracker", "oracle-kalman", "--trials", "1", "--seeds", "100:200"])
+    assert [each.seed for _, each in asked["followed"]] == [seed for seed in range(100, 200) for _ in DENSITIES]
 
 
 class Executor:
-    """A process of one worker that is this one."""
+    """A pool of processes that is this one."""
 
     made: list[tuple]
 
@@ -152,27 +170,25 @@ class Executor:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def submit(self, work, *words) -> Future:
-        told: Future = Future()
-        told.set_result(work(*words))
-        return told
+    def map(self, work, names):
+        assert isinstance(work, partial)  # which processes can be sent
+        return map(work, names)
 
 
-@pytest.mark.parametrize(("processes", "shares"), [(2, [[0, 2], [1]]), (5, [[0], [1], [2]])])
-def test_recordings_are_dealt_out_to_processes_of_one_thread(processes, shares, monkeypatch):
+@pytest.mark.parametrize(("processes", "workers"), [(2, 2), (5, 3)])
+def test_trackers_are_dealt_out_to_processes_of_one_thread(processes, workers, monkeypatch, asked, capsys):
     Executor.made = []
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "8")
     monkeypatch.setattr(tuning, "ProcessPoolExecutor", Executor)
-    together = followed_by(monkeypatch)
-    with recordings_shared(RECORDINGS, processes) as try_on:
-        assert try_on("pmbm", {}).hota == 101.0
-        assert [os.environ[name] for name in ONE_THREAD] == ["1"] * len(ONE_THREAD)
-    assert [list(each[2]) for each in together] == [[RECORDINGS[place] for place in share] for share in shares]
-    assert Executor.made == [(1, "spawn")] * len(shares)
+    names = "pmbm,imm-gnn,oc-sort"
+    main(["--tracker", names, "--trials", "1", "--seeds", "100:101", "--processes", str(processes)])
+    assert [os.environ[name] for name in ONE_THREAD] == ["1"] * len(ONE_THREAD)
+    assert Executor.made == [(workers, "spawn")]
+    assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == names.split(",")
 
 
-def test_a_recording_is_followed_by_the_tracker_with_its_options(monkeypatch):
+def test_a_recording_is_followed_by_the_tracker_with_its_options_and_none_of_its_tuned_ones(monkeypatch):
     looks = looking_at(SteadyTraffic(steps=8, cars_per_lane=2))(tuning.RunConfig()).kept()
     monkeypatch.setattr(tuning, "_looks", lambda recording: looks if recording == RECORDINGS[1] else None)
     scored: list = []
@@ -182,15 +198,15 @@ def test_a_recording_is_followed_by_the_tracker_with_its_options(monkeypatch):
         return scored[0][1]
 
     monkeypatch.setattr(tuning, "score_run", score)
-    options = {"confirm_detections": 2}
-    (followed,) = tuning.follow_all("oracle-kalman", options, (RECORDINGS[1],))
-    tables = track(looks, lambda setting: build_tracker("oracle-kalman", setting, nested(options)), 101)
+    options = {"confirm_detections": 2, "doubtful.on": True}
+    scores = follow("imm-gnn", options, RECORDINGS[1])
+    build = partial(build_tracker, "imm-gnn", options=nested(options), tuned=False)
+    tables = track(looks, build, 101)
     ((seed, told, tracks),) = scored
     assert seed == 101
     pd.testing.assert_frame_equal(tracks, tables.tracks)
-    assert repr(followed.scores) == repr(Scores.of(told.metrics))
+    assert repr(scores) == repr(Scores.of(told.metrics))
     assert told.metrics["mot"]["hota"] > 0.0
-    assert 0.001 < followed.ms_per_step < 1000.0
 
 
 def test_a_recording_is_of_us101_at_its_density_seed_length_and_sensor(monkeypatch):
@@ -209,24 +225,3 @@ def test_a_recording_is_of_us101_at_its_density_seed_length_and_sensor(monkeypat
     (config,) = opened
     assert (config.seed, config.sensor.profile) == (107, "radar")
     assert (config.traffic.net, config.traffic.density, config.traffic.duration_s) == ("us101", 45.0, 12.5)
-
-
-def test_a_search_tries_settings_in_this_order():
-    """Each setting is moved while that helps, first up, then down; then pairs are drawn, the same in every search."""
-    ladders = {"a": [0, 1, 2], "b": ["x", "y"], "c": [5, 6, 7]}
-
-    def score(options) -> Trial:
-        value = options["a"] + (options["b"] == "y") - abs(options["c"] - 5)
-        return Trial(dict(options), Scores(float(value), 0.0))
-
-    trials = search({"a": 1, "b": "x", "c": 6}, ladders, score, 18)
-    tried = "\n".join(f"{trial.options} {trial.objective:g}" for trial in trials)
-    equals_golden(tried + "\n", GOLDEN / "search.txt")
-
-
-def test_a_trial_is_told_on_stderr_with_its_scores_options_and_time(capsys, monkeypatch):
-    monkeypatch.setattr(tuning, "perf_counter", iter((10.0, 52.0)).__next__)
-    monkeypatch.setattr(tuning, "default_options", lambda tracker: {"a": None})
-    monkeypatch.setattr(tuning, "ladders", lambda tracker: {"a": [None]})
-    (trial,) = tune("pmbm", 1, lambda tracker, options: Scores(90.0, 80.0, 1.0, 0.5))
-    assert capsys.readouterr().err == f'pmbm 79.00 {trial.scores} {{"a": null}} 42 s\n'

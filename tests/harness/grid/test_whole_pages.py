@@ -16,7 +16,8 @@ from harness.grid.mismatch import AS_IS, Cost, costs, costs_markdown, leads
 from harness.grid.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
 from harness.grid.pooled_tables import hidden_figure, pooled_markdown
 from harness.grid.tuning_file import Outcome, write_outcome
-from harness.grid.tuning_search import Scores, Trial
+from harness.grid.tuning_search import Found, Scores, Trial
+from harness.grid.tuning_spaces import Range
 from harness.grid.worlds import usual_worlds
 from harness.scoring.metrics import quantities
 from harness.sensor.profiles import sensor_settings
@@ -217,12 +218,18 @@ def test_an_arm_is_told_with_its_mean_and_its_difference_from_the_default_on_the
 def test_the_file_of_tuned_settings_is_written_anew_but_for_other_trackers(tmp_path):
     path = tmp_path / "tuned.toml"
     path.write_text("# tuned\n\n[pmbm]\nbudget = 1\n\n[pmbm.options]\ngate = 3\n\n[imm-gnn]\nbudget = 2\n")
-    options = {"gate_std": 3.0, "stitching.margin_m": 5.0, "detection_probability": None, "association": "distance"}
-    trials = [Trial(options | {"gate_std": 4.0}, Scores(80.0, 90.0)), Trial(options, Scores(90.0, 95.0, 0.25, 0.125))]
+    options = {"gate_std": 3.0, "stitching.margin_m": 5.0, "association": "distance"}
+    trials = [
+        Trial(options | {"gate_std": 4.0}, Scores(80.0, 90.0)),
+        Trial(options, Scores(90.0, 95.0, 0.25, 0.125, 99.0)),
+        Trial(options, Scores(70.0, 75.0), stopped=True),
+    ]
+    space = {"gate_std": Range(2.0, 3.0), "stitching.margin_m": Range(1.0, 9.0), "association": ("distance", "overlap")}
+    found = Found(trials, space)
     recordings = [{"density": 20.0, "seed": 100, "sensor": "lidar"}, {"density": 45.0, "seed": 101, "sensor": "lidar"}]
     for tracker in ("pmbm", "mmpf"):
-        write_outcome(Outcome(tracker, "python -m x", recordings, trials), path)
+        write_outcome(Outcome(tracker, "python -m x", recordings, found), path)
     equals_golden(path.read_text(), GOLDEN / "tuned.toml")
     new = tmp_path / "new.toml"
-    write_outcome(Outcome("pmbm", "python -m x", [], trials[:1]), new)
+    write_outcome(Outcome("pmbm", "python -m x", [], Found(trials[:1], space)), new)
     assert new.read_text().startswith('[pmbm]\ncommand = "python -m x"\nbudget = 1\n')

@@ -6,9 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.trackers.kalman import LAT, LON, SPEED
+from harness.trackers.catalogue import build_tracker
+from harness.trackers.kalman import LAT, LON, SPEED, GaussianStates
+from harness.trackers.protocol import TrackerSetting
+from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import NO_TRACK, Cluster, Limits, merged, simplified, together, united
-from harness.trackers.rivals.pmbm.mixture import Mixture, Pruning
+from harness.trackers.rivals.pmbm.mixture import Mixture, Pruning, Singles
+from harness.trackers.rivals.pmbm.tracker import Pmbm, PmbmOptions
+from mmpf.road import highway
+from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+from mmpf.tracks import CONFIRMED, Tracks
 from tests.harness.trackers.rivals import close_targets
 from tests.harness.trackers.rivals.close_targets import (
     AT_FIRST,
@@ -24,6 +31,7 @@ from tests.harness.trackers.rivals.close_targets import (
     scene,
 )
 
+SETTING = TrackerSetting(highway(), SensorModel(), np.random.default_rng(0))
 EVERYTHING = Pruning(gate_std=1e6, limits=Limits(10**12, 1e-30), least_existence=1e-12)
 SCANS = [
     np.array([[100.0, 100.0], [104.0, 99.0]]),
@@ -183,3 +191,35 @@ def test_a_straight_target_without_clutter_is_a_kalman_filters():
 def test_four_targets_that_meet_among_clutter_are_followed_through():
     rng = np.random.default_rng(9)
     assert rms_gospa(scene(rng), 5, rng) == pytest.approx(2.84, abs=0.3)
+
+
+def tracks_of_one_vehicle(options: dict[str, object], scans: int = 12) -> Tracks:
+    tracker = build_tracker("pmbm", SETTING, options, tuned=False)
+    for k in range(scans):
+        place = np.array([220.0 + 2.0 * k]), np.array([5.5])
+        found = Detections(*place, np.full(1, np.nan), np.full(1, 0.2), np.full(1, 0.2), np.full(1, np.nan))
+        tracks = tracker.step(Scan(0.1 * k, found, EgoPose(200.0 + 2.0 * k, 5.5, 0.0, 20.0, 4.7, 1.9)))
+    return tracks
+
+
+@pytest.mark.parametrize("share", [0.1, 1e-3, 1e-5])
+def test_however_rare_newcomers_are_a_vehicle_that_is_seen_again_and_again_is_reported(share):
+    tracks = tracks_of_one_vehicle({"newcomer_share": share})
+    assert tracks.state.tolist() == [CONFIRMED]
+    assert tracks.existence[0] > 0.9
+
+
+def test_a_track_without_a_part_in_the_best_hypothesis_lies_in_the_shadow_of_every_other():
+    """Two vehicles stand behind one another; whichever track is asked about, the front one hides the rear one."""
+    tracker = Pmbm(PmbmOptions(), SETTING)
+    lives = Lives(np.array([7, 9]), np.zeros(2), np.full(2, 5))
+    mean = np.array([[210.0, 20.0, 5.5, 0.0], [230.0, 20.0, 5.5, 0.0]])
+    states = GaussianStates(mean, np.tile(0.01 * np.eye(4), (2, 1, 1)))
+    singles = Singles(lives, states, np.ones(2), np.tile([4.7, 1.9], (2, 1)), np.zeros((2, 0), dtype=np.int64))
+    scan = Scan(0.0, Detections(*[np.zeros(0)] * 6), EgoPose(200.0, 5.5, 0.0, 20.0, 4.7, 1.9))
+    both = Mixture(singles, (Cluster(((0,),), (0.0,)), Cluster(((1,),), (0.0,))))
+    front_alone = Mixture(singles, (Cluster(((0,), (1,)), (-0.1, -2.4)),))
+    for mixture in (both, front_alone):
+        front, rear = tracker._seen(scan, mixture)
+        assert front == pytest.approx(SETTING.sensor.detection_probability)
+        assert rear == pytest.approx(PmbmOptions().hidden_probability)
