@@ -4,10 +4,10 @@
 
 Detections are recorded once, at two densities, on seeds that are never reported on (100 to 199), and every setting of
 every tracker follows the same ones. ``tuning_search`` is the search, ``tuning_spaces`` what it may change; it begins at
-the trackers' defaults, and each tracker is tried the same number of times. A setting is tried on one seed's recordings
-after the other and stopped when it is behind. ``--write`` puts the outcome into ``harness/trackers/tuned.toml``, from
-which the trackers take their defaults; mmpf's are defaults in its code, which are to be brought up to what the file
-says.
+the trackers' defaults and at what was found before, and each tracker is tried the same number of times. A setting is
+tried on one seed's recordings after the other and stopped when it is behind. ``--write`` puts the outcome into
+``harness/trackers/tuned.toml``, from which the trackers take their defaults; mmpf's are defaults in its code, which are
+to be brought up to what the file says.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from harness.errors import InputError
 from harness.grid.pool import ONE_THREAD
 from harness.grid.tuning_file import Outcome, write_outcome
 from harness.grid.tuning_search import Found, Scores, Trial, check_installed, search
-from harness.grid.tuning_spaces import ALWAYS, SEARCH_SPACES, Options, default_options, nested, space_of
+from harness.grid.tuning_spaces import ALWAYS, SEARCH_SPACES, Options, nested, space_of, starts_of
 from harness.running.follow import track
 from harness.running.looks import Looks
 from harness.running.open import open_looks
@@ -80,7 +80,7 @@ def tune(tracker: str, batches: Batches, budget: int) -> Found:
     def follow_batch(options: Options, batch: int) -> list[Scores]:
         return [follow(tracker, options, recording) for recording in batches[batch]]
 
-    return search(default_options(tracker), space_of(tracker), follow_batch, len(batches), budget, tell)
+    return search(starts_of(tracker), space_of(tracker), follow_batch, len(batches), budget, tell)
 
 
 def follow(tracker: str, options: Options, recording: Recording) -> Scores:

@@ -1,13 +1,15 @@
 """The search for a tracker's settings: Optuna's tree-structured Parzen estimator with successive halving.
 
-Each setting is tried on the recordings batch by batch; one that is behind half of those tried so far is stopped. Half
-way and at three quarters of the trials, ranges at whose end the best setting lies are widened.
+A trial keeps most of the best setting's values, and Optuna chooses the others: with a dozen or more values to choose
+and a budget of some dozens of trials, choosing all of them anew finds less. Each setting is tried on the recordings
+batch by batch; one that is behind half of those tried so far is stopped. Half way and at three quarters of the trials,
+ranges at whose end the best setting lies are widened.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -27,6 +29,7 @@ OBJECTIVE = (
     f"{WITHHELD_COST:g} (100 - plain_view_recall), each where it is measured"
 )
 _WIDENED_AFTER = (0.5, 0.75)
+_KEPT = 0.75
 
 
 @dataclass(frozen=True)
@@ -149,7 +152,7 @@ Follow = Callable[[Options, int], Sequence[Scores]]
 
 
 def search(
-    start: Options,
+    starts: Sequence[Options],
     space: Mapping[str, Range | Choices],
     follow: Follow,
     batches: int,
@@ -159,7 +162,7 @@ def search(
     """Search for the best setting.
 
     Args:
-        start: The first setting that is tried.
+        starts: The settings that are tried first.
         space: The values of each setting.
         follow: Follows one batch of recordings with given options, and returns the scores on each.
         batches: How many batches there are.
@@ -169,23 +172,34 @@ def search(
     Raises:
         InputError: Optuna is not installed.
     """
-    study, space = _study(), dict(space)
-    trials = [_tried(start, follow, batches, None)]
-    study.add_trial(_known(trials[0], space))
-    tell(trials[0])
+    study, space, rng = _study(), dict(space), np.random.default_rng(0)
+    trials: list[Trial] = []
     while len(trials) < budget:
         if len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
-            for key, end in Found(trials, space).at_an_end.items():
-                values = space[key]
-                space[key] = values.widened(end) if isinstance(values, Range) else values
+            space = _widened(space, Found(trials, space).at_an_end)
+        if len(trials) < len(starts):
+            kept, like = set(space), starts[len(trials)]
+        else:
+            kept, like = {key for key in space if rng.random() < _KEPT}, Found(trials, space).best.options
+        study.enqueue_trial({key: value for key, value in like.items() if key in kept and value in space[key]})
         asked = study.ask()
-        trials.append(_tried(_suggested(asked, space), follow, batches, asked))
+        options = _suggested(asked, space, kept, like)
+        trials.append(_tried(options, follow, batches, asked))
         if trials[-1].stopped:
             study.tell(asked, state=_optuna().trial.TrialState.PRUNED)
         else:
             study.tell(asked, trials[-1].objective)
         tell(trials[-1])
     return Found(trials, space)
+
+
+def _widened(space: Mapping[str, Range | Choices], at_an_end: Mapping[str, End]) -> dict[str, Range | Choices]:
+    """Return what is searched with some ranges widened at an end."""
+    wider = dict(space)
+    for key, end in at_an_end.items():
+        values = space[key]
+        wider[key] = values.widened(end) if isinstance(values, Range) else values
+    return wider
 
 
 def check_installed() -> None:
@@ -217,45 +231,37 @@ def _study() -> Any:  # noqa: ANN401
 
 
 def _tried(options: Options, follow: Follow, batches: int, asked: Any) -> Trial:  # noqa: ANN401
-    """Return how well a setting did; one that Optuna asked for is stopped when it says so."""
+    """Return how well a setting did; it is stopped when Optuna says so."""
     done: list[Scores] = []
     for batch in range(1, batches + 1):
         done += follow(options, batch - 1)
         trial = Trial(options, Scores.mean(done), batch)
-        if asked is not None and batch < batches:
+        if batch < batches:
             asked.report(trial.objective, batch)
             if asked.should_prune():
                 return replace(trial, stopped=True)
     return trial
 
 
-def _suggested(asked: Any, space: Mapping[str, Range | Choices]) -> Options:  # noqa: ANN401
+def _suggested(
+    asked: Any,  # noqa: ANN401
+    space: Mapping[str, Range | Choices],
+    kept: Collection[str],
+    like: Options,
+) -> Options:
+    """Return a setting that has some values of another, and none where that one has none; Optuna chooses the rest."""
     options: Options = {}
     # Switches come first, since it depends on them what else is asked for.
     for key in sorted(space, key=lambda key: not key.endswith(".on")):
-        if not is_searched(key, options):
+        if not is_searched(key, options) or (key in kept and key not in like):
             continue
         values = space[key]
-        if not isinstance(values, Range):
+        if key in kept and like[key] not in values:
+            options[key] = like[key]
+        elif not isinstance(values, Range):
             options[key] = asked.suggest_categorical(key, values)
         elif values.whole:
             options[key] = asked.suggest_int(key, int(values.low), int(values.high))
         else:
             options[key] = short(asked.suggest_float(key, values.low, values.high, log=values.log))
     return options
-
-
-def _known(trial: Trial, space: Mapping[str, Range | Choices]) -> Any:  # noqa: ANN401
-    """Return a finished trial as Optuna is told of it, without the values that are outside their ranges."""
-    kinds = _optuna().distributions
-    told = {key: value for key, value in trial.options.items() if value in space[key]}
-    distributions = {}
-    for key in told:
-        values = space[key]
-        if not isinstance(values, Range):
-            distributions[key] = kinds.CategoricalDistribution(values)
-        elif values.whole:
-            distributions[key] = kinds.IntDistribution(int(values.low), int(values.high))
-        else:
-            distributions[key] = kinds.FloatDistribution(values.low, values.high, log=values.log)
-    return _optuna().trial.create_trial(value=trial.objective, params=told, distributions=distributions)

@@ -1,7 +1,8 @@
 """What the search for each tracker's settings may change: a range of numbers or a few values for each setting.
 
-Keys are dotted, as below ``tracker.options``. The search begins at the trackers' own defaults, so that it leans on no
-earlier one. Settings of a group with a switch, ``doubtful.on``, are searched only while it is on.
+Keys are dotted, as below ``tracker.options``. The search begins at the trackers' own defaults and goes on from the
+settings that an earlier one found. Settings of a group with a switch, ``doubtful.on``, are searched only while it is
+on.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from harness.trackers.catalogue import tracker_options
+from harness.trackers.catalogue import tracker_options, tuned_options
 from mmpf.settings import fields_of
 
 Value = object
@@ -196,8 +197,20 @@ def space_of(tracker: str) -> dict[str, Range | Choices]:
     return {key: values for key, values in SEARCH_SPACES[tracker].items() if key in known}
 
 
+def starts_of(tracker: str) -> list[Options]:
+    """Return where a tracker's search begins: the defaults, what was found before, and that with its switches on."""
+    space, defaults = space_of(tracker), default_options(tracker)
+    before = {key: value for key, value in flat(tuned_options(tracker)).items() if key in space} or defaults
+    switched_on = before | {key: True for key in space if key.endswith(".on")}
+    starts: list[Options] = []
+    for start in (defaults, before, switched_on):
+        if start not in starts:
+            starts.append(start)
+    return starts
+
+
 def default_options(tracker: str) -> Options:
-    """Return where a tracker's search begins: the defaults of the settings in its space that are searched then."""
+    """Return the defaults of the settings in a tracker's space that are searched then."""
     fields = dict(fields_of(tracker_options(tracker)))
     defaults = {key: fields[key].get_default() for key in space_of(tracker)}
     return {key: value for key, value in defaults.items() if value is not None and is_searched(key, defaults)}
@@ -207,6 +220,14 @@ def is_searched(key: str, options: Mapping[str, Value]) -> bool:
     """Return whether a setting makes a difference: its group has no switch, or the switch is on."""
     switch = f"{key.rpartition('.')[0]}.on"
     return key == switch or bool(options.get(switch, True))
+
+
+def flat(table: Mapping[str, Value], prefix: str = "") -> Options:
+    """Return the groups that a tracker takes as dotted options."""
+    options: Options = {}
+    for key, value in table.items():
+        options |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return options
 
 
 def nested(options: Mapping[str, Value]) -> Options:
