@@ -175,12 +175,12 @@ def search(
     study, space, rng = _study(), dict(space), np.random.default_rng(0)
     trials: list[Trial] = []
     while len(trials) < budget:
-        if len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
+        if trials and len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
             space = _widened(space, Found(trials, space).at_an_end)
         if len(trials) < len(starts):
             kept, like = set(space), starts[len(trials)]
         else:
-            kept, like = {key for key in space if rng.random() < _KEPT}, Found(trials, space).best.options
+            kept, like = _kept(list(space), rng), Found(trials, space).best.options
         study.enqueue_trial({key: value for key, value in like.items() if key in kept and value in space[key]})
         asked = study.ask()
         options = _suggested(asked, space, kept, like)
@@ -191,6 +191,12 @@ def search(
             study.tell(asked, trials[-1].objective)
         tell(trials[-1])
     return Found(trials, space)
+
+
+def _kept(keys: Sequence[str], rng: np.random.Generator) -> set[str]:
+    """Return which settings stay as they are: most of them, and never all."""
+    changed = keys[int(rng.integers(len(keys)))]
+    return {key for key in keys if rng.random() < _KEPT and key != changed}
 
 
 def _widened(space: Mapping[str, Range | Choices], at_an_end: Mapping[str, End]) -> dict[str, Range | Choices]:

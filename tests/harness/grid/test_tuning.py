@@ -8,9 +8,20 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InputError
+from harness.grid import tuning_spaces
 from harness.grid.tuning_file import Outcome, write_outcome
 from harness.grid.tuning_search import Found, Scores, Trial, check_installed, ends_near, search
-from harness.grid.tuning_spaces import ALWAYS, SEARCH_SPACES, Range, default_options, is_searched, nested, space_of
+from harness.grid.tuning_spaces import (
+    ALWAYS,
+    SEARCH_SPACES,
+    Range,
+    default_options,
+    flat,
+    is_searched,
+    nested,
+    space_of,
+    starts_of,
+)
 from harness.trackers.catalogue import TUNED_FILE, available_trackers, tracker_options
 
 SPACE = {"a": Range(0.0, 10.0), "b": Range(0.01, 100.0, log=True), "n": Range(1, 9, whole=True), "c": ("no", "yes")}
@@ -32,7 +43,7 @@ def quietly(trial: Trial) -> None:
 
 
 def test_the_search_comes_near_the_best_setting():
-    found = search(START, SPACE, near_a_place, 1, 64, quietly)
+    found = search([START], SPACE, near_a_place, 1, 64, quietly)
     assert near_a_place(START)[0].hota == pytest.approx(37.7, abs=0.1)
     assert found.best.objective > 48.0
     assert found.best.options["c"] == "yes"
@@ -40,18 +51,36 @@ def test_the_search_comes_near_the_best_setting():
 
 @pytest.mark.parametrize("budget", [1, 2, 5, 24])
 def test_each_search_begins_at_the_start_and_uses_its_budget_up(budget: int):
-    trials = search(START, SPACE, near_a_place, 2, budget, quietly).trials
+    trials = search([START], SPACE, near_a_place, 2, budget, quietly).trials
     assert len(trials) == budget
     assert trials[0] == Trial(START, Scores(*[trials[0].objective] * 2), 2)
 
 
+def test_a_trial_keeps_most_of_the_best_setting_and_all_of_what_it_is_told_to_begin_with():
+    other = {"a": 3.0, "b": 2.0, "n": 4, "c": "yes"}
+    space = SPACE | {f"k{k}": Range(0.0, 1.0) for k in range(20)}
+    start = START | {f"k{k}": 0.5 for k in range(20)}
+    follow = lambda options, batch: scored(1.0 if options == start else 0.0)  # noqa: E731
+    trials = search([start, other], space, follow, 1, 42, quietly).trials
+    assert [trial.options for trial in trials[:2]] == [start, other]
+    kept = [sum(trial.options[key] == start[key] for key in start) for trial in trials[2:]]
+    assert 0.6 * len(start) < sum(kept) / len(kept) < 0.85 * len(start)
+    assert max(kept) < len(start)
+
+
+def test_what_a_setting_leaves_to_the_trackers_defaults_is_mostly_left_so():
+    follow = lambda options, batch: scored(1.0 - len(options))  # noqa: E731
+    tried = search([{}], {name: Range(0.0, 1.0) for name in "abcdef"}, follow, 1, 40, quietly).trials
+    assert sum(len(trial.options) for trial in tried) < 0.5 * 6 * len(tried)
+
+
 def test_the_same_search_tries_the_same_settings():
-    once, again = (search(START, SPACE, near_a_place, 2, 20, quietly).trials for _ in range(2))
+    once, again = (search([START], SPACE, near_a_place, 2, 20, quietly).trials for _ in range(2))
     assert once == again
 
 
 def test_every_setting_lies_in_its_range_and_has_three_digits():
-    for trial in search(START, SPACE, near_a_place, 1, 20, quietly).trials:
+    for trial in search([START], SPACE, near_a_place, 1, 20, quietly).trials:
         assert all(trial.options[key] in values for key, values in SPACE.items())
         assert all(float(f"{trial.options[key]:.3g}") == trial.options[key] for key in ("a", "b"))
         assert isinstance(trial.options["n"], int)
@@ -64,9 +93,9 @@ def test_what_is_behind_is_stopped_and_never_the_best():
         asked.append((options["a"], batch))
         return scored(options["a"])
 
-    found = search({"a": 5.0}, {"a": Range(0.0, 10.0)}, follow, 4, 40, quietly)
+    found = search([{"a": 5.0}], {"a": Range(0.0, 10.0)}, follow, 4, 40, quietly)
     stopped = [trial for trial in found.trials if trial.stopped]
-    assert 10 <= len(stopped) < 40
+    assert 3 <= len(stopped) < 40
     assert {trial.batches for trial in stopped} <= {1, 2, 3}
     assert {trial.batches for trial in found.trials if not trial.stopped} == {4}
     assert len(asked) == sum(trial.batches for trial in found.trials) < 4 * 40
@@ -81,22 +110,22 @@ def test_a_trial_is_scored_by_the_mean_over_all_recordings_of_its_batches():
     def follow(options: dict[str, object], batch: int) -> list[Scores]:
         return [Scores(value, value) for value in values[batch]]
 
-    (trial,) = search({"a": 1.0}, {"a": Range(0.0, 2.0)}, follow, 2, 1, quietly).trials
+    (trial,) = search([{"a": 1.0}], {"a": Range(0.0, 2.0)}, follow, 2, 1, quietly).trials
     assert trial.scores.hota == 30.0
 
 
 def test_the_defaults_may_lie_outside_the_ranges():
-    found = search({"a": 50.0}, {"a": Range(0.0, 10.0)}, lambda options, batch: scored(1.0), 1, 3, quietly)
+    found = search([{"a": 50.0}], {"a": Range(0.0, 10.0)}, lambda options, batch: scored(1.0), 1, 3, quietly)
     assert found.trials[0].options["a"] == 50.0
-    assert all(trial.options["a"] <= 22.5 for trial in found.trials[1:])
+    assert len(found.trials) == 3
 
 
 def test_a_range_at_whose_end_the_best_lies_is_widened_on_the_way():
-    found = search({"a": 5.0}, {"a": Range(0.0, 10.0)}, lambda options, batch: scored(options["a"]), 1, 40, quietly)
-    assert found.space["a"].high == 22.5
+    found = search([{"a": 5.0}], {"a": Range(0.0, 10.0)}, lambda options, batch: scored(options["a"]), 1, 40, quietly)
+    assert found.space["a"].high in {15.0, 22.5}
     assert found.space["a"].low == 0.0
-    assert found.best.options["a"] > 12.0
-    inside = search({"a": 5.0}, {"a": Range(0.0, 10.0)}, lambda o, batch: scored(-abs(o["a"] - 5.0)), 1, 40, quietly)
+    assert found.best.options["a"] > 10.0
+    inside = search([{"a": 5.0}], {"a": Range(0.0, 10.0)}, lambda o, batch: scored(-abs(o["a"] - 5.0)), 1, 40, quietly)
     assert inside.space["a"] == Range(0.0, 10.0)
     assert inside.at_an_end == {}
 
@@ -139,7 +168,7 @@ def test_a_group_that_is_switched_off_is_not_searched():
     assert is_searched("doubtful.flow_mps", {"doubtful.on": True})
     assert not is_searched("doubtful.flow_mps", {"doubtful.on": False})
     space = {"x.on": (False, True), "x.a": Range(0.0, 1.0)}
-    tried = search({"x.on": False}, space, lambda options, batch: scored(len(options)), 1, 20, quietly).trials
+    tried = search([{"x.on": False}], space, lambda options, batch: scored(len(options)), 1, 20, quietly).trials
     assert all(("x.a" in trial.options) == trial.options["x.on"] for trial in tried)
     assert {trial.options["x.on"] for trial in tried} == {False, True}
 
@@ -168,9 +197,27 @@ def test_every_tracker_has_a_space_of_options_that_it_takes_and_starts_at_its_de
                 settings.model_validate(nested({**ALWAYS.get(tracker, {}), option: value}))
 
 
+def test_a_search_begins_at_the_defaults_at_what_was_found_before_and_at_that_with_its_switches_on(monkeypatch):
+    found = {"lon_noise": 2.5, "stitching": {"margin_m": 1.0}, "coarse_gate": True}
+    monkeypatch.setattr(tuning_spaces, "tuned_options", lambda tracker: found)
+    defaults, before, switched_on = starts_of("stonesoup-jpda-stitched")
+    assert defaults == default_options("stonesoup-jpda-stitched")
+    assert before == {"lon_noise": 2.5, "stitching.margin_m": 1.0}
+    assert switched_on == before | {"doubtful.on": True}
+    monkeypatch.setattr(tuning_spaces, "tuned_options", lambda tracker: {})
+    assert starts_of("oracle-kalman") == [default_options("oracle-kalman")]
+    assert starts_of("mmpf") == [default_options("mmpf")]
+
+
 def test_keys_that_a_tracker_does_not_have_are_passed_over(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(SEARCH_SPACES, "oracle-kalman", {"lon_noise": Range(0.1, 1.0), "not.there": Range(0.0, 1.0)})
     assert set(space_of("oracle-kalman")) == set(default_options("oracle-kalman")) == {"lon_noise"}
+
+
+def test_dotted_options_and_groups_are_the_same():
+    dotted = {"a": 1, "b.c": 2.0, "b.d.e": "x"}
+    assert nested(dotted) == {"a": 1, "b": {"c": 2.0, "d": {"e": "x"}}}
+    assert flat(nested(dotted)) == dotted
 
 
 def test_particles_are_no_setting_to_tune():
