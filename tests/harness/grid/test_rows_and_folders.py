@@ -16,7 +16,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.gridfolder import check_same_grid, open_grid_folder
 from harness.grid.rerun import command_of
 from harness.grid.rows import assemble, column_of, failed_row, flattened, read_rows, write_row
-from harness.grid.tuning_spaces import _with, nested
+from harness.grid.tuning_spaces import nested
 from harness.runfolder import ownership
 
 GRID = plan_grid(GridRequest(densities="20", seeds="2", trackers="pmbm", vary=("sensor.range_m=40,60",)))
@@ -221,13 +221,6 @@ def test_dotted_options_become_groups_and_a_setting_can_not_be_a_group_too():
     with pytest.raises(TypeError) as caught:
         nested({"a": 1, "a.b": 2})
     assert str(caught.value) == "a.b: a is a setting and a group"
-
-
-def test_a_default_that_is_not_on_its_ladder_is_put_there_in_order():
-    assert _with(2.0, (1.0, 3.0)) == [1.0, 2.0, 3.0]
-    assert _with(3.0, (3.0, 1.0)) == [3.0, 1.0]
-    assert _with(None, (1.0, 3.0)) == [1.0, 3.0, None]
-    assert _with("x", (3.0, 1)) == [1, 3.0, "x"]
 
 
 def test_json_of_rows_is_plain(tmp_path):
