@@ -94,7 +94,7 @@ class JointKinds(Settings):
     """The same at a shadow's or the range's edge, or in the first scan: as if all range were such a place."""
     appear_in_shadow: Probability = 0.1
     """What remains of that rate deep in a shadow, where no vehicle should be detected."""
-    overlooked_share: Probability = 0.5
+    overlooked_share: Probability = 0.3
     """Share of those first detected in plain view that had been overlooked because they are hard to detect."""
     overlooked_scans: NotNegative = 4.0
     """So many scans they had been overlooked for."""
@@ -104,6 +104,8 @@ class JointKinds(Settings):
     """After the first scan it takes about so long until what is in plain view has been detected."""
     edge_m: Positive = 8.0
     """Width of the range's edge."""
+    shadow_edge_m: NotNegative = 4.0
+    """Width of a shadow's edge along the road: so far a vehicle has come out of it before it is detected."""
     vehicle_shading: tuple[Positive, Positive, Positive] = (0.5, 0.3, 0.2)
     """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
     shadows nor what they do to the sensor are exactly known.

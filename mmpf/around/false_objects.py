@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from mmpf.cloud.kinds import FALSE, KINDS, LEVELS, VEHICLE
+from mmpf.cloud.kinds import FALSE, KINDS, LEVELS, VEHICLE, shares_of
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.joint_options import JointFalseObjects, JointKinds
 from mmpf.scan import SensorModel
@@ -100,8 +100,8 @@ class FalseObjects:
 
     def vehicle_profile(self, options: JointKinds) -> FloatArray:
         """Return the share of vehicles at each level of detectability, shape (levels,)."""
-        prior = np.asarray(options.vehicle_detectability)
-        number = self.vehicles + self.present + options.prior_vehicles * prior / prior.sum()
+        prior = options.prior_vehicles * shares_of(options.vehicle_detectability)
+        number = self.vehicles + self.present + prior
         return np.asarray(number / number.sum())
 
     def births_per_s(self, sensor: SensorModel, options: JointFalseObjects) -> float:
@@ -119,8 +119,12 @@ class FalseObjects:
         return np.asarray(number / number.sum())
 
     def profiles(self, options: JointFalseObjects) -> FloatArray:
-        """Return the share of each level of detectability among those that stand and that move, shape (2, levels)."""
-        number = self.counted + options.prior_count * np.asarray(options.detectability)
+        """Return the share of each level of detectability among those that stand and that move, shape (2, levels).
+
+        What was learned of one kind is where the other begins: one sensor makes both.
+        """
+        together = self.counted.sum(axis=0) + options.prior_count * shares_of(options.detectability)
+        number = self.counted + options.prior_count * together / together.sum()
         return np.asarray(number / number.sum(axis=1, keepdims=True))
 
     def mean_life_s(self, options: JointFalseObjects) -> FloatArray:

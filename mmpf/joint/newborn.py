@@ -116,13 +116,19 @@ def appearances_at(
     bodies = Bodies(length, width, np.append(moments.heading_rad, 0.0))
     casts = np.append((vehicle_share(components.kinds) > 0.5) & components.confirmed, values=False)
     table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
-    visible = visible_fractions(plane, lon, lat, np.full(len(chosen), nobody), bodies, table)
-    in_view = np.clip((visible - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
+
+    def visible(ahead_m: float) -> FloatArray:
+        """Return the visible fraction of a vehicle so far ahead of each detection."""
+        return visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
+
+    here, edge_m = visible(0.0), options.joint.kinds.shadow_edge_m
+    before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
+    in_view = np.clip((before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = plane.distance_m(lon, lat)
     in_view *= np.clip((sensor.range_m - distance) / options.joint.kinds.edge_m - 0.5, 0.0, 1.0)
     shares = situation.reach.shares(options.joint.reach.prior_scans)
     in_view *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
     in_view *= -np.expm1(-situation.false_objects.since_start_s / options.joint.kinds.first_look_s)
-    seen = np.where(visible < sensor.hidden_fraction, options.joint.detectability.hidden_probability, visible)
+    seen = np.where(here < sensor.hidden_fraction, options.joint.detectability.hidden_probability, here)
     return Appearances(in_view, np.minimum(seen / sensor.full_view_fraction, 1.0))
