@@ -84,6 +84,7 @@ def opened(cell: Cell) -> Iterator[Traffic]:
         duration_s=0.0,
         seed=Streams.from_seed(config.seed).truth,
         ego=False,
+        broken_down=config.traffic.broken_down,
     )
     try:
         assert isinstance(truth, SumoTruth | PlaneTruth)

@@ -67,6 +67,10 @@ class TrafficConfig(_Strict):
     """
     duration_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 60.0
     """Scored time in seconds; warm-up comes on top. Of a recording, the seconds used."""
+    broken_down: Annotated[int, Field(ge=0, le=100)] = 0
+    """Vehicles that stand broken down in main lanes of the section, from before the first frame on; the others steer
+    around them.
+    """
     recording: RecordingConfig | None = None
     """Set where the traffic was recorded on a real road; there is neither demand nor density then."""
 
@@ -77,6 +81,8 @@ class TrafficConfig(_Strict):
         if self.recording is not None:
             if self.demand is not None or self.density is not None:
                 raise ValueError("recorded traffic is as it was; leave demand and density out")
+            if self.broken_down:
+                raise ValueError("recorded traffic is as it was; leave broken_down out")
             return self
         if self.demand is None and self.density is None and not brings_its_own_demand(self.net):
             demand = default_demand(self.net)
@@ -227,6 +233,8 @@ class RunConfig(_Strict):
             del table["decisions"]
         if not table["tracker"]["knows_signals"]:
             del table["tracker"]["knows_signals"]
+        if not table["traffic"]["broken_down"]:
+            del table["traffic"]["broken_down"]
         return table
 
     def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:
@@ -244,6 +252,7 @@ class RunConfig(_Strict):
             where = f"recording {Path(self.replay).stem}{road}, seen from vehicle {traffic.recording.ego}"
         else:
             where = f"traffic on {traffic.net}" + (f", {demand}" if demand else "")
+            where += f", {traffic.broken_down} broken down" if traffic.broken_down else ""
         return f"{tracker.in_words()}: {where}"
 
     def default_folder_name(self) -> str:
@@ -253,7 +262,8 @@ class RunConfig(_Strict):
         network = traffic.net.rstrip("/").rsplit("/", 1)[-1].removesuffix(".sumocfg")
         if traffic.recording is not None and self.replay is not None:
             network, demand = Path(self.replay).stem, f"ego-{traffic.recording.ego}"
-        parts = [network, self.tracker.name, self.tracker.model, demand, f"s{self.seed}"]
+        broken = f"broken{traffic.broken_down}" if traffic.broken_down else None
+        parts = [network, self.tracker.name, self.tracker.model, demand, broken, f"s{self.seed}"]
         return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))[:LONGEST_FOLDER_NAME]
 
 

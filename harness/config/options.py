@@ -66,6 +66,15 @@ class RunOptions(TypedDict, total=False):
         str | None,
         Option("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand", TRAFFIC),
     ]
+    broken_down: Annotated[
+        int | None,
+        Option(
+            "Vehicles that stand broken down in main lanes; the others steer around them. (default: 0)",
+            "traffic.broken_down",
+            TRAFFIC,
+            metavar="N",
+        ),
+    ]
     duration: Annotated[
         float | None, Option("Scored seconds; warm-up comes on top. (default: 60)", "traffic.duration_s", TRAFFIC)
     ]

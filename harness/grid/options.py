@@ -74,6 +74,10 @@ class GridOptions(TypedDict, total=False):
             alone=USUAL,
         ),
     ]
+    broken_down: Annotated[
+        int | None,
+        Option("Vehicles that stand broken down in main lanes, as in 'run'. (default: 0)", panel=GRID, metavar="N"),
+    ]
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
     sensor: Annotated[
@@ -122,7 +126,11 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         duration_s=options["duration"],
         particles=options["particles"],
         sensor=options["sensor"],
-        settings=(*setting_words(options["settings"]), *_format_words(options["format"])),
+        settings=(
+            *_setting("traffic.broken_down", options["broken_down"]),
+            *setting_words(options["settings"]),
+            *_setting("traffic.recording.format", options["format"]),
+        ),
         vary=tuple(_axes(options["vary"])),
         replay=tuple(map(str, files)),
         ego=options["ego"],
@@ -139,8 +147,8 @@ def _worlds(asked: object) -> bool | str:
     return True if listed == USUAL else listed
 
 
-def _format_words(name: str | None) -> list[str]:
-    return setting_words({"traffic.recording.format": name}) if name is not None else []
+def _setting(key: str, value: object) -> list[str]:
+    return setting_words({key: value}) if value is not None else []
 
 
 def _listed(values: object, as_text: Callable[[Any], str] = str) -> str | None:

@@ -46,6 +46,7 @@ def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float
         duration_s=traffic.duration_s,
         seed=Streams.from_seed(seed).truth,
         gui=gui,
+        broken_down=traffic.broken_down,
     )
 
 

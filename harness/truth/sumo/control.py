@@ -7,6 +7,7 @@ enters upstream reaches the section only later. In free flow nothing can be held
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import count
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from harness.truth.network.corridor import CorridorEdge
 from harness.truth.network.demand import Demand
 from harness.truth.network.network import Network
+from harness.truth.sumo.brokendown import BROKEN_DOWN, STANDS_S, clear_of
 from harness.truth.sumo.fill import FREE_SHARE, Placement, fill, leaving_share, main_lane_density, route_of
 from harness.truth.sumo.population import Vehicle, draw_vehicle
 from harness.truth.sumo.reading import Load, front_positions, read_load
@@ -43,8 +45,10 @@ class TrafficControl:
         rng: np.random.Generator,
         step_s: float,
         warm_up_s: float,
+        broken_down: Sequence[Placement] = (),
     ) -> None:
         """Take hold of a simulation that has started and has no vehicles yet."""
+        self._broken_down = tuple(broken_down)
         self._sumo = sumo
         self._network = network
         self._scheduled = demand
@@ -69,8 +73,14 @@ class TrafficControl:
 
     def fill(self) -> None:
         """Put the first vehicles on the road."""
-        for placement in fill(self._network, self._demand, self._rng):
+        for placement in clear_of(fill(self._network, self._demand, self._rng), self._broken_down):
             self._add(placement)
+        for number, placement in enumerate(self._broken_down):
+            name = f"{BROKEN_DOWN}{number}"
+            self._add(placement, name)
+            self._sumo.vehicle.setStop(
+                name, placement.edge, placement.position_m, placement.lane_index, duration=STANDS_S
+            )
 
     def _hold(self, demand: Demand) -> None:
         """Take a demand as the one to be held from now on."""
@@ -181,9 +191,9 @@ class TrafficControl:
         last = min(names, key=vehicle.getLanePosition)
         return vehicle.getLanePosition(last), vehicle.getSpeed(last), vehicle.getLength(last)
 
-    def _add(self, placement: Placement) -> None:
+    def _add(self, placement: Placement, name: str = "") -> None:
         sumo, vehicle = self._sumo.vehicle, placement.vehicle
-        name = f"{vehicle.kind}{next(self._names)}"
+        name = name or f"{vehicle.kind}{next(self._names)}"
         speed_limit_mps = self._sumo.lane.getMaxSpeed(f"{placement.edge}_{placement.lane_index}")
         speed_mps = min(placement.speed_mps, 0.99 * speed_limit_mps * min(1.0, vehicle.speed_factor))
         sumo.add(

@@ -16,6 +16,7 @@ from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.limits import check_xml, write_without_outputs
 from harness.truth.network.network import LATERAL_RESOLUTION_M, Network
 from harness.truth.network.sumocfg import SumoInputs
+from harness.truth.sumo.brokendown import BROKEN_DOWN, place_broken_down
 from harness.truth.sumo.control import TrafficControl
 from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.planetruth import REACH_M, PlaneTruth
@@ -43,6 +44,7 @@ def open_traffic(
     ego: bool = True,
     gui: bool = False,
     reach_m: float = REACH_M,
+    broken_down: int = 0,
 ) -> TruthSource:
     """Start SUMO on a network, run the warm-up and return the truth that follows.
 
@@ -57,13 +59,16 @@ def open_traffic(
         ego: Whether an ego vehicle is chosen; without one a frame's ``ego`` is -1.
         gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
         reach_m: How far from the ego vehicles count and hide, on a network without a main road.
+        broken_down: How many vehicles stand broken down in main lanes of the section, from before the first frame on.
 
     Raises:
-        InputError: The density, the demand or the network's files are wrong, or no window can be opened.
+        InputError: The density, the demand or the network's files are wrong, no window can be opened, or the network
+            has no room for vehicles that break down.
         RunError: A simulation is open already, or no vehicle ever appears.
     """
     rng = np.random.default_rng(seed)
     held = _held_demand(network, demand)
+    stands = place_broken_down(network, broken_down, seed)
     # Now, since a broken file of buildings would leave a simulation open.
     _ = network.road
     scratch = TemporaryDirectory(prefix="harness-net-")
@@ -79,7 +84,7 @@ def open_traffic(
         inflow = None if held is None else Inflow(sumo, held.density_veh_per_km_lane, network.plane.lanes_m)
         truth = PlaneTruth(running, network, network.plane, steps, ego=ego, reach_m=reach_m, inflow=inflow)
     else:
-        control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s)
+        control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s, stands)
         truth = SumoTruth(running, network, steps, control, ego)
     try:
         with sumo_errors_in_words(sumo):
@@ -235,13 +240,13 @@ class EgoChoice:
 def choose_ego(frame: Frame, present: EgoChoice, ego_lanes: Sequence[int], section_m: tuple[float, float]) -> EgoChoice:
     """Keep the present ego while it is on the section's lanes, else choose another and begin a new episode.
 
-    A car on one of ``ego_lanes`` within 60 m of the section's start comes first; failing that the best there is. Empty
-    ``vehicle_id`` if no vehicle is on the section.
+    A car on one of ``ego_lanes`` within 60 m of the section's start comes first; failing that the best there is, but
+    none that has broken down. Empty ``vehicle_id`` if no vehicle is on the section.
     """
     inside = (frame.lon_m >= section_m[0]) & (frame.lon_m < section_m[1]) & (frame.lane != NO_LANE)
     if np.any(inside & (frame.vehicle_id == present.vehicle_id)):
         return present
-    candidates = np.flatnonzero(inside)
+    candidates = np.flatnonzero(inside & ~np.char.startswith(frame.vehicle_id, BROKEN_DOWN))
     if len(candidates) == 0:
         return EgoChoice(vehicle_id=NO_EGO, episode=present.episode + 1)
     best = candidates[np.lexsort(_worse_first_keys(frame, candidates, ego_lanes, section_m[0]))[0]]
