@@ -44,7 +44,7 @@ class TruePerception:
 
 @dataclass
 class TrackedPerception:
-    """The reported tracks with an existence of one half or more, as large as detections on them measured so far.
+    """The reported tracks, as large as detections on them measured so far; doubtful with an existence below one half.
 
     The same bodies as ``harness.scoring.believed`` makes of a finished run's tables, a step at a time.
 
@@ -60,31 +60,31 @@ class TrackedPerception:
         """Return the tracks; see ``Perception``."""
         reported = np.flatnonzero(tracks.state != TENTATIVE)
         self._measure(tracks, reported, look.observation.scan.detections)
-        kept = reported[tracks.existence[reported] >= self.settings.driver_existence]
-        sizes = np.array([self._size(int(number)) for number in tracks.track_id[kept]]).reshape(-1, 2)
-        speed = tracks.speed_mps[kept]
+        sizes = np.array([self._size(int(number)) for number in tracks.track_id[reported]]).reshape(-1, 2)
+        speed = tracks.speed_mps[reported]
         ego_mps = look.frame.speed_mps[look.frame.ego]
         return Bodies(
-            step=np.zeros(len(kept), dtype=np.int64),
-            lon_m=tracks.lon_m[kept],
-            lat_m=tracks.lat_m[kept],
+            step=np.zeros(len(reported), dtype=np.int64),
+            lon_m=tracks.lon_m[reported],
+            lat_m=tracks.lat_m[reported],
             speed_mps=np.where(np.isfinite(speed), speed, ego_mps),
-            direction_rad=self._directions(look, tracks, kept),
+            direction_rad=self._directions(look, tracks, reported),
             length_m=sizes[:, 0],
             width_m=sizes[:, 1],
+            doubtful=tracks.existence[reported] < self.settings.driver_existence,
         )
 
-    def _directions(self, look: Look, tracks: Tracks, kept: IntArray) -> FloatArray:
+    def _directions(self, look: Look, tracks: Tracks, reported: IntArray) -> FloatArray:
         """Return where each went in the last half second, in the plane; nan where it hardly moved, shape (k,)."""
         if look.frame.direction_rad is None:
-            return np.zeros(len(kept))
+            return np.zeros(len(reported))
         now_s, places = look.frame.time_s, {}
-        for row in np.flatnonzero(tracks.state != TENTATIVE):
+        for row in reported:
             name = int(tracks.track_id[row])
             before = [place for place in self._places.get(name, ()) if place[0] >= now_s - HEADING_S - TIME_TOLERANCE_S]
             places[name] = [*before, (now_s, float(tracks.lon_m[row]), float(tracks.lat_m[row]))]
         self._places = places
-        moved = np.array([np.subtract(places[n][-1], places[n][0])[1:] for n in tracks.track_id[kept].tolist()])
+        moved = np.array([np.subtract(places[n][-1], places[n][0])[1:] for n in tracks.track_id[reported].tolist()])
         lon_m, lat_m = moved.reshape(-1, 2).T
         return np.where(np.hypot(lon_m, lat_m) >= HEADING_M, np.arctan2(lat_m, lon_m), np.nan)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from harness.closedloop.figure import drives_figure
-from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, plan_drives
+from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, PlannedDrive, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.grid.cells import Cell, Grid
 from harness.grid.gridfolder import FIGURES, KEPT, RUNS
@@ -22,6 +22,7 @@ from harness.grid.rows import Row, assemble, column_of
 from harness.grid.stress import check_grid
 from harness.runfolder import ownership
 from harness.scoring.closedloop import COLLIDED, IMPACT, WITH
+from harness.truth.network.network import load_network
 from harness.writing.files import save_figure, write_text
 from harness.writing.numbers import without_nan
 
@@ -99,6 +100,7 @@ def run_drives(
     user = user or Telling()
     grid = plan_drives(request)
     _check(grid, user)
+    _check_road(request, grid)
 
     def execute(cells: list[Cell], on_row: OnRow) -> None:
         run_cells(cells, how.workers, how.timeout_s, on_row, WORKER)
@@ -121,6 +123,16 @@ def _check(grid: Grid, user: Telling) -> None:
         InputError: Something is wrong.
     """
     check_grid(grid, user.tell)
+
+
+def _check_road(request: DriveRequest, grid: Grid) -> None:
+    """Find a road on which nothing can be made to flow at a speed, or to stand in the way.
+
+    Raises:
+        InputError: It is no main road.
+    """
+    if any(isinstance(run, PlannedDrive) and run.flow_mps is not None for run in grid.runs):
+        _ = load_network(request.net).main_road
 
 
 def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[str, Row]) -> FinishedDrives:

@@ -7,7 +7,7 @@ only when the tracks of the last have been watched, and by then the driver has a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -27,6 +27,7 @@ from harness.closedloop.beliefs import (
 )
 from harness.closedloop.changing import LaneChange
 from harness.closedloop.handover import HandOver
+from harness.closedloop.inview import SeldomDetected
 from harness.closedloop.passing import Passage
 from harness.closedloop.plan import CROSS, DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
@@ -34,7 +35,7 @@ from harness.closedloop.traffic import Traffic, with_ego
 from harness.closedloop.withheld import PlainSight
 from harness.decisions.belief import Belief, Others, believe
 from harness.decisions.bodies import Bodies, Egos
-from harness.decisions.decide import decide_by, driver_of
+from harness.decisions.decide import Decision, decide_by, driver_of, with_doubt
 from harness.decisions.drivers.protocol import Driver
 from harness.decisions.yielding import Course
 from harness.runfolder.tables import ColumnRecorder, RunTables
@@ -102,7 +103,10 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
     """
     config, seed = planned.config, planned.config.seed
     stream = np.random.SeedSequence(seed, spawn_key=(KINDS.index(at.kind),))
-    sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
+    figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
+    sensor = build_sensor(figures)
+    if planned.detected is not None:
+        sensor = SeldomDetected(sensor, at.provoked, planned.detected, figures)
     loop = _Loop(
         traffic=traffic,
         at=at,
@@ -142,6 +146,8 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
     }
     if at.lane:
         episode["lane"] = at.lane
+    if planned.flow_mps is not None:
+        episode["flow_mps"] = planned.flow_mps
     if at.seen_before is not None:
         episode["seen_before"] = float(at.seen_before)
     return Drove({"episode": episode, "drive": drove}, recorder.tables(), times)
@@ -225,9 +231,10 @@ class _Loop:
         if look.frame.step < len(self.at.frames) - 1:
             return
         ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
+        sure = bodies.sure()
         if self.change is not None:
-            self._aim_m = self.change.decide(bodies, real, ego)
-        minded, really = self._pass(look.frame, bodies, real, ego, unseen)
+            self._aim_m = self.change.decide(sure, real, ego)
+        minded, really = self._pass(look.frame, sure, real, ego, unseen)
         self._demand, _ = self._demanded(bodies, ego, self.planned.gap_bias_m, minded)
         needed, leader = self._demanded(real, ego, 0.0, really)
         self._steps.append(
@@ -254,7 +261,9 @@ class _Loop:
         """Return how the ego minds its way to where it must yield, by what it believes and by the truth."""
         passage = self.passage
         if passage is None:
-            return _as_is, _as_is
+            flow_mps = self.planned.flow_mps
+            minded = _as_is if flow_mps is None else partial(_limited, flow_mps=flow_mps)
+            return minded, minded
         course = Course.of(passage.way, ego)
         holds, must = passage.room_m(course, told, unseen), passage.room_m(course, real)
         passage.note(frame, course, real, holds is not None, must is not None)
@@ -265,9 +274,16 @@ class _Loop:
         """Return the acceleration that the driver demands, between two lanes by those ahead in both, and its leader."""
         road = self.traffic.network.road
         egos = (ego,) if self.change is None else self.change.in_each_lane(ego)
-        beliefs = [biased(believe(bodies, each, road), bias_m) for each in egos]
-        demands = (decide_by(self.driver, minded(belief)).command for belief in beliefs)
-        return min(float(demand.accel_mps2[0]) for demand in demands), beliefs[0].leader
+
+        def decided(by: Bodies, each: Egos) -> Decision:
+            return decide_by(self.driver, minded(biased(believe(by, each, road), bias_m)))
+
+        demands, sure = [], bodies.sure()
+        for each in egos:
+            decision = decided(sure, each)
+            both = with_doubt(decision, decided(bodies, each)) if bodies.has_doubtful else decision.command.accel_mps2
+            demands.append(float(both[0]))
+        return min(demands), biased(believe(sure, egos[0], road), bias_m).leader
 
     def driven(self) -> Driven:
         """Return the steps from the hand-over on."""
@@ -283,6 +299,11 @@ class _Loop:
 
 def _as_is(belief: Belief) -> Belief:
     return belief
+
+
+def _limited(belief: Belief, flow_mps: float) -> Belief:
+    """Return the belief of a driver who keeps to the speed at which the traffic flows."""
+    return replace(belief, speed_limit_mps=np.full(len(belief), flow_mps))
 
 
 def _child(stream: np.random.SeedSequence, number: int) -> np.random.SeedSequence:

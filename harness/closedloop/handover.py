@@ -14,7 +14,8 @@ import numpy as np
 from harness.closedloop.approaches import hidden_with_right_of_way
 from harness.closedloop.beliefs import believed_by_each, ego_of, true_bodies
 from harness.closedloop.gaps import Occupied
-from harness.closedloop.plan import BRAKE, CROSS, DRIVEN_S, FREE, GAP, KINDS, TRACKED_S
+from harness.closedloop.inview import CHANGES_LANE_MPS, FARTHEST_LEADER_M, leader_in_view, stands_ahead
+from harness.closedloop.plan import BRAKE, CROSS, DARK, DRIVEN_S, FREE, GAP, KINDS, STOPPED, TRACKED_S
 from harness.closedloop.routes import Way, edge_of, way_of
 from harness.closedloop.sight import hidden_after_sight
 from harness.closedloop.traffic import Traffic, with_ego
@@ -22,22 +23,24 @@ from harness.decisions.belief import NOBODY, Belief, believe
 from harness.decisions.drivers.protocol import Driver
 from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
+from harness.truth.sumo.brokendown import BROKEN_DOWN, drawn_car
+from harness.truth.sumo.fill import Placement
 from harness.truth.sumo.simulation import CAR_LENGTH_M
 from mmpf.compute.arrays import BoolArray, IntArray
 from mmpf.lanes.control import YIELD
 
-LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, GAP: 1, CROSS: 1}
+LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, GAP: 1, CROSS: 1, STOPPED: 1, DARK: 2}
 """Time between moments that are searched for candidates of each kind."""
-GIVE_UP_S = {FREE: 40, BRAKE: 40, GAP: 40, CROSS: 600}
+GIVE_UP_S = {FREE: 40, BRAKE: 40, GAP: 40, CROSS: 600, STOPPED: 120, DARK: 40}
 """After so long there are none."""
 SECTION_MARGIN_M = 20.0
 # An ego needs so much road as it covers in an episode at this speed at most.
 ROOM_AT_MPS = 12.0
 # On a network without a main road an ego needs so many seconds of way before the first signal.
 FREE_WAY_S = 8.0
-FARTHEST_LEADER_M, FARTHEST_HIDDEN_M = 40.0, 70.0
-CHANGES_LANE_MPS = 0.2
-"""Whoever moves sideways faster is about to be somewhere else."""
+FARTHEST_HIDDEN_M = 70.0
+STANDING = f"{BROKEN_DOWN}_ahead"
+"""Name of the vehicle that stands in the ego's way."""
 SLOWEST_MPS = 3.0
 """Whoever is slower does not brake in a way that matters."""
 
@@ -57,6 +60,7 @@ class HandOver:
         way: The lanes that it is to drive on a network without a main road; None on one with.
         seen_before: Whether the vehicle that it must let pass had been in sight, or never had; None where it is no such
             episode.
+        stands: Where the vehicle is put that is to stand in the ego's way; None where it is no such episode.
     """
 
     kind: str
@@ -68,6 +72,7 @@ class HandOver:
     lane: int = 0
     way: Way | None = None
     seen_before: bool | None = None
+    stands: Placement | None = None
 
     @property
     def route(self) -> tuple[int, ...]:
@@ -76,7 +81,12 @@ class HandOver:
 
 
 def hand_overs(
-    traffic: Traffic, kinds: Sequence[str], settings: SensorSettings, driver: Driver, rng: np.random.Generator
+    traffic: Traffic,
+    kinds: Sequence[str],
+    settings: SensorSettings,
+    driver: Driver,
+    rng: np.random.Generator,
+    flow_mps: float | None = None,
 ) -> Iterator[HandOver | str]:
     """Yield a hand-over of each kind while the traffic stands at it, in order of time; a kind alone if none is found.
 
@@ -86,6 +96,7 @@ def hand_overs(
         settings: The sensor.
         driver: Whose criterion of gaps it is.
         rng: Decides between candidates. Each kind has the same draws whichever others are asked for.
+        flow_mps: Speed at which the traffic is to flow; None where it is not told.
     """
     step_s, waiting = traffic.step_s, [kind for kind in kinds if kind != CROSS or _has_right_of_way(traffic)]
     streams = dict(zip(KINDS, rng.spawn(len(KINDS)), strict=True))
@@ -94,7 +105,7 @@ def hand_overs(
         traffic.advance()
     for second in range(max(GIVE_UP_S[kind] for kind in kinds)):
         for kind in [kind for kind in waiting if second < GIVE_UP_S[kind] and second % LOOK_AGAIN_S[kind] == 0]:
-            found = _find(traffic, kind, settings, driver, streams[kind])
+            found = _find(traffic, kind, settings, driver, streams[kind], flow_mps)
             looked[kind] += found.looked_through
             if found.ego:
                 waiting.remove(kind)
@@ -112,20 +123,40 @@ def _has_right_of_way(traffic: Traffic) -> bool:
     return graph is not None and graph.control is not None and bool((graph.control.kind == YIELD).any())
 
 
-def _find(traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rng: np.random.Generator) -> HandOver:
+def _find(
+    traffic: Traffic,
+    kind: str,
+    settings: SensorSettings,
+    driver: Driver,
+    rng: np.random.Generator,
+    flow_mps: float | None,
+) -> HandOver:
     """Look for an ego at the present moment; the hand-over's is empty if there is none."""
     now = traffic.frames[-1]
     ways = {} if traffic.network.plane is None else _ways(traffic) if kind == CROSS else _free_ways(traffic)
     rows = _eligible(traffic) if traffic.network.plane is None else np.array(list(ways), dtype=np.int64)
     order = rows[rng.permutation(len(rows))]
-    concerned = _concerned(traffic, kind, settings, driver, order, ways)
+    if kind == STOPPED and traffic.network.plane is None:
+        concerned = _standing(traffic, settings, order, rng, flow_mps)
+    else:
+        concerned = _concerned(traffic, kind, settings, driver, order, ways)
     for place, row in enumerate(order):
         about = concerned(place)
         if kind == FREE or about.provoked:
             ego = str(now.vehicle_id[row])
             frames = tuple(with_ego(frame, ego, step, traffic.step_s) for step, frame in enumerate(traffic.frames))
-            way = ways.get(int(row))
-            return HandOver(kind, ego, about.provoked, len(rows), place + 1, frames, about.lane, way, about.seen_before)
+            return HandOver(
+                kind=kind,
+                ego=ego,
+                provoked=about.provoked,
+                candidates=len(rows),
+                looked_through=place + 1,
+                frames=frames,
+                lane=about.lane,
+                way=ways.get(int(row)),
+                seen_before=about.seen_before,
+                stands=about.stands,
+            )
     return HandOver(kind, "", "", len(rows), len(rows), ())
 
 
@@ -136,6 +167,20 @@ class _Concerned:
     provoked: str = ""
     lane: int = 0
     seen_before: bool | None = None
+    stands: Placement | None = None
+
+
+def _standing(
+    traffic: Traffic, settings: SensorSettings, rows: IntArray, rng: np.random.Generator, flow_mps: float | None
+) -> Callable[[int], _Concerned]:
+    """Return what tells of each of some cars where a vehicle would stand in its way."""
+    vehicle = drawn_car(traffic.network, rng)
+
+    def concerned(place: int) -> _Concerned:
+        stands = stands_ahead(traffic, int(rows[place]), settings.range_m, vehicle, flow_mps)
+        return _Concerned() if stands is None else _Concerned(STANDING, stands=stands)
+
+    return concerned
 
 
 def _concerned(
@@ -148,6 +193,9 @@ def _concerned(
         return lambda place: _Concerned(_hidden_second_leader(traffic, belief, place, rows[place], settings))
     if kind == BRAKE:
         return lambda place: _Concerned(_second_on_way(traffic, rows[place], ways[int(rows[place])], settings))
+    if kind == DARK and traffic.network.plane is None:
+        belief = believed_by_each(now, rows, road)
+        return lambda place: _Concerned(leader_in_view(traffic, belief, place, int(rows[place]), settings))
     if kind == GAP and traffic.network.plane is None:
         occupied = Occupied(traffic, driver, rows)
         return lambda place: _Concerned(*occupied.by_hidden(place, settings))

@@ -20,6 +20,10 @@ class DriveOptions(TypedDict, total=False):
     net: Annotated[str | Path, Option("Network by name, or a folder or .sumocfg file.", panel=DRIVES, default="us101")]
     density: Annotated[float | None, Option("Vehicles per km and main lane, in place of --demand.", panel=DRIVES)]
     demand: Annotated[str | None, Option("Named demand of the network; see 'nets'.", panel=DRIVES)]
+    broken_down: Annotated[
+        int | None,
+        Option("Vehicles that stand broken down in main lanes, as in 'run'. (default: 0)", panel=DRIVES, metavar="N"),
+    ]
     beliefs: Annotated[
         str,
         Option(
@@ -39,9 +43,31 @@ class DriveOptions(TypedDict, total=False):
         str,
         Option(
             "Provocations, in turns: brake (the hidden leader's leader brakes hard), gap (the route needs the lane "
-            "beside, where a hidden car is in the way), cross (a hidden car has right of way over the ego).",
+            "beside, where a hidden car is in the way), cross (a hidden car has right of way over the ego), stopped (a "
+            "vehicle stands in its lane, in plain view), dark (the leader, seldom detected, brakes hard).",
             panel=DRIVES,
             default="brake",
+        ),
+    ]
+    flow: Annotated[
+        float | None,
+        Option(
+            "Speed at which the traffic flows, on a main road. (default: with stopped one of 10, 15, 20, 25 and 30 by "
+            "seed, else the network's)",
+            panel=DRIVES,
+            metavar="M/S",
+            least=5.0,
+            most=40.0,
+        ),
+    ]
+    detected: Annotated[
+        float | None,
+        Option(
+            "Share of scans in which the leader of --provoke dark is detected. (default: 0.35)",
+            panel=DRIVES,
+            metavar="SHARE",
+            least=0.01,
+            most=1.0,
         ),
     ]
     driver: Annotated[
@@ -102,6 +128,12 @@ def request_of(values: Mapping[str, Any]) -> DriveRequest:
             provoke=values["provoke"],
             gap_bias=values["gap_bias"],
             heed_unseen=values["heed_unseen"],
-            settings=tuple(setting_words(values["settings"])),
+            settings=(*_broken_down(values["broken_down"]), *setting_words(values["settings"])),
+            flow=values["flow"],
+            detected=values["detected"],
         )
     )
+
+
+def _broken_down(count: int | None) -> list[str]:
+    return [] if count is None else setting_words({"traffic.broken_down": count})

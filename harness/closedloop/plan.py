@@ -12,15 +12,17 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from harness.closedloop.beliefs import TRUTH, WITHOUT_TRACKER
 from harness.config.lists import MOST_SEED, names, numbers
-from harness.config.model import RunConfig
+from harness.config.model import RunConfig, TrafficConfig
 from harness.errors import InputError
 from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 
-FREE, BRAKE, GAP, CROSS = "free", "brake", "gap", "cross"
-PROVOKED = (BRAKE, GAP, CROSS)
+FREE, BRAKE, GAP, CROSS, STOPPED, DARK = "free", "brake", "gap", "cross", "stopped", "dark"
+PROVOKED = (BRAKE, GAP, CROSS, STOPPED, DARK)
 KINDS = (FREE, *PROVOKED)
 KIND, BIAS = "episode.kind", "gap_bias_m"
 AXES = (KIND, BIAS)
@@ -29,6 +31,13 @@ BELIEFS_EXAMPLE = "truth,oracle-kalman,mmpf,detections"
 STAND_IN = "detections"
 """Tracker of a belief that needs none: it costs next to nothing, and a kept episode has tracks to look at."""
 MOST_EPISODES = 10_000
+FLOWS_MPS = (10.0, 15.0, 20.0, 25.0, 30.0)
+"""Speeds of the traffic of which each seed's episodes of ``stopped`` draw one."""
+FLOW_STREAM = 10
+FREE_FLOW_VEH_PER_KM = 10.0
+"""Density of traffic that flows at a speed of its own, where none is asked for."""
+DETECTED = 0.35
+"""Share of scans in which the leader of an episode ``dark`` is detected, where none is asked for."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,9 @@ class DriveRequest:
         gap_bias: Metres by which believed gaps are too long, a list.
         heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
         settings: ``KEY=VALUE`` words that hold for all.
+        flow: Speed at which the traffic flows, metres a second; None for one that each seed draws where a vehicle is
+            to stand in the way, elsewhere for the network's.
+        detected: Share of scans in which the leader of an episode ``dark`` is detected; None for the usual.
     """
 
     beliefs: str
@@ -62,10 +74,16 @@ class DriveRequest:
     gap_bias: str = "0"
     heed_unseen: float | None = None
     settings: tuple[str, ...] = ()
+    flow: float | None = None
+    detected: float | None = None
 
     def as_table(self) -> dict[str, Any]:
         """Return it as plain values, with the axes by which ``compare`` tells its rows apart."""
-        return asdict(self) | {"vary": list(AXES)}
+        table = asdict(self)
+        for name in ("flow", "detected"):
+            if table[name] is None:
+                del table[name]
+        return table | {"vary": list(AXES)}
 
 
 @dataclass(frozen=True)
@@ -76,11 +94,15 @@ class PlannedDrive(PlannedRun):
         kind: ``free``, or how it is provoked.
         gap_bias_m: By how much believed gaps are too long.
         heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
+        flow_mps: Speed at which the seed's traffic flows; None for the network's.
+        detected: Share of scans in which the leader of an episode ``dark`` is detected; None of others.
     """
 
     kind: str = FREE
     gap_bias_m: float = 0.0
     heed_unseen: float | None = None
+    flow_mps: float | None = None
+    detected: float | None = None
 
     @property
     def key(self) -> str:
@@ -88,6 +110,7 @@ class PlannedDrive(PlannedRun):
         told = [self.config.as_table(), self.variant, self.kind, self.gap_bias_m]
         if self.heed_unseen is not None:
             told.append(self.heed_unseen)
+        told += [f"{name} {value}" for name, value in (("flow", self.flow_mps), ("detected", self.detected)) if value]
         content = json.dumps(told, sort_keys=True)
         readable = f"s{self.config.seed}-{self.kind}-{self.variant}"
         if self.gap_bias_m:
@@ -119,14 +142,19 @@ def plan_drives(request: DriveRequest) -> Grid:
     configs = _configs(request, beliefs)
     cells = []
     for pair in range((request.episodes + 1) // 2):
-        both = (FREE, kinds[pair % len(kinds)])[: request.episodes - 2 * pair]
+        provoked, seed = kinds[pair % len(kinds)], request.seed + pair
+        both = (FREE, provoked)[: request.episodes - 2 * pair]
+        flow_mps = _drawn_flow(seed) if request.flow is None and provoked == STOPPED else request.flow
+        update = {"seed": seed} | ({} if flow_mps is None else _flowing(request, configs))
         drives = (
             PlannedDrive(
-                config=configs[belief].model_copy(update={"seed": request.seed + pair}),
+                config=configs[belief].model_copy(update=update),
                 variant=belief,
                 kind=kind,
                 gap_bias_m=bias,
                 heed_unseen=request.heed_unseen,
+                flow_mps=flow_mps,
+                detected=(request.detected or DETECTED) if kind == DARK else None,
             )
             for kind in both
             for bias in biases
@@ -134,6 +162,25 @@ def plan_drives(request: DriveRequest) -> Grid:
         )
         cells.append(Cell(tuple(drives)))
     return Grid(tuple(cells), AXES)
+
+
+def flow_of(cell: Cell) -> float | None:
+    """Return the speed at which a cell's traffic flows; None for the network's."""
+    return next((run.flow_mps for run in cell.runs if isinstance(run, PlannedDrive)), None)
+
+
+def _drawn_flow(seed: int) -> float:
+    """Return the speed at which a seed's traffic flows."""
+    return float(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FLOW_STREAM,))).choice(FLOWS_MPS))
+
+
+def _flowing(request: DriveRequest, configs: Mapping[str, RunConfig]) -> dict[str, TrafficConfig]:
+    """Return what is updated of each belief's configuration so that the traffic can flow: its density, if not asked."""
+    asked = request.density is not None or request.demand is not None
+    if asked or any(word.startswith(("traffic.density", "traffic.demand")) for word in request.settings):
+        return {}
+    traffic = next(iter(configs.values())).traffic
+    return {"traffic": traffic.model_copy(update={"demand": None, "density": FREE_FLOW_VEH_PER_KM})}
 
 
 def with_truth(request: DriveRequest) -> DriveRequest:

@@ -30,11 +30,16 @@ def moments_in_sight(frames: Sequence[Frame], ego: str, name: str, road: Road, s
 
 def is_hidden(frame: Frame, ego: str, name: str, road: Road, settings: SensorSettings) -> bool:
     """Return whether less of a vehicle is to be seen than the sensor needs, by true visible fraction."""
-    if name not in frame.vehicle_id:
-        return True
+    return visible_fraction(frame, ego, name, road, settings) < settings.hidden_fraction
+
+
+def visible_fraction(frame: Frame, ego: str, name: str, road: Road, settings: SensorSettings) -> float:
+    """Return how much of a vehicle is to be seen from another, in [0, 1]; 0 if it is not there."""
+    if name not in frame.vehicle_id or ego not in frame.vehicle_id:
+        return 0.0
     seen_from = replace(frame, ego=row_of(frame, ego))
     pose = seen_from.ego_pose
     sight = sight_to(frame.lon_m, frame.lat_m, road, pose, box_axes(road, frame.heading_rad))
     in_range = in_reach(settings, sight.distance, sight.off_axis)
     fraction, _, _ = visibility_of(seen_from, road, pose, in_range, settings.range_m)
-    return bool(fraction[row_of(frame, name)] < settings.hidden_fraction)
+    return float(fraction[row_of(frame, name)])

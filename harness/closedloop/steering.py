@@ -8,12 +8,13 @@ import numpy as np
 
 from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.handover import HandOver
-from harness.closedloop.plan import BRAKE, GAP
+from harness.closedloop.plan import BRAKE, DARK, GAP
 from harness.closedloop.traffic import row_of
 from harness.decisions.belief import believe
 from harness.decisions.drivers.following import SAFE_DECEL_MPS2, following
 from harness.scoring.closedloop import Contact
 from harness.truth.frame import Frame
+from harness.truth.sumo.brokendown import stand
 from harness.truth.sumo.session import Sumo
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.road import Road
@@ -23,6 +24,7 @@ NO_CHECKS, ALL_CHECKS = 0, 31
 PROVOKED_BRAKING_MPS2, STANDS_S = -5.0, 1.0
 NO_SPEED = -1.0
 """By this speed SUMO's own driver takes a vehicle back."""
+KEEPS_LANE_M, BETWEEN_WITHIN_M = 1.8, 250.0
 ON_COURSE_M = 0.05
 """So near to where it steers for the ego is there."""
 
@@ -39,16 +41,27 @@ class Steering:
         """Let SUMO neither check the ego's speed nor change its lane from now on."""
         self._sumo.vehicle.setSpeedMode(self._at.ego, NO_CHECKS)
         self._sumo.vehicle.setLaneChangeMode(self._at.ego, NO_CHECKS)
-        if self._at.kind in (BRAKE, GAP):
+        if self._at.kind in (BRAKE, GAP, DARK):
             self._sumo.vehicle.setSpeedMode(self._at.provoked, NO_CHECKS)
-        if self._at.kind == GAP:
+        if self._at.kind in (GAP, DARK):
             self._sumo.vehicle.setLaneChangeMode(self._at.provoked, NO_CHECKS)
+        if self._at.stands is not None:
+            stand(self._sumo, self._at.provoked, self._at.stands)
+            self._keep_between_clear()
 
     def act(self, demand_mps2: float, speed_mps: float, step_s: float) -> None:
         """Set what the ego and the provoked vehicle do in the next step, of which no car drives backwards."""
         self._sumo.vehicle.setSpeed(self._at.ego, max(0.0, speed_mps + demand_mps2 * step_s))
-        if self._at.kind == BRAKE and self._at.provoked in self._sumo.vehicle.getIDList():
+        if self._at.kind in (BRAKE, DARK) and self._at.provoked in self._sumo.vehicle.getIDList():
             self._brake(step_s)
+
+    def _keep_between_clear(self) -> None:
+        """Let nobody come between the ego and the vehicle that stands ahead: those beside keep their lanes."""
+        now = self._at.frames[-1]
+        beside = np.abs(now.lat_m - now.lat_m[now.ego]) > KEEPS_LANE_M
+        near = np.abs(now.lon_m - now.lon_m[now.ego]) < BETWEEN_WITHIN_M
+        for name in now.vehicle_id[beside & near].tolist():
+            self._sumo.vehicle.setLaneChangeMode(name, NO_CHECKS)
 
     def steer(self, aim_m: float, lat_m: float) -> None:
         """Let the ego move sideways towards a lateral position, whoever is there."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
-from harness.closedloop.plan import BIAS, CROSS, FREE, GAP, KIND, PROVOKED
+from harness.closedloop.plan import BIAS, CROSS, DARK, FREE, GAP, KIND, PROVOKED, STOPPED
 from harness.comparison.effects import paired_effect
 from harness.grid.rows import column_of
 from harness.scoring.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
@@ -114,7 +114,12 @@ OF_CROSSINGS = (
     "one of them braked harder than 3 m/s² while the ego was at the place; *unsafe to go* are the moments at which it "
     "went on, of those at which by the truth it would have held."
 )
-EXPLANATIONS = {GAP: OF_GAPS, CROSS: OF_CROSSINGS}
+OF_STOPPED = (
+    "In episodes *stopped* a vehicle stands in the ego's lane while the traffic flows; nobody is between them, and at "
+    "the hand-over it is just out of the sensor's range."
+)
+OF_DARK = "In episodes *dark* the leader, in plain view but detected in a share of the scans only, brakes by 5 m/s²."
+EXPLANATIONS = {GAP: OF_GAPS, CROSS: OF_CROSSINGS, STOPPED: OF_STOPPED, DARK: OF_DARK}
 
 
 def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:

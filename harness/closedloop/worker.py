@@ -22,7 +22,7 @@ import numpy as np
 from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver, hand_overs
 from harness.closedloop.kept import keep_drive
-from harness.closedloop.plan import PlannedDrive
+from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
 from harness.decisions.decide import driver_of
 from harness.errors import RunError
@@ -85,6 +85,7 @@ def opened(cell: Cell) -> Iterator[Traffic]:
         seed=Streams.from_seed(config.seed).truth,
         ego=False,
         broken_down=config.traffic.broken_down,
+        flow_mps=flow_of(cell),
     )
     try:
         assert isinstance(truth, SumoTruth | PlaneTruth)
@@ -143,7 +144,7 @@ def _episodes(traffic: Traffic, cell: Cell) -> Iterator[HandOver | str]:
     sensor = cell.config.sensor
     rng = np.random.default_rng(np.random.SeedSequence(cell.config.seed, spawn_key=(CHOICES,)))
     driver = driver_of(cell.config.decisions.driver)
-    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), driver, rng)
+    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), driver, rng, flow_of(cell))
 
 
 def _driven(traffic: Traffic, at: HandOver, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:

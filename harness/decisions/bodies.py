@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,7 @@ class Bodies:
         direction_rad: In the plane, where it is heading; nan where that is not known.
         length_m: Length.
         width_m: Width.
+        doubtful: Whether it is more likely no vehicle than one; None where all are sure.
     """
 
     step: IntArray
@@ -28,9 +29,19 @@ class Bodies:
     direction_rad: FloatArray
     length_m: FloatArray
     width_m: FloatArray
+    doubtful: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.step)
+
+    @property
+    def has_doubtful(self) -> bool:
+        """Whether there is a doubtful one."""
+        return self.doubtful is not None and bool(self.doubtful.any())
+
+    def sure(self) -> Bodies:
+        """Return those that are not doubtful, in the same order."""
+        return self if self.doubtful is None else replace(taken(self, ~self.doubtful), doubtful=None)
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,27 @@
-"""The decision: the driver of that name, asked with a belief."""
+"""The decision: the driver of that name, asked with a belief.
+
+A driver brakes as hard as it must for what is surely there, and slows down for what may be: for a body that is more
+likely no vehicle than one it brakes comfortably at most.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harness.decisions import drivers as _registered  # noqa: F401  they register themselves
 from harness.decisions.belief import LEADERS, Belief, believe
 from harness.decisions.bodies import Bodies, Egos
+from harness.decisions.drivers.following import PARAMETERS
 from harness.decisions.drivers.protocol import Command, Driver, drivers
 from harness.errors import InputError
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.registry import UnknownNameError
 from mmpf.road import Road
+
+GENTLE_MPS2 = PARAMETERS.comfortable_decel_mps2
+"""Hardest braking for a doubtful body: 1.5 m/s², the driver's comfortable one."""
 
 
 @dataclass(frozen=True)
@@ -61,16 +69,22 @@ def driver_of(name: str) -> Driver:
 def decide(driver: Driver, bodies: Bodies, egos: Egos, road: Road) -> Decision:
     """Ask a driver at each step.
 
+    The belief, and with it which gaps beside the ego are accepted, is of the bodies that are sure.
+
     Args:
         driver: The driver.
-        bodies: What it takes for real.
+        bodies: What it takes for real, or doubts.
         egos: The ego, which it knows.
         road: The lanes.
 
     Raises:
         ValueError: What it would do is no finite number at each step.
     """
-    return decide_by(driver, believe(bodies, egos, road))
+    decision = decide_by(driver, believe(bodies.sure(), egos, road))
+    if not bodies.has_doubtful:
+        return decision
+    accel_mps2 = with_doubt(decision, decide_by(driver, believe(bodies, egos, road)))
+    return replace(decision, command=replace(decision.command, accel_mps2=accel_mps2))
 
 
 def decide_by(driver: Driver, belief: Belief) -> Decision:
@@ -83,6 +97,17 @@ def decide_by(driver: Driver, belief: Belief) -> Decision:
     if np.shape(command.accel_mps2) != (len(belief),) or not np.isfinite(command.accel_mps2).all():
         raise ValueError(f"the driver {type(driver).__name__} returned no finite acceleration for each step")
     return Decision(belief, command)
+
+
+def with_doubt(sure: Decision, all_: Decision) -> FloatArray:
+    """Return the acceleration that a driver demands who doubts some bodies, shape (n,).
+
+    Args:
+        sure: Its decision by those alone that are sure.
+        all_: Its decision by all.
+    """
+    gently = np.maximum(all_.command.accel_mps2, -GENTLE_MPS2)
+    return np.asarray(np.minimum(sure.command.accel_mps2, gently))
 
 
 def most_decisive(driver: Driver, belief: Belief) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ from harness.scoring.believed import egos_of, tracked_bodies, true_bodies
 from harness.scoring.history import first_of_group
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.road import Road
 
 
@@ -42,7 +42,7 @@ class Asked:
         bodies: The true vehicles, in the order of ``TruthRows``.
         truth: Its decision by the truth; bodies are rows of ``TruthRows``.
         tracks: Its decision by the tracks; bodies are places in ``track_row``.
-        track_row: Row of ``TrackRows`` of each body that the tracks amount to.
+        track_row: Row of ``TrackRows`` of each body that the tracks amount to, doubtful ones left out.
         judged: Steps at which the two are held together, shape (steps,).
         driven_m: How far the ego drives in each step, 0 where it is not judged, shape (steps,).
         step_s: Time that each step stands for, shape (steps,).
@@ -70,8 +70,8 @@ def ask(
 ) -> Asked:
     """Ask the driver.
 
-    A track counts as a vehicle from an existence of one half on. The first seconds of each ego are not judged: no
-    tracker can know the traffic yet.
+    A track counts as a vehicle from an existence of one half on; for one with less the driver slows down gently. The
+    first seconds of each ego are not judged: no tracker can know the traffic yet.
 
     Args:
         driven: Who is asked.
@@ -84,10 +84,10 @@ def ask(
     egos, there = egos_of(truth, rows)
     bodies = tracked_bodies(detections, rows, egos, settings)
     existence = tracks["existence"].to_numpy(dtype=np.float64) if "existence" in tracks else np.ones(len(tracks))
-    kept = np.flatnonzero(existence[rows.tracks.table_row] >= settings.driver_existence)
+    doubtful = existence[rows.tracks.table_row] < settings.driver_existence
     step_s, since_s = _times(rows)
     judged = there & (since_s >= settings.driver_settled_s - TIME_TOLERANCE_S)
-    real, believed = true_bodies(truth, rows), taken(bodies, kept)
+    real, believed = true_bodies(truth, rows), replace(bodies, doubtful=doubtful)
     return Asked(
         driver=driven.driver,
         egos=egos,
@@ -95,7 +95,7 @@ def ask(
         bodies=real,
         truth=decide(driven.driver, real, egos, driven.road),
         tracks=decide(driven.driver, believed, egos, driven.road),
-        track_row=kept,
+        track_row=np.flatnonzero(~doubtful),
         judged=judged,
         driven_m=np.where(judged, egos.speed_mps * step_s, 0.0),
         step_s=step_s,

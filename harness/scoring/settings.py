@@ -32,7 +32,7 @@ class ScoringSettings:
         brakes_mps2: Acceleration at or below which a driver brakes.
         rolls_mps2: Acceleration above which it does not.
         decision_s: Shortest time for which truth and tracks must differ for a missed or a phantom braking.
-        driver_existence: Existence from which a driver takes a track for a vehicle.
+        driver_existence: Existence from which a driver takes a track for a vehicle; for one with less it brakes gently.
         driver_settled_s: Time from the beginning of an ego's stay until its driver's decisions are judged.
         collision_time_s: Time to collision below which errors of it count.
         longest_collision_time_s: Longest time to collision that is told apart from none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from harness.errors import InputError
 from harness.truth.network.network import Network
 from harness.truth.sumo.fill import Placement
 from harness.truth.sumo.population import Vehicle, draw_vehicle
+from harness.truth.sumo.session import Sumo
 
 BROKEN_DOWN = "broken"
 """What their names begin with."""
@@ -18,6 +20,7 @@ FIRST_AT, ONE_WITHIN, LAST_AT = 0.25, 0.3, 0.85
 APART_M = 40.0
 """Each has so much of the section for itself."""
 FROM_EDGE_END_M = 15.0
+"""Room between it and the next edge, so that drivers of one edge steer around it."""
 CLEAR_BEHIND_M, CLEAR_AHEAD_M = 60.0, 12.0
 """Who is put on the road this near to one in its lane could neither stop nor steer around it."""
 STREAM = 7
@@ -38,7 +41,9 @@ def place_broken_down(network: Network, count: int, seed: np.random.SeedSequence
     if not count:
         return []
     if network.configuration is not None or network.corridor is None:
-        raise InputError(f"`broken_down`: {network.name} is no network with a main road and held traffic, such as us101")
+        raise InputError(
+            f"`broken_down`: {network.name} has no main road with held traffic; take one that has, such as us101"
+        )
     lanes, (start_m, end_m) = network.corridor.main_lanes, network.section_m
     if lanes < 2:
         raise InputError(f"`broken_down`: the one main lane of {network.name} would be blocked; it needs two or more")
@@ -52,26 +57,55 @@ def place_broken_down(network: Network, count: int, seed: np.random.SeedSequence
     order = rng.permutation(lanes)
     parts_m = np.linspace(first_m, last_m, count + 1)
     return [
-        _placed(network, int(order[number % lanes]), float(rng.uniform(low_m, high_m)), _drawn_car(network, rng))
-        for number, (low_m, high_m) in enumerate(zip(parts_m[:-1], parts_m[1:], strict=True))
+        placed(network, int(order[number % lanes]), float(rng.uniform(low_m, high_m)), drawn_car(network, rng))
+        for number, (low_m, high_m) in enumerate(pairwise(parts_m))
     ]
 
 
-def _placed(network: Network, lane: int, wished_m: float, vehicle: Vehicle) -> Placement:
-    """Return the placement of a vehicle on a main lane, whole on one edge."""
+def placed(
+    network: Network, lane: int, wished_m: float, vehicle: Vehicle, from_edge_end_m: float = FROM_EDGE_END_M
+) -> Placement:
+    """Return the placement of a standing vehicle on a main lane, on one edge and off its ends.
+
+    Args:
+        network: A network with a main road.
+        lane: Main lane, counted from the right, from 0.
+        wished_m: Longitudinal position of its front bumper; it is moved as far as the edge's ends ask for.
+        vehicle: The vehicle.
+        from_edge_end_m: How far from an end of the edge its front is at least.
+    """
     edges = network.main_road.edges
     index = max(k for k, edge in enumerate(edges) if wished_m >= edge.start_m)
     edge = edges[index]
-    most_m = max(FROM_EDGE_END_M, edge.length_m - FROM_EDGE_END_M)
-    position_m = round(float(np.clip(wished_m - edge.start_m, FROM_EDGE_END_M, most_m)), 3)
+    most_m = max(from_edge_end_m, edge.length_m - from_edge_end_m)
+    position_m = round(float(np.clip(wished_m - edge.start_m, from_edge_end_m, most_m)), 3)
     route = tuple(each.name for each in edges[index:])
     return Placement(vehicle, edge.name, lane + edge.extra_lanes, position_m, 0.0, route)
 
 
-def _drawn_car(network: Network, rng: np.random.Generator) -> Vehicle:
+def drawn_car(network: Network, rng: np.random.Generator) -> Vehicle:
+    """Draw a car of a network's drivers."""
     while (vehicle := draw_vehicle(rng, network.drivers)).kind != "car":
         pass
     return vehicle
+
+
+def stand(sumo: Sumo, name: str, placement: Placement) -> None:
+    """Put a vehicle on the road that stands there for good; it is there after SUMO's next step.
+
+    Args:
+        sumo: The simulation.
+        name: Its name.
+        placement: Where.
+    """
+    vehicle, its = sumo.vehicle, placement.vehicle
+    sumo.route.add(f"route of {name}", list(placement.route))
+    place_m = f"{placement.position_m:.3f}"
+    lane = str(placement.lane_index)
+    vehicle.add(name, f"route of {name}", its.kind, departLane=lane, departPos=place_m, departSpeed="0")
+    vehicle.setLength(name, its.length_m)
+    vehicle.setWidth(name, its.width_m)
+    vehicle.setStop(name, placement.edge, placement.position_m, placement.lane_index, duration=STANDS_S)
 
 
 def clear_of(placements: Iterable[Placement], broken: Sequence[Placement]) -> list[Placement]:

@@ -15,7 +15,7 @@ import numpy as np
 from harness.truth.network.corridor import CorridorEdge
 from harness.truth.network.demand import Demand
 from harness.truth.network.network import Network
-from harness.truth.sumo.brokendown import BROKEN_DOWN, STANDS_S, clear_of
+from harness.truth.sumo.brokendown import BROKEN_DOWN, clear_of, stand
 from harness.truth.sumo.fill import FREE_SHARE, Placement, fill, leaving_share, main_lane_density, route_of
 from harness.truth.sumo.population import Vehicle, draw_vehicle
 from harness.truth.sumo.reading import Load, front_positions, read_load
@@ -76,11 +76,7 @@ class TrafficControl:
         for placement in clear_of(fill(self._network, self._demand, self._rng), self._broken_down):
             self._add(placement)
         for number, placement in enumerate(self._broken_down):
-            name = f"{BROKEN_DOWN}{number}"
-            self._add(placement, name)
-            self._sumo.vehicle.setStop(
-                name, placement.edge, placement.position_m, placement.lane_index, duration=STANDS_S
-            )
+            stand(self._sumo, f"{BROKEN_DOWN}{number}", placement)
 
     def _hold(self, demand: Demand) -> None:
         """Take a demand as the one to be held from now on."""
@@ -191,9 +187,9 @@ class TrafficControl:
         last = min(names, key=vehicle.getLanePosition)
         return vehicle.getLanePosition(last), vehicle.getSpeed(last), vehicle.getLength(last)
 
-    def _add(self, placement: Placement, name: str = "") -> None:
+    def _add(self, placement: Placement) -> None:
         sumo, vehicle = self._sumo.vehicle, placement.vehicle
-        name = name or f"{vehicle.kind}{next(self._names)}"
+        name = f"{vehicle.kind}{next(self._names)}"
         speed_limit_mps = self._sumo.lane.getMaxSpeed(f"{placement.edge}_{placement.lane_index}")
         speed_mps = min(placement.speed_mps, 0.99 * speed_limit_mps * min(1.0, vehicle.speed_factor))
         sumo.add(
@@ -247,14 +243,15 @@ class LocalHeadways:
         self._own_s[name] = headway_s
 
     def apply(self) -> None:
-        """Set the headways of all vehicles on the road."""
+        """Set the headways of all vehicles on the road that it remembers."""
         if not self._needed:
             return
         vehicle = self._sumo.vehicle
         names = vehicle.getIDList()
         lon_m, _ = front_positions(self._sumo, self._road, names)
         for name, factor in zip(names, np.interp(lon_m, self._lon_m, self._factor), strict=True):
-            vehicle.setTau(name, self._own_s[name] * float(factor))
+            if name in self._own_s:
+                vehicle.setTau(name, self._own_s[name] * float(factor))
 
 
 def divert_late_vehicles(sumo: Sumo, network: Network) -> None:

@@ -45,6 +45,7 @@ def open_traffic(
     gui: bool = False,
     reach_m: float = REACH_M,
     broken_down: int = 0,
+    flow_mps: float | None = None,
 ) -> TruthSource:
     """Start SUMO on a network, run the warm-up and return the truth that follows.
 
@@ -60,15 +61,17 @@ def open_traffic(
         gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
         reach_m: How far from the ego vehicles count and hide, on a network without a main road.
         broken_down: How many vehicles stand broken down in main lanes of the section, from before the first frame on.
+        flow_mps: Speed limit of the main road and at most of its ramps, in place of the network's; None for that.
 
     Raises:
         InputError: The density, the demand or the network's files are wrong, no window can be opened, or the network
-            has no room for vehicles that break down.
+            has no room for vehicles that break down, or no main road to limit speeds on.
         RunError: A simulation is open already, or no vehicle ever appears.
     """
     rng = np.random.default_rng(seed)
     held = _held_demand(network, demand)
     stands = place_broken_down(network, broken_down, seed)
+    limits = {} if flow_mps is None else _speed_limits(network, flow_mps)
     # Now, since a broken file of buildings would leave a simulation open.
     _ = network.road
     scratch = TemporaryDirectory(prefix="harness-net-")
@@ -88,6 +91,8 @@ def open_traffic(
         truth = SumoTruth(running, network, steps, control, ego)
     try:
         with sumo_errors_in_words(sumo):
+            for edge, limit_mps in limits.items():
+                sumo.edge.setMaxSpeed(edge, limit_mps)
             truth.warm_up(warm_up_s)
     except SumoError as error:
         truth.close()
@@ -110,6 +115,13 @@ def _held_demand(network: Network, demand: str | float | None) -> Demand | None:
     if demand is None:
         demand = DEFAULT_DENSITY if network.default_demand is None else network.default_demand
     return network.demand(demand) if isinstance(demand, str) else network.demand_for_density(demand)
+
+
+def _speed_limits(network: Network, flow_mps: float) -> dict[str, float]:
+    """Return the speed limits of edges where the main road's is to be another."""
+    main = dict.fromkeys((edge.name for edge in network.main_road.edges), flow_mps)
+    ramps = {ramp.name: min(flow_mps, ramp.speed_limit_mps) for ramp in (*network.on_ramps, *network.off_ramps)}
+    return main | ramps
 
 
 def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
