@@ -35,7 +35,9 @@ def command(options: Options) -> None:
     but seen before, brakes at 5 m/s2; or, with --provoke gap, the ego has to
     change to a lane in which such a hidden car is in its way, and does as soon
     as it believes that the gap is safe; or, with --provoke cross, it comes up
-    to a crossing where a hidden car has right of way over it.
+    to a crossing where a hidden car has right of way over it; or, in plain view,
+    a vehicle stands in its lane (stopped), or its leader, which is seldom
+    detected, brakes (dark).
     Leaves runs.parquet (one row per episode and belief), table.md,
     summary.json, a figure, the folders of episodes that ended in a collision
     and a page that leads to their replays. 'compare' takes such folders.
@@ -46,6 +48,7 @@ def command(options: Options) -> None:
       python -m harness drive --beliefs truth --gap-bias 0,2,5,10 --episodes 20
       python -m harness drive --density 45 --provoke gap --beliefs mmpf,detections
       python -m harness drive --net priority --provoke cross --heed-unseen 0.1
+      python -m harness drive --provoke stopped --flow 15 --beliefs mmpf,pmbm
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """

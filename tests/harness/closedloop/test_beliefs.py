@@ -57,7 +57,9 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
             state=[CONFIRMED, CONFIRMED, TENTATIVE, CONFIRMED],
         )  # fmt: skip
         recorder.add(look, tracks)
-        found.append(perception.bodies(look, tracks))
+        bodies = perception.bodies(look, tracks)
+        assert bodies.doubtful.tolist() == [False, True, False]
+        found.append(bodies.sure())
     tables, scoring = recorder.tables(), ScoringSettings()
     rows = read_run(tables.truth, tables.detections, tables.tracks)
     egos, _ = egos_of(tables.truth, rows)

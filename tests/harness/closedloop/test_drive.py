@@ -7,7 +7,7 @@ import pytest
 from harness.closedloop import worker
 from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver
-from harness.closedloop.plan import BRAKE, CROSS, FREE, GAP, DriveRequest, plan_drives
+from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, GAP, STOPPED, DriveRequest, plan_drives
 from harness.commands.drive import make_drives
 from harness.errors import InputError, RunError
 from harness.grid.worker import Finished
@@ -102,6 +102,10 @@ def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row()
         ({"episodes": 0}, "`episodes`"),
         ({"gap_bias": "x"}, "`gap_bias`"),
         ({"heed_unseen": 1.5}, "`heed_unseen`"),
+        ({"flow": 1.0}, "`flow`"),
+        ({"flow": 15.0, "net": "junction"}, "`net` junction"),
+        ({"provoke": "stopped", "net": "junction"}, "`net` junction"),
+        ({"detected": 0.0}, "`detected`"),
     ],
 )
 def test_wrong_input_is_one_line_that_names_the_option_and_leaves_nothing(tmp_path, options, said):
@@ -144,3 +148,49 @@ def test_drives_over_a_crossing_are_the_same_bytes_again_and_by_the_truth_the_eg
     assert (crossing["episode.seen_before"] == 0.0).all()
     assert crossing["drive.must_hold"]["truth"] > 0
     assert crossing["drive.unsafe_to_go_percent"]["truth"] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("flow_mps", [10.0, 15.0, 20.0, 25.0, 30.0])
+def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traffic(tmp_path, flow_mps):
+    folder = made(tmp_path / "out", density=None, provoke="stopped", flow=flow_mps, beliefs="truth", episodes=4)
+    rows = read_table(folder, "runs.parquet", "folder", ())
+    stopped = rows[rows["episode.kind"] == STOPPED]
+    assert stopped[COLLIDED].tolist() == [0.0, 0.0]
+    assert (stopped["episode.provoked"] == "broken_ahead").all()
+    assert (stopped["episode.flow_mps"] == flow_mps).all()
+
+
+@pytest.mark.slow
+def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_the_way():
+    cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=STOPPED, flow=20.0)).cells[0]
+    with worker.opened(cell) as traffic:
+        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == STOPPED)
+        run = next(run for run in cell.runs if run.kind == STOPPED)
+        truth = worker.in_fork(lambda: drive(traffic, at, run)).tables.truth
+    its = truth[truth["vehicle_id"] == "broken_ahead"]
+    assert its["step"].min() == LAST_TRACKED + 1
+    assert its["speed_mps"].max() == 0.0
+    assert not its["in_range"].iloc[0]
+    in_range = its[its["in_range"]]
+    assert in_range["visible_fraction"].min() > 0.9
+    ego = truth[truth["is_ego"]].set_index("step")
+    gap_m = in_range["lon_m"].to_numpy() - ego.loc[in_range["step"], "lon_m"].to_numpy()
+    assert gap_m[0] > 97.0
+    assert gap_m[-1] < 12.0
+
+
+@pytest.mark.slow
+def test_a_dark_leader_is_detected_in_a_third_of_the_scans_and_brakes_to_a_stop():
+    cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=DARK, density=30.0)).cells[0]
+    with worker.opened(cell) as traffic:
+        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == DARK)
+        run = next(run for run in cell.runs if run.kind == DARK)
+        drove = worker.in_fork(lambda: drive(traffic, at, run))
+    tables, leader = drove.tables, at.provoked
+    its = tables.truth[tables.truth["vehicle_id"] == leader]
+    seen = tables.detections["step"][tables.detections["truth_id"] == leader].nunique()
+    assert its["visible_fraction"][its["step"] <= LAST_TRACKED].min() > 0.7
+    assert its["speed_mps"].min() == 0.0
+    assert 0.2 < seen / len(its) < 0.5
+    assert drove.table["drive"]["collided_percent"] == 0.0

@@ -47,6 +47,29 @@ def test_heeding_the_unseen_is_part_of_it_too_and_never_doing_so_is_not():
     assert usual.key == never.key != heeding.key
 
 
+def test_the_flow_is_drawn_by_seed_where_a_vehicle_is_to_stand_in_the_way_unless_it_is_asked_for():
+    runs = plan_drives(request(provoke="stopped", episodes=40, density=None)).runs
+    flows = {run.config.seed: run.flow_mps for run in runs}
+    assert set(flows.values()) == {10.0, 15.0, 20.0, 25.0, 30.0}
+    assert all(flows[run.config.seed] == run.flow_mps for run in runs)
+    assert {run.config.traffic.density for run in runs} == {10.0}
+    asked = plan_drives(request(provoke="stopped", flow=15.0, density=20.0)).runs
+    assert {(run.flow_mps, run.config.traffic.density) for run in asked} == {(15.0, 20.0)}
+    assert {run.flow_mps for run in plan_drives(request()).runs} == {None}
+
+
+def test_how_often_a_dark_leader_is_detected_is_of_its_episodes_alone():
+    usual, often = (plan_drives(request(provoke="dark", detected=each)).runs for each in (None, 0.6))
+    assert {(run.kind, run.detected) for run in usual} == {("free", None), ("dark", 0.35)}
+    assert {(run.kind, run.detected) for run in often} == {("free", None), ("dark", 0.6)}
+    assert [a.key == b.key for a, b in zip(usual, often, strict=True)] == [run.kind == "free" for run in usual]
+
+
+def test_flow_and_share_of_detections_leave_no_trace_where_they_are_not_asked_for():
+    assert not {"flow", "detected"} & set(request().as_table())
+    assert request(flow=15.0).as_table()["flow"] == 15.0
+
+
 def test_the_truth_is_added_where_it_is_missing():
     assert with_truth(request(beliefs="mmpf")).beliefs == "truth,mmpf"
     assert with_truth(request(beliefs="mmpf,truth")).beliefs == "mmpf,truth"

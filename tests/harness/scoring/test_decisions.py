@@ -143,9 +143,26 @@ def test_a_track_that_strays_into_the_lane_is_a_phantom_by_displacement():
     assert (braking["kind"], braking["vehicle_id"], braking["fate"]) == ("phantom", "beside", "displaced")
 
 
-@pytest.mark.parametrize("kind", [{"existence": 0.4}, {"state": "tentative"}])
-def test_a_track_that_is_no_vehicle_yet_moves_no_driver(kind):
-    assert Drive().track(7, 15.0, 10.0, **kind).scored().metrics["decisions"]["phantom"] == 0
+def test_for_a_doubtful_track_the_driver_slows_down_gently_which_is_no_phantom_braking():
+    scored = Drive().track(7, 15.0, 10.0, existence=0.4).scored()
+    assert scored.metrics["decisions"]["phantom"] == 0
+    assert scored.commands["tracks_mps2"].min() == pytest.approx(-1.5)
+    assert Drive().track(7, 15.0, 10.0, existence=0.5).scored().commands["tracks_mps2"].min() < -4.0
+
+
+def test_a_doubtful_track_takes_nothing_off_the_braking_for_one_that_is_sure():
+    def scene(*existence):
+        drive = Drive()
+        for number, each in enumerate(existence):
+            drive.track(number, 15.0 - 3.0 * number, 10.0, existence=each)
+        return drive.scored().commands["tracks_mps2"].to_numpy()
+
+    assert scene(1.0, 0.3) == pytest.approx(scene(1.0))
+
+
+def test_a_tentative_track_moves_no_driver():
+    scored = Drive().track(7, 15.0, 10.0, state="tentative").scored()
+    assert scored.commands["tracks_mps2"].min() > -1.0
 
 
 def test_lateness_is_the_time_until_the_tracks_demand_braking_too():
