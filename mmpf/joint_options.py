@@ -86,7 +86,7 @@ class JointKinds(Settings):
     """Whether the question is asked; without, everything that exists is a vehicle."""
     vehicle_detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
     """Share of vehicles at each level of detectability (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
-    prior_vehicles: Positive = 30.0
+    prior_vehicles: Positive = 15.0
     """So many vehicles these shares count for; the vehicles around add to them."""
     appear_in_view_per_s: Positive = 0.06
     """Vehicles a second that are first detected in plain view, where they should have been known before."""
@@ -118,7 +118,7 @@ class JointKinds(Settings):
     """Log odds that the lesser one of them loses a second."""
     largest_log_odds: Positive = 6.0
     """No log odds between vehicle and false object grow beyond this."""
-    confirm_above: Probability = 0.5
+    confirm_above: Probability = 0.6
     """Probability of a vehicle above which a component is reported."""
     withdraw_below: Probability = 0.2
     """Probability of a vehicle, if there is a source at all, below which it is no longer reported."""

@@ -95,7 +95,7 @@ class ReportingOptions(Settings):
     """A hidden component spread wider than this is kept in memory, for re-acquisition, but not reported: nobody could
     use it.
     """
-    reported_hidden_above: Probability = 0.2
+    reported_hidden_above: Probability = 0.05
     """A hidden component that is a vehicle with less probability is kept in memory, but not reported."""
 
 

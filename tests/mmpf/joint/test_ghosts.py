@@ -8,12 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from mmpf.around.reach import Reach
-from mmpf.cloud.birth import Traffic
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments, component_moments
-from mmpf.compute.arrays import FloatArray
 from mmpf.joint.ghosts import (
     LARGEST_LOG_ODDS,
     Sightings,
@@ -27,6 +21,12 @@ from mmpf.joint.ghosts import (
     waiting_shares,
     with_log_odds,
 )
+
+from mmpf.around.reach import Reach
+from mmpf.cloud.birth import Traffic
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import Moments, component_moments
+from mmpf.compute.arrays import FloatArray
 from mmpf.joint_options import JointFalseObjects, JointGhosts, JointOptions, JointRegularity
 from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.options import FilterOptions

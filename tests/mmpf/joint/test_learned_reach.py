@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from mmpf.joint.ghosts import Sightings
 
 import mmpf.motion  # noqa: F401
 from mmpf.compute.arrays import FloatArray
-from mmpf.joint.ghosts import Sightings
 from mmpf.joint.learned_reach import reach_after
 from mmpf.joint_options import JointOptions
 from mmpf.motion.protocol import motion_models
