@@ -86,9 +86,9 @@ class JointKinds(Settings):
     """Whether the question is asked; without, everything that exists is a vehicle."""
     vehicle_detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
     """Share of vehicles at each level of detectability (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
-    prior_vehicles: Positive = 15.0
+    prior_vehicles: Positive = 30.0
     """So many vehicles these shares count for; the vehicles around add to them."""
-    appear_in_view_per_s: Positive = 0.06
+    appear_in_view_per_s: Positive = 0.15
     """Vehicles a second that are first detected in plain view, where they should have been known before."""
     appear_out_of_view_per_s: Positive = 4.0
     """The same at a shadow's or the range's edge, or in the first scan: as if all range were such a place."""
@@ -104,8 +104,10 @@ class JointKinds(Settings):
     """After the first scan it takes about so long until what is in plain view has been detected."""
     edge_m: Positive = 8.0
     """Width of the range's edge."""
-    shadow_edge_m: NotNegative = 4.0
-    """Width of a shadow's edge along the road: so far a vehicle has come out of it before it is detected."""
+    shadow_edge_m: NotNegative = 2.0
+    """So far along the road a vehicle may have come out of a shadow before it is detected, at no speed of the ego."""
+    shadow_edge_s: NotNegative = 0.3
+    """For so long it may have been out of it before: the ego passes what stands at its own speed."""
     vehicle_shading: tuple[Positive, Positive, Positive] = (0.5, 0.3, 0.2)
     """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
     shadows nor what they do to the sensor are exactly known.
@@ -118,7 +120,7 @@ class JointKinds(Settings):
     """Log odds that the lesser one of them loses a second."""
     largest_log_odds: Positive = 6.0
     """No log odds between vehicle and false object grow beyond this."""
-    confirm_above: Probability = 0.6
+    confirm_above: Probability = 0.5
     """Probability of a vehicle above which a component is reported."""
     withdraw_below: Probability = 0.2
     """Probability of a vehicle, if there is a source at all, below which it is no longer reported."""
@@ -135,7 +137,7 @@ class JointFalseObjects(Settings):
     """Share of false objects that stand still; the others move as traffic does."""
     life_s: Positive = 2.5
     """Mean life."""
-    detectability: Levels = (0.08, 0.12, 0.18, 0.22, 0.2, 0.14, 0.06)
+    detectability: Levels = (0.12, 0.17, 0.23, 0.26, 0.16, 0.05, 0.01)
     """Share of false objects at each level of detectability."""
     shading: tuple[Positive, Positive, Positive] = (0.3, 0.2, 0.5)
     """The same shares among false objects: some are seen through vehicles."""
@@ -154,7 +156,7 @@ class JointSpeeds(Settings):
     """Spread of the speeds of what stands."""
     flow_std_mps: Positive = 4.0
     """Spread of vehicles' speeds around the traffic's."""
-    stopped_on_road: Probability = 0.02
+    stopped_on_road: Probability = 0.1
     """Share of vehicles that stand though others flow, along a single road: broken-down cars, ends of queues."""
     stopped_in_plane: Probability = 0.3
     """The same in a plane of which no stop lines are known."""

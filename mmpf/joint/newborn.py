@@ -121,7 +121,8 @@ def appearances_at(
         """Return the visible fraction of a vehicle so far ahead of each detection."""
         return visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
 
-    here, edge_m = visible(0.0), options.joint.kinds.shadow_edge_m
+    here = visible(0.0)
+    edge_m = options.joint.kinds.shadow_edge_m + options.joint.kinds.shadow_edge_s * abs(plane.ego.speed_mps)
     before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
     in_view = np.clip((before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = plane.distance_m(lon, lat)
