@@ -154,9 +154,10 @@ class MixtureTracker:
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         chosen = np.flatnonzero(~lies_on_ego(scan.detections, SensorPlane(scan.ego, self._road)))
         existence = np.full(len(chosen), self._options.birth.first_existence)
-        kinds = kinds_at_birth(
-            Appearances.unwatched(len(chosen)), self._false_objects, self._sensor, self._options.joint
-        )
+        kinds = None
+        if self._options.update == "joint":
+            unwatched = Appearances.unwatched(len(chosen))
+            kinds = kinds_at_birth(unwatched, self._false_objects, self._sensor, self._options.joint)
         births = Births(scan.detections, chosen, existence, traffic, kinds)
         none = np.zeros(0, dtype=np.bool_)
         return self._rule.weight_update(give_birth(self._nobody, none, births, self._motion, self._options, self._rng))

@@ -12,7 +12,7 @@ from tests.mmpf.scenes import ROAD, LinearGaussianMotion, detections_at, ego_at
 
 STEPS, PARTICLES, REPLICATES = 50, 2000, 20
 DT_S, STD_LON_M, STD_LAT_M, EGO_SPEED_MPS = 0.1, 0.5, 0.3, 20.0
-BIRTH = BirthOptions(local_speed_share=1.0, local_speed_std_mps=2.0, lat_speed_std_mps=0.4)
+BIRTH = BirthOptions(local_speed_share=1.0, local_speed_std_mps=2.0, lat_speed_std_mps=0.4, standing_share=0.0)
 SENSOR = SensorModel(detection_probability=0.999, clutter_per_scan=1e-3)
 
 

@@ -77,9 +77,12 @@ def track_ids(tracks: Tracks, at: tuple[float, float], within_m: float = 2.0) ->
 
 
 def follow(model: str, unseen: tuple[float, float]) -> Iterator[tuple[float, Tracks]]:
-    """Yield time and tracks; the turning vehicle gives no detections between the times ``unseen``, as behind a wall."""
+    """Yield time and tracks; the turning vehicle gives no detections between the times ``unseen``, as behind a wall.
+
+    The filter knows nothing of the wall, so that it believes less and less in the vehicle: it is to report it anyway.
+    """
     rng = np.random.default_rng(0)
-    options = FilterOptions.model_validate({"particles": 500, "joint": {"detectability": {"fixed_probability": 0.3}}})
+    options = FilterOptions.model_validate({"particles": 500, "reporting": {"reported_hidden_above": 0.0}})
     sensor = SensorModel(range_m=200.0, clutter_per_scan=0.1)
     tracker = MixtureTracker(ROAD, sensor, motion_model(model), np.random.default_rng(1), options)
     ego = EgoPose(-90.0, -SIDE_M, 0.0, 0.0, 4.7, 1.9)

@@ -95,26 +95,38 @@ def test_particles_lie_aslant_around_a_detection_whose_noise_is_correlated() -> 
 
 def test_a_measured_speed_is_taken_whatever_the_traffic_does() -> None:
     measured = replace(detections_at(PLACES), speed_mps=np.array([31.0, np.nan]), std_speed_mps=np.array([0.8, np.nan]))
-    mixture = born(measured, local_speed_share=1.0, local_speed_std_mps=2.5)
+    mixture = born(measured, local_speed_share=1.0, local_speed_std_mps=2.5, standing_share=0.0)
     assert_normal(rows_of(mixture, 0)[SPEED], 31.0, 0.8)
     assert_normal(rows_of(mixture, 1)[SPEED], 20.0, 2.5)
 
 
 def test_a_speed_that_was_not_measured_is_that_of_the_traffic_around_the_nearer_the_more() -> None:
     traffic = Traffic(np.array([0.0, 60.0, 4000.0]), np.array([15.0, 27.0, 5.0]))
-    mixture = born(detections_at([(20.0, 5.0)]), traffic=traffic, local_speed_share=1.0, local_range_m=40.0)
+    mixture = born(
+        detections_at([(20.0, 5.0)]), traffic=traffic, local_speed_share=1.0, local_range_m=40.0, standing_share=0.0
+    )
     weight = np.exp(-0.5 * (np.array([20.0, 40.0]) / 40.0) ** 2)
     assert_normal(rows_of(mixture, 0)[SPEED], float(weight @ [15.0, 27.0] / weight.sum()), 2.5)
 
 
 def test_some_speeds_are_drawn_from_everything_that_is_possible() -> None:
-    wide = rows_of(born(detections_at([(0.0, 5.0)]), local_speed_share=0.0, other_speed_std_mps=4.0), 0)[SPEED]
+    def speeds(local_speed_share: float) -> FloatArray:
+        widths = {"local_speed_std_mps": 1.0, "other_speed_std_mps": 4.0, "standing_share": 0.0}
+        return rows_of(born(detections_at([(0.0, 5.0)]), local_speed_share=local_speed_share, **widths), 0)[SPEED]
+
+    wide, mixed = speeds(0.0), speeds(0.6)
     assert_normal(wide, 20.0, 4.0)
-    mixed = rows_of(
-        born(detections_at([(0.0, 5.0)]), local_speed_share=0.6, local_speed_std_mps=1.0, other_speed_std_mps=4.0),
-        0,
-    )[SPEED]
     assert_normal(mixed, 20.0, np.sqrt(0.6 * 1.0**2 + 0.4 * 4.0**2))
+
+
+@pytest.mark.parametrize("local_speed_share", [0.0, 0.6, 1.0])
+def test_some_particles_stand_however_fast_the_traffic_flows(local_speed_share: float) -> None:
+    narrow = {"local_speed_std_mps": 1.0, "other_speed_std_mps": 1.0, "standing_share": 0.25, "standing_std_mps": 0.5}
+    speed = born(detections_at([(0.0, 5.0)]), local_speed_share=local_speed_share, **narrow).cloud.state[SPEED]
+    stands = speed < 10.0
+    assert stands.mean() == pytest.approx(0.25, abs=0.02)
+    assert np.sqrt((speed[stands] ** 2).mean()) == pytest.approx(0.5, rel=0.05)
+    assert_normal(speed[~stands], 20.0, 1.0)
 
 
 @pytest.mark.parametrize(("measured_mps", "std_mps"), [(np.nan, np.nan), (0.5, 2.0)])
@@ -200,7 +212,3 @@ def test_the_motion_model_gives_each_newborn_particle_its_latents() -> None:
         np.random.default_rng(0),
     )
     assert (mixture.cloud.latents == 2.0 * mixture.cloud.state[[LON]]).all()
-
-
-def test_newborn_vehicles_are_believed_to_be_seen_past_shadows_as_probably_as_the_settings_say() -> None:
-    assert born().components.shadow_wrong == pytest.approx([FilterOptions().joint.regularity.shadow_wrong] * 2)

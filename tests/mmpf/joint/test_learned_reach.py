@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from mmpf.joint.ghosts import Sightings
 
 import mmpf.motion  # noqa: F401
 from mmpf.compute.arrays import FloatArray
+from mmpf.cloud.kinds import SHAPE, STANDING, VEHICLE, Sightings
 from mmpf.joint.learned_reach import reach_after
 from mmpf.joint_options import JointOptions
 from mmpf.motion.protocol import motion_models
@@ -19,13 +19,26 @@ from tests.mmpf.test_update_rules import situation_with
 PROMISED = SensorModel().detection_probability
 
 
+def surely(kind: int, level: int = -1) -> FloatArray:
+    """The posterior of one source whose kind and detectability are known."""
+    kinds = np.zeros((1, *SHAPE))
+    kinds[:, kind, 0, level] = 1.0
+    return kinds
+
+
 def counted(
     hit: float, in_view: float = 1.0, run_after: float = 0.0, **columns: Sequence[float]
 ) -> tuple[FloatArray, FloatArray]:
     """Detections that were expected and that there were in the ring of one vehicle at 45 m."""
-    vehicle = {"hits": [9], "existence": [1.0], "vehicle_log_odds": [50.0], **columns}
+    vehicle = {"hits": [9], "existence": [1.0], **columns}
     before = belief_of([spot(45.0, lane_centre(2))], **vehicle).components
-    sightings = Sightings(np.array([hit]), np.array([1.0 - in_view * PROMISED]), np.zeros(1), np.zeros(1), np.ones(1))
+    sightings = Sightings(
+        in_shadow=np.array([in_view * PROMISED]),
+        in_plain_view=np.array([PROMISED]),
+        claimed=np.array([1.0]),
+        hit=np.array([hit]),
+        run_probability=np.zeros(1),
+    )
     situation = situation_with([])
     reach = reach_after(sightings, before, np.array([run_after]), np.array([45.0]), situation, JointOptions())
     assert np.delete(reach.expected, 4) == pytest.approx(0.0)
@@ -37,9 +50,13 @@ def test_a_vehicle_in_plain_view_counts_with_its_detection_against_the_data_shee
     assert counted(hit) == pytest.approx((PROMISED, hit))
 
 
-@pytest.mark.parametrize("nobody", [{"existence": [0.0]}, {"vehicle_log_odds": [-50.0]}, {"hits": [2]}])
-def test_what_does_not_exist_or_is_no_vehicle_or_hardly_known_does_not_count(nobody: dict[str, list[float]]) -> None:
+@pytest.mark.parametrize("nobody", [{"existence": [0.0]}, {"kinds": surely(STANDING)}, {"hits": [2]}])
+def test_what_does_not_exist_or_is_no_vehicle_or_hardly_known_does_not_count(nobody: dict[str, Sequence[float]]) -> None:
     assert counted(1.0, **nobody) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_a_vehicle_that_is_hard_to_detect_anywhere_says_nothing_of_distance() -> None:
+    assert counted(0.0, kinds=surely(VEHICLE, level=0)) == pytest.approx((0.0, 0.0))
 
 
 def test_who_is_partly_hidden_does_not_count() -> None:

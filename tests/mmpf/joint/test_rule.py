@@ -32,12 +32,18 @@ Place = tuple[float, float]
 
 
 IMMORTAL = {"death_rate_per_s": 0.0}
+FOREVER_S = 1e12
 ALONE = {"exclusion_per_s": 0.0}
 
 
 def rule_with(**groups: dict[str, object]) -> JointUpdate:
     """The joint rule without resampling but for what its groups of settings say."""
-    usual = {"association": {"birth_density": BIRTH}, "resampling": {"effective_share": 0.0, "young_hits": 0}}
+    usual = {
+        "association": {"birth_density": BIRTH},
+        "resampling": {"effective_share": 0.0, "young_hits": 0},
+        # Vehicles on which shadows have their whole effect stay so.
+        "kinds": {"shading_s": FOREVER_S},
+    }
     joint = {name: usual.get(name, {}) | groups.get(name, {}) for name in usual | groups}
     return JointUpdate(FilterOptions.model_validate({"particles": PARTICLES, "joint": joint}))
 
@@ -59,8 +65,9 @@ def updated(
     detected: FloatArray,
     detections: list[Place],
     dt_s: float = 0.1,
+    run: float = 0.0,
 ) -> Updated:
-    occlusion = Occlusion(detected, np.zeros(len(prior)))
+    occlusion = Occlusion(detected, np.full(len(prior), run))
     situation = replace(situation_with(detections), dt_s=dt_s)
     return rule.measurement_update(prior, component_moments(prior), occlusion, situation, np.random.default_rng(0))
 
@@ -70,7 +77,7 @@ def uneven(low: float, high: float, components: int = 1) -> FloatArray:
     return np.tile(np.linspace(low, high, PARTICLES), components)
 
 
-@given(existence=st.floats(0.01, 0.99), detected=st.floats(0.05, 0.98))
+@given(existence=st.floats(0.01, 0.99), detected=st.floats(0.05, 0.95))
 @settings(max_examples=25, deadline=None)
 def test_a_missed_component_exists_as_probably_as_the_two_hypotheses_say(existence: float, detected: float) -> None:
     prior = belief_of([cloud_at(PLACE)], existence=[existence])
@@ -141,7 +148,7 @@ def test_no_detection_however_clear_makes_a_component_certain() -> None:
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])
 def test_the_chance_to_have_left_grows_with_the_time_between_scans(dt_s: float) -> None:
     prior, nothing = belief_of([cloud_at(PLACE)], existence=[0.8]), np.zeros(PARTICLES)
-    after = updated(rule_with(existence={"death_rate_per_s": 1.05}), prior, nothing, [], dt_s)
+    after = updated(rule_with(existence={"death_rate_per_s": 1.05}), prior, nothing, [], dt_s, run=1.0)
     assert after.mixture.components.existence == pytest.approx([0.8 * np.exp(-1.05 * dt_s)])
 
 

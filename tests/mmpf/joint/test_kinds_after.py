@@ -1,0 +1,222 @@
+"""What a scan makes of existence and kind, against all cases enumerated, and in scenes of one or two components."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mmpf.cloud.kinds import (
+    DETECTABILITY,
+    FALSE,
+    KINDS,
+    LEVELS,
+    SHADING,
+    SHAPE,
+    STANDING,
+    VEHICLE,
+    Sightings,
+    normalised,
+    vehicle_share,
+)
+from mmpf.cloud.mixture import Components, Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
+from mmpf.joint.newborn import Appearances, kinds_at_birth
+from mmpf.joint.speeds import log_speed_likelihoods
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
+from tests.mmpf.scenes import belief_of, lane_centre, spot
+from tests.mmpf.test_update_rules import situation_with
+
+OPTIONS = FilterOptions()
+KIND_OPTIONS = OPTIONS.joint.kinds
+LANE = lane_centre(2)
+IN_VIEW = 0.95
+CLEAR = 100.0
+DT_S = 0.1
+
+
+def options_with(**groups: dict[str, object]) -> FilterOptions:
+    return FilterOptions.model_validate({"joint": groups})
+
+
+UNBOUNDED = options_with(existence={"largest": 1.0}, kinds={"largest_log_odds": 30.0})
+
+
+def source(speed_mps: float = 20.0, **columns: FloatArray) -> Mixture:
+    return belief_of([spot(30.0, LANE, speed_mps)], **columns)
+
+
+def seen_as(claimed: float, in_shadow: float = IN_VIEW, run: float = 0.0, count: int = 1) -> Sightings:
+    return Sightings(*(np.full(count, each) for each in (in_shadow, IN_VIEW, claimed, claimed > 0.0, run)))
+
+
+def scanned(
+    mixture: Mixture,
+    sightings: Sightings,
+    options: FilterOptions = OPTIONS,
+    dt_s: float = DT_S,
+    was_seen: bool = True,
+) -> Mixture:
+    """Return the belief after a scan; the particles stay where they are."""
+    situation = replace(situation_with([]), dt_s=dt_s)
+    before = mixture.components
+    alive, ended = ended_meanwhile(before, situation, options.joint)
+    components = before.after_scan(np.full(len(mixture), was_seen), dt_s)
+    moments = component_moments(mixture)
+    after = kinds_after(components, before, alive, ended, moments, sightings, situation, options)
+    return replace(mixture, components=after)
+
+
+def newborn(options: FilterOptions = OPTIONS, in_view: float = 0.0) -> FloatArray:
+    place = Appearances(np.array([in_view]), np.ones(1))
+    return kinds_at_birth(place, situation_with([]).false_objects, SensorModel(), options.joint)
+
+
+def log_odds(components: Components) -> float:
+    share = float(vehicle_share(components.kinds)[0])
+    return float(np.log(share / (1.0 - share)))
+
+
+scans_of_one = st.lists(
+    st.tuples(st.sampled_from([0.0, 0.5, 3.0, 40.0]), st.floats(0.02, 0.95), st.floats(0.0, 0.9), st.floats(0.05, 0.5)),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(scans_of_one, st.floats(0.05, 0.95))
+@settings(max_examples=25, deadline=None)
+def test_existence_and_kind_are_those_of_all_cases_enumerated(
+    scans: list[tuple[float, float, float, float]], existence: float
+) -> None:
+    """The cases: nobody ever, a false object that has ended, and each source that is there."""
+    joint = UNBOUNDED.joint
+    prior = newborn()
+    nobody, ended, alive = 1.0 - existence, np.zeros((KINDS, LEVELS)), existence * prior[0]
+    usual = np.array(joint.kinds.vehicle_shading) / sum(joint.kinds.vehicle_shading)
+    found = source(kinds=prior, existence=np.array([existence]))
+    for claimed, in_shadow, run, dt_s in scans:
+        there = np.zeros(SHAPE)
+        for kind, shading, level in product(range(KINDS), range(len(SHADING)), range(LEVELS)):
+            weight = alive[kind, shading, level]
+            if kind == VEHICLE:
+                forgotten = 1.0 - np.exp(-dt_s / joint.kinds.shading_s)
+                weight += forgotten * (usual[shading] * alive[VEHICLE, :, level].sum() - weight)
+                weight *= np.exp(-joint.existence.death_rate_per_s * dt_s)
+            else:
+                ends = 1.0 - np.exp(-dt_s / joint.false_objects.life_s)
+                ended[kind, level] += ends * weight
+                weight *= 1.0 - ends
+            detected = (1.0 - run) * IN_VIEW * (in_shadow / IN_VIEW) ** SHADING[shading] * DETECTABILITY[level]
+            there[kind, shading, level] = weight * (1.0 - detected + detected * claimed)
+        # Vehicles that have left are nobody any more.
+        nobody = 1.0 - alive[VEHICLE].sum() * np.exp(-joint.existence.death_rate_per_s * dt_s) - alive[FALSE].sum()
+        nobody -= before_ended if (before_ended := found.components.ended.sum()) else 0.0
+        total = nobody + ended.sum() + there.sum()
+        nobody, ended, alive = nobody / total, ended / total, there / total
+        found = scanned(found, seen_as(claimed, in_shadow, run), UNBOUNDED, dt_s, was_seen=False)
+        assert found.components.existence == pytest.approx([alive.sum()], rel=1e-6)
+        assert found.components.kinds[0] == pytest.approx(alive / alive.sum(), abs=1e-6)
+        assert found.components.ended[0] == pytest.approx(ended[FALSE], abs=1e-6)
+
+
+@given(scans_of_one)
+@settings(max_examples=25, deadline=None)
+def test_the_posterior_sums_to_one_and_is_never_certain(scans: list[tuple[float, float, float, float]]) -> None:
+    found = source(kinds=newborn())
+    for claimed, in_shadow, run, dt_s in scans:
+        found = scanned(found, seen_as(claimed, in_shadow, run), dt_s=dt_s)
+        assert found.components.kinds.sum() == pytest.approx(1.0)
+        assert abs(log_odds(found.components)) <= KIND_OPTIONS.largest_log_odds + 1e-6
+        assert 0.0 <= found.components.existence[0] <= OPTIONS.joint.existence.largest
+
+
+@pytest.mark.parametrize("rate", [0.35, 0.65, 0.95])
+def test_who_lasts_and_moves_like_a_vehicle_is_one_however_rarely_it_is_detected(rate: float) -> None:
+    """Of false objects hardly any lasts for eight mean lives; so much is the log odds' gain, whatever the rate."""
+    rng = np.random.default_rng(1)
+    found = source(kinds=newborn())
+    odds = [log_odds(found.components)]
+    for _ in range(int(8.0 * OPTIONS.joint.false_objects.life_s / DT_S)):
+        found = scanned(found, seen_as(CLEAR * (rng.random() < rate)))
+        odds.append(log_odds(found.components))
+    assert odds[-1] > KIND_OPTIONS.largest_log_odds - 1.0
+    assert min(odds) > odds[0] - 2.0, "the rate alone says something of the level, once"
+
+
+def test_a_run_of_misses_says_nothing_of_the_kind_or_of_existence() -> None:
+    before = source(kinds=newborn(), existence=np.array([0.7]))
+    alive, _ = ended_meanwhile(before.components, situation_with([]), OPTIONS.joint)
+    after = scanned(before, seen_as(0.0, run=1.0), was_seen=False).components
+    assert after.existence == pytest.approx([alive.sum()])
+    assert after.kinds == pytest.approx(normalised(alive))
+
+
+def test_in_shadow_misses_say_little_and_in_plain_view_they_say_that_nobody_is_there() -> None:
+    def missed(in_shadow: float) -> Components:
+        found = source(kinds=newborn())
+        for _ in range(10):
+            found = scanned(found, seen_as(0.0, in_shadow), was_seen=False)
+        return found.components
+
+    hidden, in_view = missed(0.02), missed(IN_VIEW)
+    assert in_view.vehicle[0] < 0.2 < 0.6 < hidden.vehicle[0]
+    assert vehicle_share(hidden.kinds)[0] > 0.8 * vehicle_share(newborn())[0]
+
+
+def test_a_false_object_that_is_missed_in_plain_view_has_probably_ended() -> None:
+    kinds = np.zeros((1, *SHAPE))
+    kinds[:, STANDING, 0, -1] = 1.0
+    found = source(0.0, kinds=kinds, existence=np.array([1.0]))
+    for _ in range(5):
+        found = scanned(found, seen_as(0.0), was_seen=False)
+    assert found.components.ended[0, 0].sum() > 0.99
+    assert found.components.existence[0] < 0.01
+
+
+def test_a_speed_counts_as_it_is_at_present_and_is_not_summed_up() -> None:
+    """Seen in a run of misses, so that nothing but the speed says anything."""
+    before = source(3.0, kinds=newborn())
+    situation, moments = situation_with([]), component_moments(before)
+    alive, _ = ended_meanwhile(before.components, situation, UNBOUNDED.joint)
+    range_m, speeds = OPTIONS.birth.local_range_m, OPTIONS.joint.speeds
+    stood = np.array([-0.5 * (3.0 / speeds.standing_std_mps) ** 2])
+    likelihood = log_speed_likelihoods(moments, situation.traffic, speeds, range_m, speeds.stopped_on_road, stood)
+    expected = normalised(alive * np.exp(likelihood)[:, :, None, None])
+    once = scanned(before, seen_as(0.0, run=1.0), UNBOUNDED)
+    assert once.components.kinds == pytest.approx(expected, abs=1e-9)
+    again, _ = ended_meanwhile(once.components, situation, UNBOUNDED.joint)
+    twice = scanned(once, seen_as(0.0, run=1.0), UNBOUNDED)
+    assert twice.components.kinds == pytest.approx(normalised(again), abs=1e-9)
+
+
+def test_the_speed_of_one_that_is_not_seen_says_nothing() -> None:
+    before = source(0.0, kinds=newborn())
+    alive, _ = ended_meanwhile(before.components, situation_with([]), OPTIONS.joint)
+    after = scanned(before, seen_as(0.0, run=1.0), was_seen=False)
+    assert after.components.kinds == pytest.approx(normalised(alive))
+
+
+@pytest.mark.parametrize("dt_s", [0.1, 0.3])
+def test_of_two_seen_sources_in_one_place_the_one_that_is_less_of_a_vehicle_loses(dt_s: float) -> None:
+    kinds = np.concatenate([newborn(), newborn(in_view=1.0)])
+    both = belief_of([spot(30.0, LANE), spot(31.0, LANE)], kinds=kinds)
+    apart = belief_of([spot(30.0, LANE), spot(60.0, LANE)], kinds=kinds)
+    found, free = (scanned(each, seen_as(CLEAR, count=2), UNBOUNDED, dt_s).components.kinds for each in (both, apart))
+    odds, without = (np.log(vehicle_share(each) / (1.0 - vehicle_share(each))) for each in (found, free))
+    assert odds - without == pytest.approx([0.0, -KIND_OPTIONS.overlap_per_s * dt_s], abs=1e-6)
+
+
+def test_where_the_question_is_not_asked_vehicles_stay_vehicles() -> None:
+    options = options_with(kinds={"weighed": False})
+    found = source(0.0, kinds=newborn(options))
+    for hit in [True, False, False, True]:
+        found = scanned(found, seen_as(CLEAR * hit), options)
+        assert vehicle_share(found.components.kinds) == pytest.approx([1.0])
