@@ -103,22 +103,19 @@ def test_existence_and_kind_are_those_of_all_cases_enumerated(
     usual = np.array(joint.kinds.vehicle_shading) / sum(joint.kinds.vehicle_shading)
     found = source(kinds=prior, existence=np.array([existence]))
     for claimed, in_shadow, run, dt_s in scans:
-        there = np.zeros(SHAPE)
+        there, survival = np.zeros(SHAPE), np.exp(-joint.existence.death_rate_per_s * dt_s)
+        ends, forgotten = 1.0 - np.exp(-dt_s / joint.false_objects.life_s), 1.0 - np.exp(-dt_s / joint.kinds.shading_s)
+        nobody += (1.0 - survival) * alive[VEHICLE].sum()
         for kind, shading, level in product(range(KINDS), range(len(SHADING)), range(LEVELS)):
             weight = alive[kind, shading, level]
             if kind == VEHICLE:
-                forgotten = 1.0 - np.exp(-dt_s / joint.kinds.shading_s)
                 weight += forgotten * (usual[shading] * alive[VEHICLE, :, level].sum() - weight)
-                weight *= np.exp(-joint.existence.death_rate_per_s * dt_s)
+                weight *= survival
             else:
-                ends = 1.0 - np.exp(-dt_s / joint.false_objects.life_s)
                 ended[kind, level] += ends * weight
                 weight *= 1.0 - ends
             detected = (1.0 - run) * IN_VIEW * (in_shadow / IN_VIEW) ** SHADING[shading] * DETECTABILITY[level]
             there[kind, shading, level] = weight * (1.0 - detected + detected * claimed)
-        # Vehicles that have left are nobody any more.
-        nobody = 1.0 - alive[VEHICLE].sum() * np.exp(-joint.existence.death_rate_per_s * dt_s) - alive[FALSE].sum()
-        nobody -= before_ended if (before_ended := found.components.ended.sum()) else 0.0
         total = nobody + ended.sum() + there.sum()
         nobody, ended, alive = nobody / total, ended / total, there / total
         found = scanned(found, seen_as(claimed, in_shadow, run), UNBOUNDED, dt_s, was_seen=False)

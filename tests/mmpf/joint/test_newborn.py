@@ -1,0 +1,195 @@
+"""The prior of a new source's kind: by where it appears, and by how many false objects there were."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmpf.around.false_objects import FalseObjects
+from mmpf.around.reach import Reach
+from mmpf.cloud.kinds import (
+    DETECTABILITY,
+    FALSE,
+    LEVELS,
+    MOVING,
+    SHADING,
+    SHAPE,
+    STANDING,
+    VEHICLE,
+    mean_detectability,
+    vehicle_share,
+)
+from mmpf.cloud.mixture import Mixture
+from mmpf.cloud.moments import component_moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.newborn import Appearances, appearances_at, kinds_at_birth
+from mmpf.joint_options import JointOptions
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
+from tests.mmpf.scenes import belief_of, lane_centre, spot
+from tests.mmpf.test_update_rules import situation_with
+
+OPTIONS = JointOptions()
+KINDS, LEAST = OPTIONS.kinds, OPTIONS.kinds.least_prior
+SENSOR = SensorModel()
+LANE = lane_centre(2)
+NOTHING = FalseObjects.none()
+shares = st.floats(0.0, 1.0)
+
+
+def born(
+    in_view: float, seen_share: float = 1.0, learned: FalseObjects = NOTHING, options: JointOptions = OPTIONS
+) -> FloatArray:
+    return kinds_at_birth(Appearances(np.array([in_view]), np.array([seen_share])), learned, SENSOR, options)
+
+
+def share_of(kinds: FloatArray) -> float:
+    return float(vehicle_share(kinds)[0])
+
+
+def counted(number: float, watched_s: float) -> FalseObjects:
+    """So many false objects in so long a time, like the prior's in all else."""
+    each = np.array([OPTIONS.false_objects.standing_share, 1.0 - OPTIONS.false_objects.standing_share])
+    levels = np.outer(number * each, OPTIONS.false_objects.detectability)
+    ended = levels.sum(axis=1)
+    return replace(
+        NOTHING, counted=levels, ended=ended, lived_s=OPTIONS.false_objects.life_s * ended, watched_s=watched_s
+    )
+
+
+def places_of(places: list[tuple[float, float]], mixture: Mixture, since_start_s: float = 1e3) -> Appearances:
+    situation = situation_with(places)
+    situation = replace(situation, false_objects=replace(NOTHING, since_start_s=since_start_s))
+    return appearances_at(np.arange(len(places)), mixture, component_moments(mixture), situation, FilterOptions())
+
+
+@given(shares, shares, st.floats(0.0, 500.0), st.floats(0.0, 500.0))
+def test_priors_sum_to_one_and_leave_both_kinds_possible(
+    in_view: float, seen_share: float, number: float, watched_s: float
+) -> None:
+    kinds = born(in_view, seen_share, counted(number, watched_s))
+    assert kinds.shape == (1, *SHAPE)
+    assert (kinds >= 0.0).all()
+    assert kinds.sum() == pytest.approx(1.0)
+    assert LEAST - 1e-9 <= share_of(kinds) <= 1.0 - LEAST + 1e-9
+
+
+@pytest.mark.parametrize(("in_view", "rate"), [(0.0, "appear_out_of_view_per_s"), (1.0, "appear_in_view_per_s")])
+@pytest.mark.parametrize(("number", "watched_s"), [(0.0, 0.0), (10.0, 20.0), (60.0, 30.0)])
+def test_vehicles_and_false_objects_compete_by_how_many_of_each_appear(
+    in_view: float, rate: str, number: float, watched_s: float
+) -> None:
+    prior_s = OPTIONS.false_objects.prior_watched_s
+    first = OPTIONS.false_objects.birth_share * SENSOR.clutter_per_scan
+    false_per_s = (prior_s * first + number) / (prior_s + watched_s)
+    vehicles_per_s = getattr(KINDS, rate)
+    expected = np.clip(vehicles_per_s / (vehicles_per_s + false_per_s), LEAST, 1.0 - LEAST)
+    assert share_of(born(in_view, learned=counted(number, watched_s))) == pytest.approx(expected)
+
+
+def test_the_first_scans_prior_is_that_of_places_that_nobody_had_been_looking_at() -> None:
+    first = kinds_at_birth(Appearances.unwatched(2), NOTHING, SENSOR, OPTIONS)
+    assert first == pytest.approx(np.repeat(born(0.0), 2, axis=0))
+    assert share_of(first) > KINDS.confirm_above
+
+
+def test_with_no_false_object_for_long_what_appears_in_plain_view_is_a_vehicle() -> None:
+    assert share_of(born(1.0, learned=counted(0.0, 1e4))) > 1.0 - LEAST - 0.03
+
+
+@given(shares, st.floats(0.0, 100.0), st.floats(0.0, 100.0))
+def test_the_more_false_objects_were_found_the_fewer_of_the_new_are_vehicles(
+    in_view: float, first: float, second: float
+) -> None:
+    fewer, more = sorted([first, second])
+    priors = [share_of(born(in_view, learned=counted(number, 60.0))) for number in (fewer, more)]
+    assert priors[0] >= priors[1] - 1e-9
+
+
+@given(shares, shares)
+def test_the_better_a_vehicle_would_have_been_known_before_the_less_is_a_new_one_that(
+    first: float, second: float
+) -> None:
+    less, more = sorted([first, second])
+    assert share_of(born(less)) >= share_of(born(more)) - 1e-9
+
+
+def test_of_those_that_are_detected_the_well_detectable_are_the_more() -> None:
+    """By Bayes' rule: the share of a level times how probably it is detected, for vehicles and for false objects."""
+    kinds = born(0.0)[0].sum(axis=1)
+    for kind, profile in (
+        (VEHICLE, KINDS.vehicle_detectability),
+        (STANDING, OPTIONS.false_objects.detectability),
+        (MOVING, OPTIONS.false_objects.detectability),
+    ):
+        expected = np.array(profile) * DETECTABILITY
+        assert kinds[kind] / kinds[kind].sum() == pytest.approx(expected / expected.sum())
+    standing = kinds[STANDING].sum() / kinds[FALSE].sum()
+    assert standing == pytest.approx(OPTIONS.false_objects.standing_share)
+
+
+def test_a_vehicle_first_detected_in_plain_view_had_probably_been_overlooked() -> None:
+    def level(in_view: float) -> float:
+        vehicles = np.zeros((1, *SHAPE))
+        kinds = born(in_view)
+        vehicles[:, VEHICLE] = kinds[:, VEHICLE] / kinds[:, VEHICLE].sum()
+        return float(mean_detectability(vehicles)[0])
+
+    assert level(1.0) < level(0.5) < level(0.0)
+
+
+def test_what_is_detected_deep_in_a_shadow_is_seen_past_it_and_is_the_less_a_vehicle() -> None:
+    deep, clear = born(0.0, seen_share=0.02), born(0.0)
+    past = [float(each[:, VEHICLE, SHADING == 0.0].sum() / each[:, VEHICLE].sum()) for each in (deep, clear)]
+    assert past[0] > 0.8 > 0.5 > past[1]
+    assert share_of(deep) < share_of(clear)
+
+
+def test_where_the_question_is_not_asked_all_are_vehicles() -> None:
+    unasked = OPTIONS.model_copy(update={"kinds": KINDS.model_copy(update={"weighed": False})})
+    assert share_of(born(1.0, learned=counted(50.0, 10.0), options=unasked)) == pytest.approx(1.0)
+
+
+def test_levels_are_those_of_the_settings() -> None:
+    assert len(KINDS.vehicle_detectability) == len(OPTIONS.false_objects.detectability) == LEVELS
+
+
+def test_in_plain_view_a_vehicle_would_have_been_known_and_in_a_shadow_or_at_the_ranges_edge_it_would_not() -> None:
+    front = belief_of([spot(15.0, LANE)], confirmed=[True])
+    found = places_of([(40.0, lane_centre(0)), (40.0, LANE), (99.0, lane_centre(0))], front)
+    assert found.in_view == pytest.approx([1.0, 0.0, 0.0])
+    assert found.seen_share[[0, 2]] == pytest.approx([1.0, 1.0])
+    assert found.seen_share[1] < 0.1
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_only_known_vehicles_cast_shadows_that_explain_an_appearance(known: bool) -> None:
+    false = np.zeros((1, *SHAPE))
+    false[:, STANDING, 0, -1] = 1.0
+    columns = {"confirmed": [True], "kinds": false} if known else {"confirmed": [False]}
+    assert places_of([(40.0, LANE)], belief_of([spot(15.0, LANE)], **columns)).in_view == pytest.approx([1.0])
+
+
+def test_towards_the_ranges_edge_vehicles_appear_ever_more_probably() -> None:
+    found = places_of([(lon, LANE) for lon in np.linspace(80.0, 99.5, 40)], belief_of([])).in_view
+    assert (np.diff(found) <= 0.0).all()
+    assert found[[0, -1]] == pytest.approx([1.0, 0.0])
+
+
+def test_in_the_first_scans_vehicles_in_plain_view_are_still_found() -> None:
+    found = [places_of([(40.0, LANE)], belief_of([]), s).in_view[0] for s in (0.0, 0.1, 1.0, 10.0)]
+    assert found[0] == 0.0
+    assert (np.diff(found) > 0.0).all()
+    assert found[-1] == pytest.approx(1.0, abs=0.01)
+
+
+def test_where_the_sensor_was_found_to_see_little_a_vehicle_may_have_been_overlooked() -> None:
+    blind = Reach.of_data_sheet(SENSOR.range_m).after(np.full(1000, 75.0), np.ones(1000), np.zeros(1000), kept=1.0)
+    situation = replace(situation_with([(75.0, LANE)]), reach=blind, false_objects=replace(NOTHING, since_start_s=1e3))
+    nobody = belief_of([])
+    found = appearances_at(np.arange(1), nobody, component_moments(nobody), situation, FilterOptions())
+    assert found.in_view[0] < 0.2

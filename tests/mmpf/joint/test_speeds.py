@@ -1,0 +1,137 @@
+"""What speeds say of the kind of a source: of standing, of moving once, and of stopping amid flowing traffic."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mmpf.cloud.birth import Traffic
+from mmpf.cloud.kinds import MOVING, STANDING, VEHICLE
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
+from mmpf.joint_options import JointSpeeds
+from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.lanes.graph import LaneGraph
+from mmpf.state import LAT, LON, SPEED
+from tests.mmpf.lanes.scenes import graph_of
+
+OPTIONS = JointSpeeds()
+RANGE_M = 40.0
+STOPPED = 0.02
+FLOW = Traffic(np.array([0.0, 30.0, 60.0]), np.array([20.0, 20.0, 20.0]))
+speeds_mps = st.floats(0.0, 40.0)
+
+
+def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
+    mean, variance = np.zeros((6, len(speeds_mps))), np.full((6, len(speeds_mps)), std_mps**2)
+    mean[SPEED] = speeds_mps
+    return Moments(mean, variance)
+
+
+def likelihoods(
+    speed_mps: float, std_mps: float = 0.5, stood_log: float = 0.0, traffic: Traffic = FLOW, stopped: float = STOPPED
+) -> FloatArray:
+    return log_speed_likelihoods(moving([speed_mps], std_mps), traffic, OPTIONS, RANGE_M, stopped, stood_log)[0]
+
+
+def stood_after(speeds: list[float], std_mps: float = 0.5) -> float:
+    stood = np.zeros(1)
+    for speed in speeds:
+        stood = stood_log_after(stood, moving([speed], std_mps), OPTIONS)
+    return float(stood[0])
+
+
+def density(speed_mps: float, mean_mps: float, std_mps: float) -> float:
+    """A normal density, up to the root of two pi."""
+    return float(np.exp(-0.5 * ((speed_mps - mean_mps) / std_mps) ** 2) / std_mps)
+
+
+@given(speeds_mps, st.floats(0.1, 2.0), st.floats(0.01, 0.9))
+def test_each_kinds_likelihood_is_that_of_its_speeds_blurred_by_what_is_not_known(
+    speed_mps: float, std_mps: float, stopped: float
+) -> None:
+    standing = density(speed_mps, 0.0, np.hypot(std_mps, OPTIONS.standing_std_mps))
+    flowing = density(speed_mps, 20.0, np.hypot(std_mps, OPTIONS.flow_std_mps))
+    expected = {VEHICLE: stopped * standing + (1.0 - stopped) * flowing, STANDING: standing, MOVING: flowing}
+    found = np.exp(likelihoods(speed_mps, std_mps, stopped=stopped))
+    assert found[list(expected)] == pytest.approx(list(expected.values()), abs=1e-11)
+
+
+@given(speeds_mps, st.floats(0.1, 8.0), st.floats(0.01, 0.9))
+def test_standing_says_at_most_as_much_against_a_vehicle_as_few_vehicles_stand(
+    speed_mps: float, std_mps: float, stopped: float
+) -> None:
+    found = likelihoods(speed_mps, std_mps, stopped=stopped)
+    assert found[VEHICLE] - found[STANDING] >= np.log(stopped) - 1e-9
+    assert found[VEHICLE] - found[MOVING] >= np.log(1.0 - stopped) - 1e-9
+
+
+def test_one_that_stands_amid_flowing_traffic_is_rather_a_false_object_and_one_that_flows_may_be_either() -> None:
+    standing, flowing = likelihoods(0.0), likelihoods(20.0)
+    assert standing[VEHICLE] - standing[STANDING] == pytest.approx(np.log(STOPPED), abs=0.01)
+    assert flowing[VEHICLE] - flowing[MOVING] == pytest.approx(np.log(1.0 - STOPPED))
+    assert flowing[VEHICLE] - flowing[STANDING] > 10.0
+
+
+def test_what_was_seen_to_move_and_stops_is_no_false_object_that_stands() -> None:
+    found = likelihoods(0.0, stood_log=stood_after([20.0, 12.0, 4.0, 0.0, 0.0]))
+    assert found[VEHICLE] - found[STANDING] > 10.0
+
+
+@given(st.lists(speeds_mps, min_size=1, max_size=6))
+def test_the_order_of_the_speeds_means_nothing_for_whether_it_ever_moved(speeds: list[float]) -> None:
+    assert stood_after(speeds) == stood_after(speeds[::-1]) == stood_after([max(speeds)])
+
+
+@given(st.lists(speeds_mps, min_size=1, max_size=6))
+def test_what_stood_at_its_fastest_moment_fits_standing_as_that_moment_does(speeds: list[float]) -> None:
+    variance = OPTIONS.standing_std_mps**2 + 0.5**2
+    assert stood_after(speeds) == pytest.approx(-0.5 * max(speeds) ** 2 / variance)
+
+
+def test_a_speed_that_is_hardly_known_proves_no_motion() -> None:
+    assert stood_after([8.0], std_mps=4.0) == 0.0
+
+
+def test_a_speed_that_is_not_known_says_nothing() -> None:
+    found = likelihoods(10.0, std_mps=1000.0)
+    assert np.ptp(found) < 0.01
+
+
+def test_where_all_stand_standing_says_little() -> None:
+    found = likelihoods(0.0, traffic=replace(FLOW, speed_mps=np.zeros(3)))
+    assert -1.5 < found[VEHICLE] - found[STANDING] < 0.0
+
+
+def stop_line() -> LaneGraph:
+    """Two lanes lead to a line where way must be given, the first 60 m and the second 30 m long; one leads on."""
+    graph = graph_of(
+        {"far": [(0.0, 0.0), (60.0, 0.0)], "near": [(60.0, 0.0), (90.0, 0.0)], "on": [(90.0, 0.0), (200.0, 0.0)]},
+        links=[("far", "near"), ("near", "on")],
+    )
+    none = np.full(2, NO_SIGNAL)
+    control = LinkControl(np.array([FREE, YIELD]), none, (), np.zeros(0, dtype=np.int64), np.zeros(3, dtype=np.int64))
+    return replace(graph, control=control)
+
+
+def test_vehicles_stand_before_stop_lines_rather_than_elsewhere() -> None:
+    graph = stop_line()
+    np.testing.assert_allclose(graph.to_stop_line_m, [30.0, 0.0, np.inf])
+    moments = replace(moving([0.0] * 5), direction_rad=np.zeros(5))
+    moments.mean[LON] = [30.0, 50.0, 85.0, 95.0, 50.0]
+    moments.mean[LAT] = [0.0, 0.0, 0.0, 0.0, 40.0]
+    before, elsewhere = OPTIONS.stopped_at_line, OPTIONS.stopped_elsewhere
+    found = stopped_shares(moments, graph, OPTIONS)
+    np.testing.assert_array_equal(found, [elsewhere, before, before, elsewhere, elsewhere])
+    assert before > elsewhere
+
+
+def test_where_no_stop_line_is_known_one_share_holds_for_all() -> None:
+    moments = replace(moving([0.0]), direction_rad=np.zeros(1))
+    assert stopped_shares(moments, None, OPTIONS) == OPTIONS.stopped_on_road
+    assert stopped_shares(moments, replace(stop_line(), control=None), OPTIONS) == OPTIONS.stopped_in_plane

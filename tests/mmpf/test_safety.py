@@ -1,0 +1,144 @@
+"""Small drives in which a filter that is too sure of false objects, or of vehicles, would endanger somebody."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pytest
+
+from mmpf.motion import motion_model
+from mmpf.options import FilterOptions
+from mmpf.scan import SensorModel
+from mmpf.tracker import MixtureTracker
+from mmpf.tracks import TENTATIVE, Tracks
+from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
+
+NEAR_M = 3.0
+SENSOR = SensorModel(range_m=100.0)
+EVERY_RATE = pytest.mark.parametrize("dt_s", [0.1, 0.2], ids=["10 Hz", "5 Hz"])
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Source:
+    """What gives detections.
+
+    Attributes:
+        place: Where it is at each time, metres on the road.
+        detected: Share of scans in which it is detected.
+        begins_s: When it appears.
+        ends_s: When it is gone.
+    """
+
+    place: Callable[[float], Place]
+    detected: float = 0.95
+    begins_s: float = 0.0
+    ends_s: float = np.inf
+
+    def is_there(self, time_s: float) -> bool:
+        return self.begins_s - 1e-9 <= time_s < self.ends_s - 1e-9
+
+
+def steady(lon_m: float, lane: int, speed_mps: float, time_s: float) -> Place:
+    return lon_m + speed_mps * time_s, lane_centre(lane)
+
+
+def driving(lon_m: float, lane: int, speed_mps: float = 20.0, detected: float = 0.95) -> Source:
+    return Source(partial(steady, lon_m, lane, speed_mps), detected)
+
+
+def traffic(speed_mps: float = 20.0) -> list[Source]:
+    """Cars that move as the ego does, in the lanes to the right and to the left of its own."""
+    return [
+        driving(lon_m, lane, speed_mps) for lane, lon_m in ((0, -40.0), (0, 25.0), (1, -15.0), (3, 55.0), (3, -30.0))
+    ]
+
+
+def drive(
+    sources: list[Source],
+    duration_s: float,
+    dt_s: float = 0.1,
+    speed_mps: float = 20.0,
+    seed: int = 0,
+    clutter: float = 0.0,
+) -> Iterator[tuple[float, Tracks, MixtureTracker]]:
+    """Yield time, tracks and filter, scan by scan."""
+    rng = np.random.default_rng(seed)
+    settings = FilterOptions(particles=200)
+    filtering = MixtureTracker(ROAD, SENSOR, motion_model("cvm"), np.random.default_rng(seed), settings)
+    for time_s in np.arange(0.0, duration_s, dt_s):
+        ego = ego_at(lon_m=speed_mps * time_s, speed_mps=speed_mps)
+        seen = []
+        for source in sources:
+            lon, lat = source.place(time_s)
+            is_seen = source.is_there(time_s) and rng.random() < source.detected
+            place = lon + 0.25 * rng.standard_normal(), lat + 0.15 * rng.standard_normal()
+            if is_seen and abs(lon - ego.lon_m) < SENSOR.range_m:
+                seen.append(place)
+        for _ in range(rng.poisson(clutter)):
+            seen.append((ego.lon_m + rng.uniform(-90.0, 90.0), rng.uniform(0.0, 18.0)))
+        yield float(time_s), filtering.step(scan_of(float(time_s), seen, ego)), filtering
+
+
+def is_reported(tracks: Tracks, place: Place) -> bool:
+    near = np.hypot(tracks.lon_m - place[0], tracks.lat_m - place[1]) < NEAR_M
+    return bool((near & (tracks.state != TENTATIVE)).any())
+
+
+@EVERY_RATE
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vehicle_that_is_detected_in_a_third_of_scans_keeps_a_reported_track(dt_s: float, seed: int) -> None:
+    dark = driving(20.0, 3, detected=0.35)
+    scans = drive([dark, *traffic()], 15.0, dt_s, seed=seed)
+    reported = [is_reported(tracks, dark.place(time_s)) for time_s, tracks, _ in scans if time_s >= 1.0]
+    assert np.mean(reported) >= 0.85
+
+
+@EVERY_RATE
+@pytest.mark.parametrize("flow_mps", [10.0, 25.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_car_that_stands_amid_flowing_traffic_is_reported_from_eighty_metres_on(
+    dt_s: float, flow_mps: float, seed: int
+) -> None:
+    standing = driving(150.0, 2, 0.0, detected=0.97)
+    reported = []
+    for time_s, tracks, _ in drive([standing, *traffic(flow_mps)], 145.0 / flow_mps, dt_s, flow_mps, seed):
+        if 150.0 - flow_mps * time_s < 80.0:
+            reported.append(is_reported(tracks, standing.place(time_s)))
+    assert np.mean(reported) >= 0.85
+
+
+@EVERY_RATE
+@pytest.mark.parametrize("begins_s", [0.0, 2.0, 5.0])
+def test_what_flashes_once_is_never_reported(dt_s: float, begins_s: float) -> None:
+    flash = Source(partial(steady, 30.0, 4, 20.0), 1.0, begins_s, begins_s + dt_s)
+    assert not any(
+        is_reported(tracks, flash.place(time_s)) for time_s, tracks, _ in drive([flash, *traffic()], 8.0, dt_s)
+    )
+
+
+def false_objects(duration_s: float, life_s: float, seed: int) -> list[Source]:
+    """One after the other, in plain view between the ego and the cars; every third moves along with the traffic."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for number, begins_s in enumerate(np.arange(1.0, duration_s, life_s)):
+        speed_mps = 20.0 if number % 3 == 0 else 0.0
+        ahead_m, lane = rng.uniform(48.0, 58.0) if speed_mps == 0.0 else rng.uniform(15.0, 40.0), int(rng.choice([2, 4]))
+        begin_m = ahead_m + (20.0 - speed_mps) * begins_s
+        found.append(Source(partial(steady, begin_m, lane, speed_mps), 0.7, float(begins_s), float(begins_s + life_s)))
+    return found
+
+
+@EVERY_RATE
+@pytest.mark.parametrize("seed", range(2))
+def test_false_objects_in_plain_view_are_soon_not_reported_any_more(dt_s: float, seed: int) -> None:
+    false = false_objects(45.0, 2.0, seed)
+    reported = []
+    for time_s, tracks, filtering in drive([*false, *traffic()], 45.0, dt_s, seed=seed):
+        if time_s >= 20.0:
+            reported += [is_reported(tracks, each.place(time_s)) for each in false if each.is_there(time_s)]
+    print(seed, dt_s, np.mean(reported), filtering.false_objects.counted.sum(axis=1), filtering.false_objects.ended,  filtering.false_objects.lived_s, filtering.false_objects.births_per_s(SENSOR, FilterOptions().joint.false_objects), filtering.false_objects.mean_life_s(FilterOptions().joint.false_objects))
+    assert np.mean(reported) < 1.0 / 3.0
