@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from mmpf.cloud.kinds import certain_vehicles
 from mmpf.motion import motion_model
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
@@ -18,6 +19,7 @@ from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 NEAR_M = 3.0
 SENSOR = SensorModel(range_m=100.0)
+USUAL = FilterOptions(particles=200)
 EVERY_RATE = pytest.mark.parametrize("dt_s", [0.1, 0.2], ids=["10 Hz", "5 Hz"])
 Place = tuple[float, float]
 
@@ -63,12 +65,11 @@ def drive(
     dt_s: float = 0.1,
     speed_mps: float = 20.0,
     seed: int = 0,
-    clutter: float = 0.0,
+    options: FilterOptions = USUAL,
 ) -> Iterator[tuple[float, Tracks, MixtureTracker]]:
     """Yield time, tracks and filter, scan by scan."""
     rng = np.random.default_rng(seed)
-    settings = FilterOptions(particles=200)
-    filtering = MixtureTracker(ROAD, SENSOR, motion_model("cvm"), np.random.default_rng(seed), settings)
+    filtering = MixtureTracker(ROAD, SENSOR, motion_model("cvm"), np.random.default_rng(seed), options)
     for time_s in np.arange(0.0, duration_s, dt_s):
         ego = ego_at(lon_m=speed_mps * time_s, speed_mps=speed_mps)
         seen = []
@@ -78,8 +79,6 @@ def drive(
             place = lon + 0.25 * rng.standard_normal(), lat + 0.15 * rng.standard_normal()
             if is_seen and abs(lon - ego.lon_m) < SENSOR.range_m:
                 seen.append(place)
-        for _ in range(rng.poisson(clutter)):
-            seen.append((ego.lon_m + rng.uniform(-90.0, 90.0), rng.uniform(0.0, 18.0)))
         yield float(time_s), filtering.step(scan_of(float(time_s), seen, ego)), filtering
 
 
@@ -134,11 +133,47 @@ def false_objects(duration_s: float, life_s: float, seed: int) -> list[Source]:
 
 @EVERY_RATE
 @pytest.mark.parametrize("seed", range(2))
-def test_false_objects_in_plain_view_are_soon_not_reported_any_more(dt_s: float, seed: int) -> None:
-    false = false_objects(45.0, 2.0, seed)
-    reported = []
-    for time_s, tracks, filtering in drive([*false, *traffic()], 45.0, dt_s, seed=seed):
+def test_false_objects_are_soon_not_reported_any_more_and_vehicles_always_are(dt_s: float, seed: int) -> None:
+    """Half a false object a second that lives for two; a car comes into range only after all these were found."""
+    false, overtaking = false_objects(45.0, 2.0, seed), driving(-300.0, 1, 28.0)
+    reported, vehicles = [], []
+    for time_s, tracks, filtering in drive([*false, overtaking, *traffic()], 45.0, dt_s, seed=seed):
         if time_s >= 20.0:
             reported += [is_reported(tracks, each.place(time_s)) for each in false if each.is_there(time_s)]
-    print(seed, dt_s, np.mean(reported), filtering.false_objects.counted.sum(axis=1), filtering.false_objects.ended,  filtering.false_objects.lived_s, filtering.false_objects.births_per_s(SENSOR, FilterOptions().joint.false_objects), filtering.false_objects.mean_life_s(FilterOptions().joint.false_objects))
+            there = [*traffic(), *([overtaking] if time_s >= 28.0 else [])]
+            vehicles += [is_reported(tracks, each.place(time_s)) for each in there]
     assert np.mean(reported) < 1.0 / 3.0
+    assert np.mean(vehicles) > 0.95
+    learned, options = filtering.false_objects, FilterOptions().joint.false_objects
+    assert 0.25 < learned.births_per_s(SENSOR, options) < 0.75
+    assert learned.mean_life_s(options) == pytest.approx([2.0, 2.0], rel=0.3)
+    assert learned.kind_shares(options)[0] == pytest.approx(2.0 / 3.0, abs=0.15)
+
+
+@EVERY_RATE
+def test_a_false_object_that_ends_in_plain_view_is_counted_once(dt_s: float) -> None:
+    false = Source(partial(steady, 100.0, 4, 0.0), 1.0, 3.0, 5.0)
+    counted = {}
+    for time_s, _, filtering in drive([false, *traffic()], 9.0, dt_s):
+        counted[round(time_s, 3)] = float(filtering.false_objects.counted.sum())
+    assert counted[3.0] < 0.05
+    assert 0.6 < max(counted.values()) <= 1.0
+    assert counted[7.0] == pytest.approx(max(counted.values()), rel=0.1)
+    assert all(counted[later] <= counted[7.0] for later in counted if later > 7.0)
+
+
+def test_without_false_objects_what_appears_in_plain_view_is_soon_a_vehicle() -> None:
+    newcomer = Source(partial(steady, 30.0, 4, 20.0), 0.95, 60.0)
+    scans = drive([newcomer, *traffic()], 63.0)
+    reported = [is_reported(tracks, newcomer.place(time_s)) for time_s, tracks, _ in scans if time_s >= 61.5]
+    assert np.mean(reported) > 0.95
+
+
+def test_the_papers_rule_knows_no_kinds() -> None:
+    """Whatever appears, stands and ends is to it what any vehicle is."""
+    false = false_objects(6.0, 2.0, 0)
+    for _, _, filtering in drive([*false, *traffic()], 6.0, options=FilterOptions(update="max_likelihood", particles=200)):
+        components = filtering.mixture.components
+        assert (components.kinds == certain_vehicles(len(components))).all()
+        assert (components.ended == 0.0).all()
+        assert filtering.false_objects.watched_s == filtering.false_objects.counted.sum() == 0.0

@@ -16,7 +16,6 @@ from mmpf.cloud.kinds import (
     FALSE,
     LEVELS,
     MOVING,
-    SHADING,
     SHAPE,
     STANDING,
     VEHICLE,
@@ -142,11 +141,20 @@ def test_a_vehicle_first_detected_in_plain_view_had_probably_been_overlooked() -
     assert level(1.0) < level(0.5) < level(0.0)
 
 
-def test_what_is_detected_deep_in_a_shadow_is_seen_past_it_and_is_the_less_a_vehicle() -> None:
-    deep, clear = born(0.0, seen_share=0.02), born(0.0)
-    past = [float(each[:, VEHICLE, SHADING == 0.0].sum() / each[:, VEHICLE].sum()) for each in (deep, clear)]
-    assert past[0] > 0.8 > 0.5 > past[1]
-    assert share_of(deep) < share_of(clear)
+@pytest.mark.parametrize("seen_share", [0.02, 0.3, 1.0])
+def test_a_detection_in_a_shadow_tells_by_bayes_rule_that_the_source_is_seen_past_it(seen_share: float) -> None:
+    kinds = born(0.0, seen_share)[0].sum(axis=2)
+    for kind, usual in (
+        (VEHICLE, KINDS.vehicle_shading),
+        (STANDING, OPTIONS.false_objects.shading),
+        (MOVING, OPTIONS.false_objects.shading),
+    ):
+        expected = np.array([usual[0] * seen_share, usual[1] * seen_share**0.5, usual[2]])
+        assert kinds[kind] / kinds[kind].sum() == pytest.approx(expected / expected.sum())
+
+
+def test_what_is_detected_deep_in_a_shadow_is_the_less_a_vehicle() -> None:
+    assert share_of(born(0.0, seen_share=0.02)) < share_of(born(0.0, seen_share=0.3)) < share_of(born(0.0))
 
 
 def test_where_the_question_is_not_asked_all_are_vehicles() -> None:
@@ -160,7 +168,7 @@ def test_levels_are_those_of_the_settings() -> None:
 
 def test_in_plain_view_a_vehicle_would_have_been_known_and_in_a_shadow_or_at_the_ranges_edge_it_would_not() -> None:
     front = belief_of([spot(15.0, LANE)], confirmed=[True])
-    found = places_of([(40.0, lane_centre(0)), (40.0, LANE), (99.0, lane_centre(0))], front)
+    found = places_of([(40.0, lane_centre(0)), (40.0, LANE), (-99.0, LANE)], front)
     assert found.in_view == pytest.approx([1.0, 0.0, 0.0])
     assert found.seen_share[[0, 2]] == pytest.approx([1.0, 1.0])
     assert found.seen_share[1] < 0.1
