@@ -80,12 +80,12 @@ class JointExistence(Settings):
 
 
 class JointKinds(Settings):
-    """Whether a source of detections is a vehicle or a false object that stays for a while; see ``mmpf.cloud.kinds``."""
+    """Whether a source of detections is a vehicle or a false object that stays; see ``mmpf.cloud.kinds``."""
 
     weighed: bool = True
     """Whether the question is asked; without, everything that exists is a vehicle."""
     vehicle_detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
-    """Share of vehicles at each level of detectability (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
+    """Share of vehicles at each level (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
     prior_vehicles: Positive = 30.0
     """So many vehicles these shares count for; the vehicles around add to them."""
     appear_in_view_per_s: Positive = 0.15

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from decimal import Decimal, InvalidOperation
 
 from harness.errors import InputError
@@ -33,12 +34,12 @@ def numbers(text: str, parameter: str, example: str) -> tuple[float, ...]:
 
 
 def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
-    """Return the names of a list with commas.
+    """Return the names of a list with commas; those in square brackets belong to a name.
 
     Raises:
         InputError: The list is empty or holds a name twice.
     """
-    words = [word.strip() for word in text.split(",")]
+    words = [word.strip() for word in re.split(r",(?![^\[]*\])", text)]
     if not all(words) or len(set(words)) < len(words):
         problem = "a name stands there twice" if all(words) else "an empty name"
         raise InputError(f"`{parameter}` {text!r}: {problem}; for example `{parameter}` {example}")

@@ -48,7 +48,7 @@ class Sightings:
     run_probability: FloatArray
 
     def detection_probabilities(self) -> FloatArray:
-        """Return the detection probability by how much shadows hide the source and by its level, shape (m, 3, levels)."""
+        """Return the detection probability by how far shadows hide the source and its level, shape (m, 3, levels)."""
         relative = np.clip(self.in_shadow / np.maximum(self.in_plain_view, 1e-3), 1e-3, 1.0)
         full = ((1.0 - self.run_probability) * self.in_plain_view)[:, None] * relative[:, None] ** SHADING
         return np.asarray(np.minimum(full[:, :, None] * DETECTABILITY, LARGEST_PROBABILITY))

@@ -96,7 +96,7 @@ def kinds_after(
 
 
 def _overlap_loss(components: Components, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
-    """Return the log odds that two seen sources in one place take from the one that was less of a vehicle, shape (m,)."""
+    """Return the log odds that the lesser vehicle of two seen sources in one place loses, shape (m,)."""
     kinds, share = options.joint.kinds, vehicle_share(components.kinds)
     is_seen = components.unseen_s <= options.reporting.hidden_after_s
     overlaps = overlapping(components, moments, kinds.overlap_share)

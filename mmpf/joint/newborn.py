@@ -1,4 +1,4 @@
-"""What kind of source a new component is, by where it appears: a vehicle comes out of a shadow or from the range's edge."""
+"""What kind of source a new component is, by where it appears: vehicles come out of shadows or from the range's edge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What speeds say of the kind of a source: false objects mostly stand, vehicles flow with the traffic or have stopped."""
+"""What speeds say of a source's kind: false objects mostly stand, vehicles flow with the traffic or have stopped."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def log_speed_likelihoods(
     slowest = _normal(np.zeros_like(speed), variance + options.standing_std_mps**2)
     vehicle = stopped * standing + (1.0 - stopped) * flowing
     always_stood = np.minimum(standing, slowest * np.exp(stood_log))
-    return np.log(np.maximum(np.stack([vehicle, always_stood, flowing], axis=1), 1e-12))
+    return np.asarray(np.log(np.maximum(np.stack([vehicle, always_stood, flowing], axis=1), 1e-12)))
 
 
 def _normal(difference: FloatArray, variance: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from mmpf.around.false_objects import FalseObjects
 from mmpf.cloud.kinds import certain_vehicles
 from mmpf.motion import motion_model
 from mmpf.options import FilterOptions
@@ -125,7 +126,8 @@ def false_objects(duration_s: float, life_s: float, seed: int) -> list[Source]:
     found = []
     for number, begins_s in enumerate(np.arange(1.0, duration_s, life_s)):
         speed_mps = 20.0 if number % 3 == 0 else 0.0
-        ahead_m, lane = rng.uniform(48.0, 58.0) if speed_mps == 0.0 else rng.uniform(15.0, 40.0), int(rng.choice([2, 4]))
+        lane = int(rng.choice([2, 4]))
+        ahead_m = rng.uniform(15.0, 40.0) if speed_mps else rng.uniform(48.0, 58.0)
         begin_m = ahead_m + (20.0 - speed_mps) * begins_s
         found.append(Source(partial(steady, begin_m, lane, speed_mps), 0.7, float(begins_s), float(begins_s + life_s)))
     return found
@@ -136,15 +138,16 @@ def false_objects(duration_s: float, life_s: float, seed: int) -> list[Source]:
 def test_false_objects_are_soon_not_reported_any_more_and_vehicles_always_are(dt_s: float, seed: int) -> None:
     """Half a false object a second that lives for two; a car comes into range only after all these were found."""
     false, overtaking = false_objects(45.0, 2.0, seed), driving(-300.0, 1, 28.0)
-    reported, vehicles = [], []
+    reported, vehicles, learned = [], [], FalseObjects.none()
     for time_s, tracks, filtering in drive([*false, overtaking, *traffic()], 45.0, dt_s, seed=seed):
+        learned = filtering.false_objects
         if time_s >= 20.0:
             reported += [is_reported(tracks, each.place(time_s)) for each in false if each.is_there(time_s)]
             there = [*traffic(), *([overtaking] if time_s >= 28.0 else [])]
             vehicles += [is_reported(tracks, each.place(time_s)) for each in there]
     assert np.mean(reported) < 1.0 / 3.0
     assert np.mean(vehicles) > 0.95
-    learned, options = filtering.false_objects, FilterOptions().joint.false_objects
+    options = USUAL.joint.false_objects
     assert 0.25 < learned.births_per_s(SENSOR, options) < 0.75
     assert learned.mean_life_s(options) == pytest.approx([2.0, 2.0], rel=0.3)
     assert learned.kind_shares(options)[0] == pytest.approx(2.0 / 3.0, abs=0.15)
@@ -172,7 +175,8 @@ def test_without_false_objects_what_appears_in_plain_view_is_soon_a_vehicle() ->
 def test_the_papers_rule_knows_no_kinds() -> None:
     """Whatever appears, stands and ends is to it what any vehicle is."""
     false = false_objects(6.0, 2.0, 0)
-    for _, _, filtering in drive([*false, *traffic()], 6.0, options=FilterOptions(update="max_likelihood", particles=200)):
+    papers = FilterOptions(update="max_likelihood", particles=200)
+    for _, _, filtering in drive([*false, *traffic()], 6.0, options=papers):
         components = filtering.mixture.components
         assert (components.kinds == certain_vehicles(len(components))).all()
         assert (components.ended == 0.0).all()

@@ -40,6 +40,14 @@ def test_names_are_separated_by_commas():
     assert names("gmm, cvm", "models", "gmm,cvm") == ("gmm", "cvm")
 
 
+def test_commas_within_square_brackets_belong_to_a_name():
+    assert names("mmpf,mmpf+levels=[0,1]+x=[2,3],pmbm", "trackers", "mmpf") == (
+        "mmpf",
+        "mmpf+levels=[0,1]+x=[2,3]",
+        "pmbm",
+    )
+
+
 @pytest.mark.parametrize("text", ["", "gmm,", "gmm,gmm"])
 def test_a_wrong_list_of_names_is_answered_with_a_right_one(text):
     with pytest.raises(InputError, match=r"for example `models` gmm,cvm$"):

@@ -164,7 +164,8 @@ def test_in_shadow_misses_say_little_and_in_plain_view_they_say_that_nobody_is_t
         return found.components
 
     hidden, in_view = missed(0.02), missed(IN_VIEW)
-    assert in_view.vehicle[0] < 0.2 < 0.6 < hidden.vehicle[0]
+    assert in_view.vehicle[0] < 0.2
+    assert hidden.vehicle[0] > 0.6
     assert vehicle_share(hidden.kinds)[0] > 0.8 * vehicle_share(newborn())[0]
 
 

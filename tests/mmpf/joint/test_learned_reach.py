@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401
-from mmpf.compute.arrays import FloatArray
 from mmpf.cloud.kinds import SHAPE, STANDING, VEHICLE, Sightings
+from mmpf.compute.arrays import FloatArray
 from mmpf.joint.learned_reach import reach_after
 from mmpf.joint_options import JointOptions
 from mmpf.motion.protocol import motion_models
@@ -51,7 +51,9 @@ def test_a_vehicle_in_plain_view_counts_with_its_detection_against_the_data_shee
 
 
 @pytest.mark.parametrize("nobody", [{"existence": [0.0]}, {"kinds": surely(STANDING)}, {"hits": [2]}])
-def test_what_does_not_exist_or_is_no_vehicle_or_hardly_known_does_not_count(nobody: dict[str, Sequence[float]]) -> None:
+def test_what_does_not_exist_or_is_no_vehicle_or_hardly_known_does_not_count(
+    nobody: dict[str, Sequence[float]],
+) -> None:
     assert counted(1.0, **nobody) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
