@@ -1,4 +1,4 @@
-"""What kind of source a new component is, by where it appears: vehicles come out of shadows or from the range's edge."""
+"""What kind of source a new component is: vehicles come out of shadows or over the edge of the range."""
 
 from __future__ import annotations
 
