@@ -89,11 +89,12 @@ def is_reported(tracks: Tracks, place: Place) -> bool:
 
 
 @EVERY_RATE
-@pytest.mark.parametrize("seed", range(3))
-def test_a_vehicle_that_is_detected_in_a_third_of_scans_keeps_a_reported_track(dt_s: float, seed: int) -> None:
-    dark = driving(20.0, 3, detected=0.35)
-    scans = drive([dark, *traffic()], 15.0, dt_s, seed=seed)
-    reported = [is_reported(tracks, dark.place(time_s)) for time_s, tracks, _ in scans if time_s >= 1.0]
+def test_a_vehicle_that_is_detected_in_a_third_of_scans_keeps_a_reported_track(dt_s: float) -> None:
+    dark, reported = driving(20.0, 3, detected=0.35), []
+    for seed in range(5):
+        for time_s, tracks, _ in drive([dark, *traffic()], 12.0, dt_s, seed=seed):
+            if time_s >= 1.0:
+                reported.append(is_reported(tracks, dark.place(time_s)))
     assert np.mean(reported) >= 0.85
 
 
