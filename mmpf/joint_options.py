@@ -9,8 +9,12 @@ from pydantic import Field
 
 from mmpf.settings import NotNegative, Positive, Probability, Settings, in_unit
 
-Levels = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
-"""A number for each level of detectability; see ``mmpf.cloud.kinds.DETECTABILITY``."""
+Levels = Annotated[
+    tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative], in_unit("share")
+]
+"""The share of each level of detectability; see ``mmpf.cloud.kinds.DETECTABILITY``."""
+Shadings = Annotated[tuple[Positive, Positive, Positive], in_unit("share")]
+"""The share of sources on whose detection shadows have their whole effect, half of it, and none."""
 
 
 class JointDetectability(Settings):
@@ -86,7 +90,7 @@ class JointKinds(Settings):
     """Whether the question is asked; without, everything that exists is a vehicle."""
     vehicle_detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
     """Share of vehicles at each level (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
-    prior_vehicles: Positive = 30.0
+    prior_vehicles: Annotated[Positive, in_unit("vehicles")] = 30.0
     """So many vehicles these shares count for; the vehicles around add to them."""
     appear_in_view_per_s: Positive = 0.15
     """Vehicles a second that are first detected in plain view, where they should have been known before."""
@@ -98,7 +102,7 @@ class JointKinds(Settings):
     """Share of those first detected in plain view that had been overlooked because they are hard to detect."""
     overlooked_scans: NotNegative = 4.0
     """So many scans they had been overlooked for."""
-    least_prior: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.02
+    least_prior: Annotated[float, Field(gt=0.0, lt=0.5), in_unit("probability")] = 0.02
     """No place of appearance makes either kind less probable than this."""
     first_look_s: Positive = 1.0
     """After the first scan it takes about so long until what is in plain view has been detected."""
@@ -108,7 +112,7 @@ class JointKinds(Settings):
     """So far along the road a vehicle may have come out of a shadow before it is detected, at no speed of the ego."""
     shadow_edge_s: NotNegative = 0.3
     """For so long it may have been out of it before: the ego passes what stands at its own speed."""
-    vehicle_shading: tuple[Positive, Positive, Positive] = (0.5, 0.3, 0.2)
+    vehicle_shading: Shadings = (0.5, 0.3, 0.2)
     """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
     shadows nor what they do to the sensor are exactly known.
     """
@@ -139,9 +143,9 @@ class JointFalseObjects(Settings):
     """Mean life."""
     detectability: Levels = (0.12, 0.17, 0.23, 0.26, 0.16, 0.05, 0.01)
     """Share of false objects at each level of detectability."""
-    shading: tuple[Positive, Positive, Positive] = (0.3, 0.2, 0.5)
+    shading: Shadings = (0.3, 0.2, 0.5)
     """The same shares among false objects: some are seen through vehicles."""
-    prior_count: Positive = 4.0
+    prior_count: Annotated[Positive, in_unit("false objects")] = 4.0
     """So many false objects the figures above count for."""
     prior_watched_s: Positive = 3.0
     """So many seconds the rate above counts for."""
