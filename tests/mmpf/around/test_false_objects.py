@@ -138,6 +138,17 @@ def test_counts_recover_the_population_that_they_are_of() -> None:
     assert learned.profiles(OPTIONS) == pytest.approx(profiles, abs=0.13)
 
 
+def test_what_was_learned_of_those_that_stand_is_where_those_that_move_begin() -> None:
+    learned = FalseObjects.none()
+    for _ in range(1000):
+        learned = learned.with_removed(np.zeros((1, *SHAPE)), ended_as(STANDING, 1), np.ones(1))
+    assert learned.profiles(OPTIONS)[:, 1] == pytest.approx([1.0, 1.0], abs=0.01)
+    for _ in range(1000):
+        learned = learned.with_removed(np.zeros((1, *SHAPE)), ended_as(MOVING, 5), np.ones(1))
+    assert learned.profiles(OPTIONS)[0, 1] == pytest.approx(1.0, abs=0.01)
+    assert learned.profiles(OPTIONS)[1, 5] == pytest.approx(1.0, abs=0.01)
+
+
 def test_what_is_forgotten_does_not_bias_the_rate() -> None:
     learned, rng = FalseObjects.none(), np.random.default_rng(1)
     rates = []

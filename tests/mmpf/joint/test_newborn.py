@@ -174,6 +174,19 @@ def test_in_plain_view_a_vehicle_would_have_been_known_and_in_a_shadow_or_at_the
     assert found.seen_share[1] < 0.1
 
 
+def test_who_has_just_come_out_of_a_shadow_would_not_have_been_known_before() -> None:
+    """A car beside the ego's lane hides part of the next lane; along it vehicles come out at the near end."""
+    front = belief_of([spot(15.0, lane_centre(3))], confirmed=[True])
+    lon = np.arange(12.0, 90.0, 0.5)
+    found = places_of([(each, lane_centre(4)) for each in lon], front)
+    first_hidden = lon[found.seen_share < 0.05].min()
+    in_view = lon[found.in_view == 1.0]
+    before, edge_m = in_view[in_view < first_hidden].max(), KINDS.shadow_edge_m
+    assert edge_m <= first_hidden - before <= edge_m + 2.0 * 4.7
+    at_edge = found.in_view[(lon >= first_hidden - edge_m) & (lon < first_hidden)]
+    assert (at_edge == 0.0).all()
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_only_known_vehicles_cast_shadows_that_explain_an_appearance(known: bool) -> None:
     false = np.zeros((1, *SHAPE))
