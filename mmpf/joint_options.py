@@ -88,10 +88,38 @@ class JointKinds(Settings):
 
     weighed: bool = True
     """Whether the question is asked; without, everything that exists is a vehicle."""
-    vehicle_detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
+    least_prior: Annotated[float, Field(gt=0.0, lt=0.5), in_unit("probability")] = 0.02
+    """No place of appearance makes either kind less probable than this."""
+    largest_log_odds: Positive = 6.0
+    """No log odds between vehicle and false object grow beyond this."""
+    overlap_share: NotNegative = 0.6
+    """Two sources nearer than this share of a length and a width can't both be vehicles."""
+    overlap_per_s: NotNegative = 3.0
+    """Log odds that the lesser one of them loses a second."""
+    confirm_above: Probability = 0.5
+    """Probability of a vehicle above which a component is reported."""
+    withdraw_below: Probability = 0.2
+    """Probability of a vehicle, if there is a source at all, below which it is no longer reported."""
+
+
+class JointVehicles(Settings):
+    """What vehicles are like to the sensor before any was seen."""
+
+    detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
     """Share of vehicles at each level (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
-    prior_vehicles: Annotated[Positive, in_unit("vehicles")] = 30.0
+    prior_count: Annotated[Positive, in_unit("vehicles")] = 30.0
     """So many vehicles these shares count for; the vehicles around add to them."""
+    shading: Shadings = (0.5, 0.3, 0.2)
+    """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
+    shadows nor what they do to the sensor are exactly known.
+    """
+    shading_s: Positive = 2.0
+    """What detections have said of that is forgotten over this time."""
+
+
+class JointNewborn(Settings):
+    """Where vehicles are first detected, and how many."""
+
     appear_in_view_per_s: Positive = 0.15
     """Vehicles a second that are first detected in plain view, where they should have been known before."""
     appear_out_of_view_per_s: Positive = 4.0
@@ -102,8 +130,6 @@ class JointKinds(Settings):
     """Share of those first detected in plain view that had been overlooked because they are hard to detect."""
     overlooked_scans: NotNegative = 4.0
     """So many scans they had been overlooked for."""
-    least_prior: Annotated[float, Field(gt=0.0, lt=0.5), in_unit("probability")] = 0.02
-    """No place of appearance makes either kind less probable than this."""
     first_look_s: Positive = 1.0
     """After the first scan it takes about so long until what is in plain view has been detected."""
     edge_m: Positive = 8.0
@@ -112,22 +138,6 @@ class JointKinds(Settings):
     """So far along the road a vehicle may have come out of a shadow before it is detected, at no speed of the ego."""
     shadow_edge_s: NotNegative = 0.3
     """For so long it may have been out of it before: the ego passes what stands at its own speed."""
-    vehicle_shading: Shadings = (0.5, 0.3, 0.2)
-    """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
-    shadows nor what they do to the sensor are exactly known.
-    """
-    shading_s: Positive = 2.0
-    """What detections have said of that is forgotten over this time."""
-    overlap_share: NotNegative = 0.6
-    """Two sources nearer than this share of a length and a width can't both be vehicles."""
-    overlap_per_s: NotNegative = 3.0
-    """Log odds that the lesser one of them loses a second."""
-    largest_log_odds: Positive = 6.0
-    """No log odds between vehicle and false object grow beyond this."""
-    confirm_above: Probability = 0.5
-    """Probability of a vehicle above which a component is reported."""
-    withdraw_below: Probability = 0.2
-    """Probability of a vehicle, if there is a source at all, below which it is no longer reported."""
 
 
 class JointFalseObjects(Settings):
@@ -275,6 +285,10 @@ class JointOptions(Settings):
     """Whether a component is a vehicle."""
     kinds: JointKinds = JointKinds()
     """Whether it is a vehicle or a false object."""
+    vehicles: JointVehicles = JointVehicles()
+    """What vehicles are like to the sensor."""
+    newborn: JointNewborn = JointNewborn()
+    """Where vehicles are first detected."""
     false_objects: JointFalseObjects = JointFalseObjects()
     """What false objects are like."""
     speeds: JointSpeeds = JointSpeeds()

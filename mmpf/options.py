@@ -63,8 +63,6 @@ class BirthOptions(Settings):
     """Spread of the other particles' speeds: the neighbours alone would lose the fast lane."""
     standing_share: Probability = 0.1
     """Share of particles that stand: traffic that flows fast would lose a car that has broken down."""
-    standing_std_mps: NotNegative = 0.5
-    """Spread of their speeds."""
     lat_speed_std_mps: Positive = 0.4
     """Spread of the lateral speed."""
     accel_std_mps2: Positive = 0.7

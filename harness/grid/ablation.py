@@ -37,7 +37,7 @@ ABLATIONS = {
     "mmpf+joint.identity.stitch=false": "no identity handed to a component confirmed near a hidden one",
     "mmpf+joint.detectability.run_share=0": "misses taken as independent in time, not in runs",
     "mmpf+joint.kinds.weighed=false": "everything that exists is a vehicle, no lasting false objects",
-    "mmpf+joint.kinds.vehicle_detectability=[0,0,0,0,0,0,1]": "all vehicles equally well detectable",
+    "mmpf+joint.vehicles.detectability=[0,0,0,0,0,0,1]": "all vehicles equally well detectable",
     "mmpf+joint.false_objects.prior_count=1e9+joint.false_objects.prior_watched_s=1e9": "false objects not learned",
     "mmpf+joint.speeds.stopped_on_road=0": "along a road no vehicle stands where others flow",
     "mmpf+joint.manoeuvres.begin_per_s=0": "drivers in sight do nothing that the motion model does not foresee",

@@ -14,7 +14,7 @@ import numpy as np
 
 from mmpf.cloud.kinds import FALSE, KINDS, LEVELS, VEHICLE, shares_of
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.joint_options import JointFalseObjects, JointKinds
+from mmpf.joint_options import JointFalseObjects, JointVehicles
 from mmpf.scan import SensorModel
 
 FALSE_KINDS = KINDS - 1
@@ -98,9 +98,9 @@ class FalseObjects:
             self, vehicles=self.vehicles + profiles[removed].sum(axis=0), present=profiles[~removed].sum(axis=0)
         )
 
-    def vehicle_profile(self, options: JointKinds) -> FloatArray:
+    def vehicle_profile(self, options: JointVehicles) -> FloatArray:
         """Return the share of vehicles at each level of detectability, shape (levels,)."""
-        prior = options.prior_vehicles * shares_of(options.vehicle_detectability)
+        prior = options.prior_count * shares_of(options.detectability)
         number = self.vehicles + self.present + prior
         return np.asarray(number / number.sum())
 

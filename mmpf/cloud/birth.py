@@ -15,6 +15,9 @@ from mmpf.plane import SensorPlane
 from mmpf.scan import Detections
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 
+# Speeds of particles that stand scatter by so much.
+STANDING_STD_MPS = 0.5
+
 
 @dataclass(frozen=True)
 class Traffic:
@@ -121,7 +124,7 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
     chance = rng.uniform(size=shape)
     speed = np.where(chance < options.local_speed_share, near, anything)
     stands = chance > 1.0 - options.standing_share
-    speed[stands] = np.abs(options.standing_std_mps * rng.standard_normal(int(stands.sum())))
+    speed[stands] = np.abs(STANDING_STD_MPS * rng.standard_normal(int(stands.sum())))
     measured = np.isfinite(detections.speed_mps[chosen])
     around_measurement = normal(
         np.nan_to_num(detections.speed_mps[chosen]), np.nan_to_num(detections.std_speed_mps[chosen])

@@ -41,13 +41,13 @@ def ended_meanwhile(
         Probability of each kind of source that is still there, shape (m, *SHAPE), and of false objects that have ended,
         shape (m, 2, levels).
     """
-    dt_s, kinds = situation.dt_s, options.kinds
+    dt_s, vehicles = situation.dt_s, options.vehicles
     alive = components.existence[:, None, None, None] * components.kinds
     ends = -np.expm1(-dt_s / situation.false_objects.mean_life_s(options.false_objects))[None, :, None]
     ended = components.ended + ends * alive[:, FALSE].sum(axis=2)
     survival = np.concatenate([np.full((1, 1, 1), np.exp(-options.existence.death_rate_per_s * dt_s)), 1.0 - ends], 1)
     alive = alive * survival[..., None]
-    return relaxed_shading(alive, shares_of(kinds.vehicle_shading), -np.expm1(-dt_s / kinds.shading_s)), ended
+    return relaxed_shading(alive, shares_of(vehicles.shading), -np.expm1(-dt_s / vehicles.shading_s)), ended
 
 
 def kinds_after(

@@ -69,17 +69,17 @@ def kinds_at_birth(
         Probabilities that sum to one for each, shape (k, *SHAPE).
     """
     kinds = np.zeros((len(places.in_view), *SHAPE))
-    sources, false_objects = options.kinds, options.false_objects
-    usual = learned.vehicle_profile(sources) * DETECTABILITY
-    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** sources.overlooked_scans
-    late = sources.overlooked_share * places.in_view
+    vehicles, newborn, false_objects = options.vehicles, options.newborn, options.false_objects
+    usual = learned.vehicle_profile(vehicles) * DETECTABILITY
+    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** newborn.overlooked_scans
+    late = newborn.overlooked_share * places.in_view
     profile = (1.0 - late)[:, None] * usual / usual.sum() + late[:, None] * overlooked / overlooked.sum()
-    shadow = _by_shading(sources.vehicle_shading, places.seen_share)
+    shadow = _by_shading(vehicles.shading, places.seen_share)
     kinds[:, VEHICLE] = (shadow / shadow.sum(axis=1, keepdims=True))[:, :, None] * profile[:, None]
-    if sources.weighed:
-        rate = sources.appear_out_of_view_per_s ** (1.0 - places.in_view)
-        rate *= sources.appear_in_view_per_s**places.in_view
-        rate *= sources.appear_in_shadow + (1.0 - sources.appear_in_shadow) * places.seen_share
+    if options.kinds.weighed:
+        rate = newborn.appear_out_of_view_per_s ** (1.0 - places.in_view)
+        rate *= newborn.appear_in_view_per_s**places.in_view
+        rate *= newborn.appear_in_shadow + (1.0 - newborn.appear_in_shadow) * places.seen_share
         kinds[:, VEHICLE] *= rate[:, None, None]
         profiles = learned.profiles(false_objects) * DETECTABILITY
         profiles *= (learned.kind_shares(false_objects) / profiles.sum(axis=1))[:, None]
@@ -87,7 +87,7 @@ def kinds_at_birth(
         shadow = _by_shading(false_objects.shading, places.seen_share)
         kinds[:, FALSE] = shadow[:, None, :, None] * profiles[:, None]
     kinds = normalised(kinds)
-    return bounded(kinds, sources.least_prior) if sources.weighed else kinds
+    return bounded(kinds, options.kinds.least_prior) if options.kinds.weighed else kinds
 
 
 def _by_shading(shares: Sequence[float], seen_share: FloatArray) -> FloatArray:
@@ -122,14 +122,14 @@ def appearances_at(
         return visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
 
     here = visible(0.0)
-    edge_m = options.joint.kinds.shadow_edge_m + options.joint.kinds.shadow_edge_s * abs(plane.ego.speed_mps)
+    edge_m = options.joint.newborn.shadow_edge_m + options.joint.newborn.shadow_edge_s * abs(plane.ego.speed_mps)
     before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
     in_view = np.clip((before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = plane.distance_m(lon, lat)
-    in_view *= np.clip((sensor.range_m - distance) / options.joint.kinds.edge_m - 0.5, 0.0, 1.0)
+    in_view *= np.clip((sensor.range_m - distance) / options.joint.newborn.edge_m - 0.5, 0.0, 1.0)
     shares = situation.reach.shares(options.joint.reach.prior_scans)
     in_view *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
-    in_view *= -np.expm1(-situation.false_objects.since_start_s / options.joint.kinds.first_look_s)
+    in_view *= -np.expm1(-situation.false_objects.since_start_s / options.joint.newborn.first_look_s)
     seen = np.where(here < sensor.hidden_fraction, options.joint.detectability.hidden_probability, here)
     return Appearances(in_view, np.minimum(seen / sensor.full_view_fraction, 1.0))

@@ -13,10 +13,10 @@ from hypothesis.extra.numpy import arrays
 from mmpf.around.false_objects import FALSE_KINDS, FEWEST_HITS, FalseObjects
 from mmpf.cloud.kinds import LEVELS, MOVING, SHAPE, STANDING, VEHICLE
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.joint_options import JointFalseObjects, JointKinds
+from mmpf.joint_options import JointFalseObjects, JointVehicles
 from mmpf.scan import SensorModel
 
-OPTIONS, KINDS, SENSOR = JointFalseObjects(), JointKinds(), SensorModel()
+OPTIONS, VEHICLES, SENSOR = JointFalseObjects(), JointVehicles(), SensorModel()
 FOREVER_S = 1e12
 NOTHING_ENDED = np.zeros((1, FALSE_KINDS, LEVELS))
 counts = arrays(np.float64, (FALSE_KINDS, LEVELS), elements=st.floats(0.0, 50.0))
@@ -36,12 +36,12 @@ def ended_as(kind: int, level: int) -> FloatArray:
 
 def assert_as_in_the_settings(learned: FalseObjects) -> None:
     prior = np.array(OPTIONS.detectability) / sum(OPTIONS.detectability)
-    vehicles = np.array(KINDS.vehicle_detectability) / sum(KINDS.vehicle_detectability)
+    vehicles = np.array(VEHICLES.detectability) / sum(VEHICLES.detectability)
     assert learned.births_per_s(SENSOR, OPTIONS) == pytest.approx(OPTIONS.birth_share * SENSOR.clutter_per_scan)
     assert learned.kind_shares(OPTIONS) == pytest.approx([OPTIONS.standing_share, 1.0 - OPTIONS.standing_share])
     assert learned.profiles(OPTIONS) == pytest.approx(np.stack([prior, prior]))
     assert learned.mean_life_s(OPTIONS) == pytest.approx([OPTIONS.life_s] * 2)
-    assert learned.vehicle_profile(KINDS) == pytest.approx(vehicles)
+    assert learned.vehicle_profile(VEHICLES) == pytest.approx(vehicles)
 
 
 def test_before_anything_was_found_the_settings_and_the_data_sheet_hold() -> None:
@@ -71,7 +71,7 @@ def test_shares_are_shares_and_rates_and_lives_are_positive(
     learned = replace(FalseObjects.none(), counted=counted, vehicles=vehicles, watched_s=watched_s)
     assert learned.profiles(OPTIONS).sum(axis=1) == pytest.approx(np.ones(FALSE_KINDS))
     assert learned.kind_shares(OPTIONS).sum() == pytest.approx(1.0)
-    assert learned.vehicle_profile(KINDS).sum() == pytest.approx(1.0)
+    assert learned.vehicle_profile(VEHICLES).sum() == pytest.approx(1.0)
     assert learned.births_per_s(SENSOR, OPTIONS) > 0.0
     assert (learned.mean_life_s(OPTIONS) > 0.0).all()
 
@@ -113,7 +113,7 @@ def test_a_vehicle_that_was_hardly_looked_at_says_nothing_of_vehicles() -> None:
     few = FalseObjects.none().with_vehicles(
         surely(np.array([VEHICLE]), np.array([0])), np.array([FEWEST_HITS - 1]), np.zeros(1, dtype=np.bool_)
     )
-    assert few.vehicle_profile(KINDS) == pytest.approx(FalseObjects.none().vehicle_profile(KINDS))
+    assert few.vehicle_profile(VEHICLES) == pytest.approx(FalseObjects.none().vehicle_profile(VEHICLES))
 
 
 def test_counts_recover_the_population_that_they_are_of() -> None:

@@ -121,7 +121,7 @@ def test_some_speeds_are_drawn_from_everything_that_is_possible() -> None:
 
 @pytest.mark.parametrize("local_speed_share", [0.0, 0.6, 1.0])
 def test_some_particles_stand_however_fast_the_traffic_flows(local_speed_share: float) -> None:
-    narrow = {"local_speed_std_mps": 1.0, "other_speed_std_mps": 1.0, "standing_share": 0.25, "standing_std_mps": 0.5}
+    narrow = {"local_speed_std_mps": 1.0, "other_speed_std_mps": 1.0, "standing_share": 0.25}
     speed = born(detections_at([(0.0, 5.0)]), local_speed_share=local_speed_share, **narrow).cloud.state[SPEED]
     stands = speed < 10.0
     assert stands.mean() == pytest.approx(0.25, abs=0.02)

@@ -100,11 +100,14 @@ def test_existence_and_kind_are_those_of_all_cases_enumerated(
     joint = UNBOUNDED.joint
     prior = newborn()
     nobody, ended, alive = 1.0 - existence, np.zeros((KINDS, LEVELS)), existence * prior[0]
-    usual = np.array(joint.kinds.vehicle_shading) / sum(joint.kinds.vehicle_shading)
+    usual = np.array(joint.vehicles.shading) / sum(joint.vehicles.shading)
     found = source(kinds=prior, existence=np.array([existence]))
     for claimed, in_shadow, run, dt_s in scans:
         there, survival = np.zeros(SHAPE), np.exp(-joint.existence.death_rate_per_s * dt_s)
-        ends, forgotten = 1.0 - np.exp(-dt_s / joint.false_objects.life_s), 1.0 - np.exp(-dt_s / joint.kinds.shading_s)
+        ends, forgotten = (
+            1.0 - np.exp(-dt_s / joint.false_objects.life_s),
+            1.0 - np.exp(-dt_s / joint.vehicles.shading_s),
+        )
         nobody += (1.0 - survival) * alive[VEHICLE].sum()
         for kind, shading, level in product(range(KINDS), range(len(SHADING)), range(LEVELS)):
             weight = alive[kind, shading, level]

@@ -85,7 +85,7 @@ def test_vehicles_and_false_objects_compete_by_how_many_of_each_appear(
     prior_s = OPTIONS.false_objects.prior_watched_s
     first = OPTIONS.false_objects.birth_share * SENSOR.clutter_per_scan
     false_per_s = (prior_s * first + number) / (prior_s + watched_s)
-    vehicles_per_s = getattr(KINDS, rate)
+    vehicles_per_s = getattr(OPTIONS.newborn, rate)
     expected = np.clip(vehicles_per_s / (vehicles_per_s + false_per_s), LEAST, 1.0 - LEAST)
     assert share_of(born(in_view, learned=counted(number, watched_s))) == pytest.approx(expected)
 
@@ -121,7 +121,7 @@ def test_of_those_that_are_detected_the_well_detectable_are_the_more() -> None:
     """By Bayes' rule: the share of a level times how probably it is detected, for vehicles and for false objects."""
     kinds = born(0.0)[0].sum(axis=1)
     for kind, profile in (
-        (VEHICLE, KINDS.vehicle_detectability),
+        (VEHICLE, OPTIONS.vehicles.detectability),
         (STANDING, OPTIONS.false_objects.detectability),
         (MOVING, OPTIONS.false_objects.detectability),
     ):
@@ -145,7 +145,7 @@ def test_a_vehicle_first_detected_in_plain_view_had_probably_been_overlooked() -
 def test_a_detection_in_a_shadow_tells_by_bayes_rule_that_the_source_is_seen_past_it(seen_share: float) -> None:
     kinds = born(0.0, seen_share)[0].sum(axis=2)
     for kind, usual in (
-        (VEHICLE, KINDS.vehicle_shading),
+        (VEHICLE, OPTIONS.vehicles.shading),
         (STANDING, OPTIONS.false_objects.shading),
         (MOVING, OPTIONS.false_objects.shading),
     ):
@@ -163,7 +163,7 @@ def test_where_the_question_is_not_asked_all_are_vehicles() -> None:
 
 
 def test_levels_are_those_of_the_settings() -> None:
-    assert len(KINDS.vehicle_detectability) == len(OPTIONS.false_objects.detectability) == LEVELS
+    assert len(OPTIONS.vehicles.detectability) == len(OPTIONS.false_objects.detectability) == LEVELS
 
 
 def test_in_plain_view_a_vehicle_would_have_been_known_and_in_a_shadow_or_at_the_ranges_edge_it_would_not() -> None:
@@ -181,7 +181,7 @@ def test_who_has_just_come_out_of_a_shadow_would_not_have_been_known_before() ->
     found = places_of([(each, lane_centre(4)) for each in lon], front)
     first_hidden = lon[found.seen_share < 0.05].min()
     in_view = lon[found.in_view == 1.0]
-    before, edge_m = in_view[in_view < first_hidden].max(), KINDS.shadow_edge_m
+    before, edge_m = in_view[in_view < first_hidden].max(), OPTIONS.newborn.shadow_edge_m
     assert edge_m <= first_hidden - before <= edge_m + 2.0 * 4.7
     at_edge = found.in_view[(lon >= first_hidden - edge_m) & (lon < first_hidden)]
     assert (at_edge == 0.0).all()

@@ -42,7 +42,7 @@ def rule_with(**groups: dict[str, object]) -> JointUpdate:
         "association": {"birth_density": BIRTH},
         "resampling": {"effective_share": 0.0, "young_hits": 0},
         # Vehicles on which shadows have their whole effect stay so.
-        "kinds": {"shading_s": FOREVER_S},
+        "vehicles": {"shading_s": FOREVER_S},
     }
     joint = {name: usual.get(name, {}) | groups.get(name, {}) for name in usual | groups}
     return JointUpdate(FilterOptions.model_validate({"particles": PARTICLES, "joint": joint}))
