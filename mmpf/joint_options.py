@@ -120,7 +120,7 @@ class JointVehicles(Settings):
 class JointNewborn(Settings):
     """Where vehicles are first detected, and how many."""
 
-    appear_in_view_per_s: Positive = 0.15
+    appear_in_view_per_s: Positive = 0.08
     """Vehicles a second that are first detected in plain view, where they should have been known before."""
     appear_out_of_view_per_s: Positive = 4.0
     """The same at a shadow's or the range's edge, or in the first scan: as if all range were such a place."""
@@ -134,10 +134,10 @@ class JointNewborn(Settings):
     """After the first scan it takes about so long until what is in plain view has been detected."""
     edge_m: Positive = 8.0
     """Width of the range's edge."""
-    shadow_edge_m: NotNegative = 2.0
-    """So far along the road a vehicle may have come out of a shadow before it is detected, at no speed of the ego."""
-    shadow_edge_s: NotNegative = 0.3
-    """For so long it may have been out of it before: the ego passes what stands at its own speed."""
+    shadow_edge_s: NotNegative = 0.5
+    """For so long a vehicle may have been out of a shadow before it is detected: the ego passes what stands at its own
+    speed.
+    """
 
 
 class JointFalseObjects(Settings):

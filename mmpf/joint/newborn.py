@@ -32,6 +32,9 @@ from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import Situation
 
+# Vehicles pass each other at this speed though the ego stands.
+SLOWEST_PASSING_MPS = 7.0
+
 
 @dataclass(frozen=True)
 class Appearances:
@@ -122,7 +125,7 @@ def appearances_at(
         return visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
 
     here = visible(0.0)
-    edge_m = options.joint.newborn.shadow_edge_m + options.joint.newborn.shadow_edge_s * abs(plane.ego.speed_mps)
+    edge_m = options.joint.newborn.shadow_edge_s * max(abs(plane.ego.speed_mps), SLOWEST_PASSING_MPS)
     before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
     in_view = np.clip((before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
     distance = plane.distance_m(lon, lat)

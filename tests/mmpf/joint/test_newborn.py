@@ -25,7 +25,7 @@ from mmpf.cloud.kinds import (
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
-from mmpf.joint.newborn import Appearances, appearances_at, kinds_at_birth
+from mmpf.joint.newborn import SLOWEST_PASSING_MPS, Appearances, appearances_at, kinds_at_birth
 from mmpf.joint_options import JointOptions
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
@@ -181,7 +181,7 @@ def test_who_has_just_come_out_of_a_shadow_would_not_have_been_known_before() ->
     found = places_of([(each, lane_centre(4)) for each in lon], front)
     first_hidden = lon[found.seen_share < 0.05].min()
     in_view = lon[found.in_view == 1.0]
-    before, edge_m = in_view[in_view < first_hidden].max(), OPTIONS.newborn.shadow_edge_m
+    before, edge_m = in_view[in_view < first_hidden].max(), OPTIONS.newborn.shadow_edge_s * SLOWEST_PASSING_MPS
     assert edge_m <= first_hidden - before <= edge_m + 2.0 * 4.7
     at_edge = found.in_view[(lon >= first_hidden - edge_m) & (lon < first_hidden)]
     assert (at_edge == 0.0).all()
