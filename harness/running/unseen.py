@@ -9,6 +9,7 @@ from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker, TellsUnseen
 from harness.truth.frame import Frame
+from mmpf.around.reach import Reach
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
@@ -20,7 +21,10 @@ PLACE_DECIMALS, EXPECTED_DECIMALS = 4, 6
 
 
 class UnseenOfTracks:
-    """Works out, scan by scan, where unseen vehicles are to be expected; who tells it itself is taken at its word."""
+    """Works out, scan by scan, where unseen vehicles are to be expected; who tells it itself is taken at its word.
+
+    What a tracker has learned of its sensor's reach, in an attribute ``reach``, takes the data sheet's place.
+    """
 
     def __init__(self, road: Road, sensor: SensorModel) -> None:
         """Begin.
@@ -33,7 +37,10 @@ class UnseenOfTracks:
 
     def after(self, scan: Scan, tracks: Tracks, tracker: AnyTracker) -> Unseen:
         """Return what is expected after a scan, which a tracker has taken in."""
-        return tracker.unseen if isinstance(tracker, TellsUnseen) else self._traffic.step(scan, tracks)
+        if isinstance(tracker, TellsUnseen):
+            return tracker.unseen
+        reach = getattr(tracker, "reach", None)
+        return self._traffic.step(scan, tracks, reach if isinstance(reach, Reach) else None)
 
 
 class UnseenKeeper:

@@ -14,6 +14,7 @@ import numpy as np
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.detectability import detection_probabilities, in_plain_view
 from mmpf.around.false_objects import FalseObjects
+from mmpf.around.missed_runs import run_after_scan, run_expected
 from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
@@ -36,7 +37,6 @@ from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
-from mmpf.joint.missed_runs import run_after_scan, run_expected
 from mmpf.joint.newborn import appearances_at, kinds_at_birth
 from mmpf.joint.noise import common_factor, with_innovations
 from mmpf.joint.overlap import overlapping

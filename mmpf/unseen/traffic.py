@@ -3,8 +3,8 @@
 In dense traffic most vehicles in a shadow were never seen, so that no track stands for them. Their number is a Poisson
 field, as that of undetected targets in Williams (IEEE TAES 2015): it drives with the traffic, comes in where the
 sensor's range begins and where lanes do, is thinned wherever the sensor looks and finds nobody, and takes in the
-vehicles whose tracks were let go. Before stop lines there are more of them. It needs no more than a tracker's
-scans and tracks, whoever the tracker is.
+vehicles whose tracks were let go. Before stop lines there are more of them. Misses come in runs: a vehicle in a run
+stays overlooked until the run ends. It needs no more than a tracker's scans and tracks, whoever the tracker is.
 """
 
 from __future__ import annotations
@@ -13,18 +13,20 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
-from scipy.special import ndtr
+from pydantic import Field
 
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.detectability import detection_probabilities
-from mmpf.around.reach import AS_PROMISED
+from mmpf.around.missed_runs import run_expected
+from mmpf.around.reach import AS_PROMISED, Reach
 from mmpf.around.shadows import visible_fractions
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, turned
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.plane import SensorPlane
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 from mmpf.settings import NotNegative, Positive, Probability, Settings, in_unit
-from mmpf.tracks import HIDDEN, TENTATIVE, Tracks
+from mmpf.tracks import HIDDEN, Tracks
+from mmpf.unseen.apart import BESIDE_LANE_M, Apart, offsets
 from mmpf.unseen.cells import CELL_M, LaneCells, cells_of
 
 # Tracks of a greater existence probability hide what is behind them.
@@ -32,9 +34,6 @@ CASTS_FROM = 0.5
 MIXED_AT_PER_M = 0.03
 # Longer steps are driven in several, so that no traffic drives farther than a cell.
 LONGEST_STEP_S, MOST_STEPS, MOST_EXCHANGED = 0.1, 100, 0.2
-BESIDE_LANE_M = 2.0
-# What is farther off than this many deviations does not count.
-FARTHEST_STD = 4.0
 
 
 class UnseenOptions(Settings):
@@ -69,6 +68,12 @@ class UnseenOptions(Settings):
     """So far before a stop line vehicles queue,"""
     queued: Positive = 3.0
     """and are so many times as dense as elsewhere."""
+    run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.12
+    """Share of time that vehicles are expected to spend in runs of misses that no shadow explains."""
+    run_s: Positive = 0.8
+    """Mean length of such a run."""
+    reach_prior_scans: Positive = 20.0
+    """So many detections the data sheet counts for, where a tracker has learned how well its sensor sees."""
     length_m: Positive = 4.7
     """Length of the vehicle that is looked for."""
     width_m: Positive = 1.9
@@ -93,7 +98,7 @@ class UnseenTraffic:
     """Keeps the expected number of unseen vehicles from scan to scan.
 
     The field is kept in metres of lane on which traffic is as dense as usual, so that it follows while that density is
-    learned.
+    learned; in two rows, vehicles that the sensor may detect and vehicles that it misses in a run.
 
     Attributes:
         road: The lanes.
@@ -112,16 +117,19 @@ class UnseenTraffic:
         self._usual_m = self._cells.length_m * self._cells.share * queued
         self._density_per_m = self.options.density_per_km / 1e3
         self._learned_s = self.options.density_guess_s
-        self._field_m = self._usual_m.copy()
+        missed = self.options.run_share
+        self._by_run = np.array([[1.0 - missed], [missed]])
+        self._field_m = self._by_run * self._usual_m
         self._watched_s = 0.0
         self._phase_m = np.zeros(int(self._cells.lane.max(initial=0)) + 1)
 
-    def step(self, scan: Scan, tracks: Tracks) -> Unseen:
+    def step(self, scan: Scan, tracks: Tracks, reach: Reach | None = None) -> Unseen:
         """Take in a scan and the tracks after it.
 
         Args:
             scan: What the sensor saw.
             tracks: All tracks as they stand after it.
+            reach: At which distances vehicles are detected, if the tracker has learned it; the data sheet holds if not.
 
         Returns:
             The expected numbers within range after the scan.
@@ -131,16 +139,19 @@ class UnseenTraffic:
         plane = SensorPlane(scan.ego, self.road)
         near = np.flatnonzero(plane.distance_m(self._cells.lon_m, self._cells.lat_m) <= self.sensor.range_m)
         cells = taken(self._cells, near)
-        apart = _Apart.between(cells, tracks, scan)
+        apart = Apart.between(cells, tracks, scan)
         if self._previous is not None:
             time_s, before = self._previous
             self._watched_s += scan.time_s - time_s
             self._drive_on(near, apart.flow_mps(self.options.flow_length_m), scan.time_s - time_s)
             self._take_in(near, _let_go(before, tracks))
-        left = self._field_m[near] * self._overlooked(cells, apart, plane)
+        left = self._field_m[:, near]
+        left[0] *= self._overlooked(cells, apart, plane, reach)
         if self._watched_s >= self.options.settled_s:
-            self._field_m[near] = left
-        expected = self._density_per_m * left * apart.free_share(self.options)
+            self._field_m[:, near] = left
+        options = self.options
+        free = apart.free_share(options.room_m, options.headway_s, options.headway_std_s)
+        expected = self._density_per_m * left.sum(axis=0) * free
         if self._previous is not None:
             self._learn_density(near, expected, apart, plane, scan.time_s - self._previous[0])
         self._previous = scan.time_s, tracks
@@ -156,27 +167,44 @@ class UnseenTraffic:
         lanes = len(self._phase_m)
         total = np.bincount(self._cells.lane[near], speed_mps, minlength=lanes)
         speeds = total / np.maximum(np.bincount(self._cells.lane[near], minlength=lanes), 1)
-        field = self._usual_m.copy()
-        field[near] = self._field_m[near]
+        usual = self._by_run * self._usual_m
+        field = usual.copy()
+        field[:, near] = self._field_m[:, near]
         steps = min(int(np.ceil(dt_s / LONGEST_STEP_S - 1e-6)), MOST_STEPS)
         for _ in range(steps):
-            field = self._spread(self._moved_on(field, speeds * dt_s / steps), dt_s / steps)
+            moves = self._moving(speeds * dt_s / steps)
+            field = np.stack(
+                [self._spread(self._moved_on(*row, moves), dt_s / steps) for row in zip(field, usual, strict=True)]
+            )
         usual_per_m = self._density_per_m * self._usual_m / self._cells.length_m
         mixing_per_s = (usual_per_m / MIXED_AT_PER_M) ** 3 / self.options.mixing_s
-        self._field_m = field - np.expm1(-mixing_per_s * dt_s) * (self._usual_m - field)
+        field -= np.expm1(-mixing_per_s * dt_s) * (usual - field)
+        self._field_m = self._after_runs(field, dt_s)
 
-    def _moved_on(self, field_m: FloatArray, driven_m: FloatArray) -> FloatArray:
-        """Return the field moved on by whole cells, a lane's as soon as its traffic has driven so far.
+    def _after_runs(self, field_m: FloatArray, dt_s: float) -> FloatArray:
+        """Return the field after runs of misses have begun and ended, shape (2, n)."""
+        options, everybody = self.options, field_m.sum(axis=0)
+        missed = field_m[1] / np.maximum(everybody, 1e-300)
+        missed = everybody * run_expected(missed, options.run_share, options.run_s, dt_s)
+        return np.stack([everybody - missed, missed])
+
+    def _moving(self, driven_m: FloatArray) -> BoolArray:
+        """Return from which cells traffic moves on to the next: as soon as a lane's has driven so far.
 
         Moved by shares of a cell it would spread out within seconds.
         """
-        cells, links = self._cells, self._links
+        cells = self._cells
         self._phase_m += driven_m
         moves = self._phase_m[cells.lane] >= cells.length_m
         self._phase_m[cells.lane[moves]] = np.minimum(self._phase_m[cells.lane] - cells.length_m, CELL_M)[moves]
+        return np.asarray(moves)
+
+    def _moved_on(self, field_m: FloatArray, usual_m: FloatArray, moves: BoolArray) -> FloatArray:
+        """Return a field after the traffic of some cells has moved on; where lanes begin comes in what is usual."""
+        cells, links = self._cells, self._links
         leaving = np.where(moves, field_m, 0.0)
         arriving = np.bincount(links.target, leaving[links.source] * links.share, minlength=len(cells))
-        arriving[cells.entry] += np.where(moves, self._usual_m, 0.0)[cells.entry]
+        arriving[cells.entry] += np.where(moves, usual_m, 0.0)[cells.entry]
         return np.asarray(field_m + arriving - leaving)
 
     def _spread(self, field_m: FloatArray, dt_s: float) -> FloatArray:
@@ -194,14 +222,15 @@ class UnseenTraffic:
         if not len(lost) or not len(near):
             return
         cells = taken(self._cells, near)
-        along, across = _offsets(cells, lost.lon_m, lost.lat_m)
+        along, across = offsets(cells, lost.lon_m, lost.lat_m)
         std = np.maximum(np.hypot(lost.std_lon_m, 0.5 * cells.length_m[:, None]), 1e-3)
         density = np.exp(-0.5 * (along / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
         density *= np.abs(across) < BESIDE_LANE_M
-        self._field_m[near] += (density * cells.length_m[:, None]) @ lost.existence / self._density_per_m
+        gained = (density * cells.length_m[:, None]) @ lost.existence / self._density_per_m
+        self._field_m[:, near] += self._by_run * gained
 
-    def _overlooked(self, cells: LaneCells, apart: _Apart, plane: SensorPlane) -> FloatArray:
-        """Return the probability that the sensor has overlooked a vehicle in each cell, shape (n,)."""
+    def _overlooked(self, cells: LaneCells, apart: Apart, plane: SensorPlane, reach: Reach | None) -> FloatArray:
+        """Return the probability that the sensor, in no run of misses, has overlooked a vehicle in each cell, (n,)."""
         options, tracks = self.options, apart.tracks
         size = len(tracks) + 1
         turn = None if self.road.graph is None else np.append(apart.heading_rad, 0.0)
@@ -212,11 +241,12 @@ class UnseenTraffic:
         looked_for = np.full(len(cells), size - 1)
         visible = visible_fractions(plane, cells.lon_m, cells.lat_m, looked_for, bodies, table)
         distance = plane.distance_m(cells.lon_m, cells.lat_m)
-        detected = detection_probabilities(visible, distance, self.sensor, AS_PROMISED, 0.0)
+        shares = AS_PROMISED if reach is None else reach.shares(options.reach_prior_scans)
+        detected = detection_probabilities(visible, distance, self.sensor, shares, 0.0)
         return 1.0 - detected
 
     def _learn_density(
-        self, near: IntArray, expected: FloatArray, apart: _Apart, plane: SensorPlane, dt_s: float
+        self, near: IntArray, expected: FloatArray, apart: Apart, plane: SensorPlane, dt_s: float
     ) -> None:
         within_m = self.options.density_within * self.sensor.range_m
         inside = plane.distance_m(self._cells.lon_m[near], self._cells.lat_m[near]) <= within_m
@@ -229,73 +259,6 @@ class UnseenTraffic:
         seen_per_m = (1.0 + tracked + float(expected[inside].sum())) / lane_m
         self._learned_s = min(self._learned_s + dt_s, self.options.density_memory_s)
         self._density_per_m += min(dt_s / self._learned_s, 1.0) * (seen_per_m - self._density_per_m)
-
-
-@dataclass(frozen=True)
-class _Apart:
-    """How far tracks, m of them, are from the middles of n cells along and across each cell's lane.
-
-    Attributes:
-        along_m: Shape (n, m + 1); the ego is the last.
-        across_m: Likewise.
-        tracks: The tracks.
-        known: Which of them are more than tentative, shape (m,).
-        heading_rad: Direction of the lane that each is nearest to, shape (m,).
-        ego_speed_mps: The ego's speed.
-    """
-
-    along_m: FloatArray
-    across_m: FloatArray
-    tracks: Tracks
-    known: BoolArray
-    heading_rad: FloatArray
-    ego_speed_mps: float
-
-    @classmethod
-    def between(cls, cells: LaneCells, tracks: Tracks, scan: Scan) -> _Apart:
-        ego = scan.ego
-        along, across = _offsets(cells, np.append(tracks.lon_m, ego.lon_m), np.append(tracks.lat_m, ego.lat_m))
-        heading = np.zeros(len(tracks))
-        if len(cells) and len(tracks):
-            heading = cells.heading_rad[np.hypot(along, across)[:, :-1].argmin(axis=0)]
-        return cls(along, across, tracks, tracks.state != TENTATIVE, heading, ego.speed_mps)
-
-    @property
-    def _there(self) -> BoolArray:
-        """Which vehicles are known, the ego the last."""
-        return np.append(self.known, True)
-
-    def flow_mps(self, length_m: float) -> FloatArray:
-        """Return the speed of the traffic around each cell, shape (n,)."""
-        there = self._there
-        speeds = self._speed_mps[there]
-        weight = np.exp(-np.hypot(self.along_m[:, there], 3.0 * self.across_m[:, there]) / length_m)
-        return np.asarray(np.maximum(weight @ speeds, 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
-
-    @property
-    def _speed_mps(self) -> FloatArray:
-        return np.append(self.tracks.speed_mps, self.ego_speed_mps)
-
-    def free_share(self, options: UnseenOptions) -> FloatArray:
-        """Return the probability that no known vehicle takes up the place, shape (n,)."""
-        speed = np.maximum(self._speed_mps, 0.0)
-        room = options.room_m + options.headway_s * speed
-        std = np.hypot(np.append(np.maximum(self.tracks.std_lon_m, 0.1), 0.1), options.headway_std_s * speed)
-        existence = np.append(self.tracks.existence, 1.0)
-        in_lane = self._there & (np.abs(self.across_m) < BESIDE_LANE_M)
-        near = in_lane & (np.abs(self.along_m) < room + FARTHEST_STD * std)
-        cell, vehicle = np.nonzero(near)
-        along, spread, reach = self.along_m[near], std[vehicle], room[vehicle]
-        taken_up = existence[vehicle] * (ndtr((reach - along) / spread) - ndtr((-reach - along) / spread))
-        free = np.ones(len(self.along_m))
-        np.multiply.at(free, cell, 1.0 - taken_up)
-        return free
-
-
-def _offsets(cells: LaneCells, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how far places are from cells along and across each cell's lane, shape (n, places)."""
-    away_lon, away_lat = lon_m - cells.lon_m[:, None], lat_m - cells.lat_m[:, None]
-    return turned(away_lon, away_lat, cells.heading_rad[:, None])
 
 
 def _let_go(before: Tracks, now: Tracks) -> Tracks:

@@ -10,6 +10,7 @@ from harness.running.looks import look_at
 from harness.running.unseen import UnseenKeeper
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
+from mmpf.around.reach import Reach
 from mmpf.unseen.traffic import Unseen, UnseenTraffic
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic
 
@@ -53,6 +54,20 @@ def test_a_tracker_that_tells_it_itself_is_taken_at_its_word():
 
     keeper, _ = kept(SteadyTraffic(steps=3), Knowing)
     assert keeper.table()["expected"].to_numpy() == pytest.approx(0.05)
+
+
+def test_what_a_tracker_has_learned_of_its_sensors_reach_takes_the_data_sheets_place():
+    class Learned(EchoTracker):
+        reach = Reach(10.0, np.full(10, 1e6), np.full(10, 1e5))
+
+    class OfAnotherKind(EchoTracker):
+        reach = 80.0
+
+    usual, _ = kept(SteadyTraffic(steps=11))
+    learned, _ = kept(SteadyTraffic(steps=11), Learned)
+    other, _ = kept(SteadyTraffic(steps=11), OfAnotherKind)
+    assert learned.table()["expected"].sum() > 1.5 * usual.table()["expected"].sum()
+    assert other.table().equals(usual.table())
 
 
 def test_what_was_forgotten_is_not_there_again():

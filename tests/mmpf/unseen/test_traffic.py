@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from mmpf.around.reach import Reach
 from mmpf.compute.arrays import taken
 from mmpf.lanes.control import NO_SIGNAL, YIELD, LinkControl
 from mmpf.lanes.graph import without_map
@@ -94,6 +95,36 @@ def test_a_hidden_track_that_is_let_go_leaves_its_vehicle_behind():
     other.step(scan(0.0), tracks())
     gained = unseen.step(scan(0.1), tracks()).expected.sum() - other.step(scan(0.1), tracks()).expected.sum()
     assert gained == pytest.approx(0.8, abs=0.05)
+
+
+def left_in_plain_view(scans, reach=None, **options):
+    """Expected vehicles per metre of an empty lane beside a standing ego, over the density of traffic, by scan."""
+    still = {"settled_s": 0.0, "spread_m2_per_s": 0.0, "mixing_s": 1e9, **options}
+    unseen, left = UnseenTraffic(ROAD, SENSOR, UnseenOptions(**still)), []
+    for step in range(scans):
+        density_per_m = unseen.density_per_km / 1e3
+        told = unseen.step(scan(0.1 * step, speed_mps=0.0), tracks(), reach)
+        at = np.hypot(told.cells.lon_m - 315.0, told.cells.lat_m - 5.4).argmin()
+        left.append(told.expected[at] / told.cells.length_m[at] / density_per_m)
+    return np.array(left)
+
+
+@pytest.mark.parametrize(("share", "run_s"), [(0.0, 0.8), (0.12, 0.8), (0.3, 2.0)])
+def test_who_is_in_a_run_of_misses_stays_overlooked_until_it_ends(share, run_s):
+    ends = 1.0 - np.exp(-0.1 / (run_s * (1.0 - share)))
+    chain = np.array([[1.0 - ends * share, ends * (1.0 - share)], [ends * share, 1.0 - ends * (1.0 - share)]])
+    state, expected = np.array([1.0 - share, share]), []
+    for step in range(10):
+        state = (chain @ state if step else state) * [1.0 - SENSOR.detection_probability, 1.0]
+        expected.append(state.sum())
+    assert left_in_plain_view(10, run_share=share, run_s=run_s) == pytest.approx(np.array(expected), rel=1e-6)
+
+
+def test_where_a_tracker_has_learned_that_its_sensor_sees_less_more_is_left():
+    rings = np.full(10, 1e6)
+    half = Reach(SENSOR.range_m / 10, expected=rings, detected=0.5 * rings)
+    missed = 1.0 - 0.5 * SENSOR.detection_probability
+    assert left_in_plain_view(4, half, run_share=0.0) == pytest.approx(missed ** np.arange(1, 5), rel=1e-3)
 
 
 def test_the_density_is_learned_from_the_traffic_that_is_known():

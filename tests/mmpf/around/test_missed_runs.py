@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from mmpf.around.missed_runs import run_after_scan, run_expected
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint.evidence import GatedLikelihoods, association_evidence
-from mmpf.joint.missed_runs import run_after_scan, run_expected
 
 SHARE, RUN_S, DT_S = 0.12, 0.8, 0.1
 IN_VIEW = 0.9
