@@ -73,8 +73,10 @@ class JointExistence(Settings):
     """No component is more certain than this."""
     report_above: Probability = 0.6
     """Probability that there is a source at all above which a component may be reported."""
-    confirm_hits: Annotated[int, Field(ge=1)] = 3
-    """Detections that a component must have had before it is reported."""
+    confirm_s: NotNegative = 0.2
+    """Time after its first detection for which a component must have been detected before it is reported; each
+    detection counts for the time since the scan before.
+    """
     same_place_share: NotNegative = 0.75
     """Nearer than this share of a length and a width to a confirmed component whose place is known, none is
     confirmed.
@@ -230,10 +232,12 @@ class JointResampling(Settings):
     """Resampled particles are smoothed by a kernel as wide as this share of the component's spread (Liu and West
     2001), so that little process noise does not impoverish the cloud.
     """
-    young_hits: Annotated[int, Field(ge=0)] = 20
-    """Up to this many hits a component is resampled from its weighted Gaussian, since its speed is still uncertain."""
+    young_s: NotNegative = 2.0
+    """Until it was detected for this time a component is resampled from its weighted Gaussian, since its speed is still
+    uncertain; each detection counts for the time since the scan before.
+    """
     young_effective_share: Probability = 0.9
-    """Takes the place of ``effective_share`` for a component of so few hits."""
+    """Takes the place of ``effective_share`` for such a component."""
 
 
 class JointMerging(Settings):

@@ -76,7 +76,7 @@ def prior_update(
     speed = speed_error(options, spreads_speed=spreads_speed(motion))
     _add_model_error(state, surroundings.is_hidden, dt_s, options.model_error, speed, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
-    components = replace(mixture.components, age_scans=mixture.components.age_scans + 1)
+    components = replace(mixture.components, age_s=mixture.components.age_s + dt_s)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
     return replace(mixture, cloud=moved, components=components)
 

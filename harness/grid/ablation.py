@@ -46,7 +46,7 @@ ABLATIONS = {
     "mmpf+joint.association.clutter_memory_s=inf": "as much clutter as the data sheet says, not counted",
     "mmpf+joint.association.exclusion_per_s=0": "hidden particles may lie on seen vehicles",
     "mmpf+joint.resampling.kernel_width=0": "resampled particles are copies, not smoothed by a kernel",
-    "mmpf+joint.resampling.young_hits=0": "young components resampled like all others, not from a Gaussian",
+    "mmpf+joint.resampling.young_s=0": "young components resampled like all others, not from a Gaussian",
     "mmpf+birth.other_speed_std_mps=2.5": "newborn speeds near the neighbours' only",
     "mmpf+model_error.speed=0+model_error.accel=0+model_error.lat_speed=0": "no noise beside the model's own",
     PAPER: "the paper's rule, read literally",

@@ -128,7 +128,7 @@ _MMPF: Space = {
     "joint.association.birth_density": _ratio(0.01, 2.0),
     "joint.association.gate_std": Range(3.0, 7.0, least=0.5),
     "joint.existence.confirm_above": Range(0.2, 0.9, least=0.0, most=0.99),
-    "joint.existence.confirm_hits": _whole(1, 10),
+    "joint.existence.confirm_s": Range(0.0, 0.9, least=0.0),
     "joint.removal.longest_unseen_s": _ratio(4.0, 20.0),
     "joint.identity.unknown_density": _ratio(1e-6, 1e-3),
     "model_error.accel": _ratio(0.2, 3.0),

@@ -13,6 +13,8 @@ from mmpf.options import MEAN_CAR, Footprint
 from mmpf.state import STATE_SIZE
 
 NEVER = -1
+# Times are sums of steps, which are no round numbers.
+ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,11 @@ class ParticleCloud:
         return ParticleCloud(component=component, **columns)
 
 
+def is_longer(time_s: FloatArray, least_s: float) -> BoolArray:
+    """Return which times have come up to a least time, but for rounding."""
+    return np.asarray(time_s > least_s - ROUNDING_S)
+
+
 @dataclass(frozen=True)
 class Components:
     """What the filter keeps of each mixture component beside its particles, struct of arrays over m components.
@@ -90,7 +97,8 @@ class Components:
         confirmed: Whether the component is reported as a track.
         withdrawn: Whether it was, until it was taken for a false object.
         hits: Scans in which a detection was attributed to it.
-        age_scans: Scans since its birth.
+        detected_s: For how long it was detected after its birth: each hit counts for the time since the scan before.
+        age_s: Time since its birth.
         unseen_s: Time since its last hit.
         missed: Probability that the sensor is in a run of misses of this vehicle.
         kinds: Probability of each kind of source with its detectability, given that there is one, shape (m, 3, 3,
@@ -114,7 +122,8 @@ class Components:
     confirmed: BoolArray
     withdrawn: BoolArray
     hits: IntArray
-    age_scans: IntArray
+    detected_s: FloatArray
+    age_s: FloatArray
     unseen_s: FloatArray
     missed: FloatArray
     kinds: FloatArray
@@ -141,7 +150,12 @@ class Components:
 
     def after_scan(self, was_hit: BoolArray, dt_s: float) -> Components:
         """Return the components with a scan's hits, shape (m,), and the time unseen counted."""
-        return replace(self, hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
+        return replace(
+            self,
+            hits=self.hits + was_hit,
+            detected_s=self.detected_s + dt_s * was_hit,
+            unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s),
+        )
 
     @classmethod
     def newborn(
@@ -167,7 +181,8 @@ class Components:
             confirmed=np.zeros(len(track_id), dtype=np.bool_),
             withdrawn=np.zeros(len(track_id), dtype=np.bool_),
             hits=zeros + 1,
-            age_scans=zeros,
+            detected_s=np.zeros(len(track_id)),
+            age_s=np.zeros(len(track_id)),
             unseen_s=np.zeros(len(track_id)),
             missed=np.zeros(len(track_id)),
             kinds=kinds,

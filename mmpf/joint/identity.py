@@ -61,9 +61,7 @@ def hand_over_identity(
         density,
     )
     density *= components.existence[old]
-    was_unseen_by_then = (
-        components.unseen_s[old][None, :] > (components.age_scans[new][:, None] * scan_s) - options.both_seen_s
-    )
+    was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - options.both_seen_s
     possible = was_unseen_by_then | components.withdrawn[old]
     log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)

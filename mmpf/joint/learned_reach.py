@@ -6,7 +6,7 @@ import numpy as np
 
 from mmpf.around.reach import Reach
 from mmpf.cloud.kinds import DETECTABILITY, VEHICLE, Sightings
-from mmpf.cloud.mixture import Components
+from mmpf.cloud.mixture import Components, is_longer
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint_options import JointOptions
 from mmpf.update import Situation
@@ -40,7 +40,7 @@ def reach_after(
     """
     sensor = situation.sensor
     in_view = sightings.in_shadow / np.maximum(sightings.in_plain_view, 1e-3)
-    known = np.flatnonzero((in_view > IN_PLAIN_VIEW) & (before.hits >= options.existence.confirm_hits))
+    known = np.flatnonzero((in_view > IN_PLAIN_VIEW) & is_longer(before.detected_s, options.existence.confirm_s))
     usual = before.kinds[known][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
     weight = before.existence[known] * usual
     expected = weight * (1.0 - run[known]) * sensor.detection_probability

@@ -19,7 +19,7 @@ from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
 from mmpf.cloud.kinds import Sightings, mean_detectability, vehicle_share
-from mmpf.cloud.mixture import Components, Mixture
+from mmpf.cloud.mixture import Components, Mixture, is_longer
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
@@ -164,7 +164,7 @@ class JointUpdate:
             self.options.joint,
             situation.false_objects.after(situation.dt_s, self.options.joint.false_objects.memory_s),
         )
-        learned = _with_removed(learned, updated.mixture.components, ~alive, situation.dt_s)
+        learned = _with_removed(learned, updated.mixture.components, ~alive)
         places = appearances_at(chosen, updated.mixture, moments, situation, self.options)
         births = Births(
             situation.scan.detections,
@@ -186,7 +186,7 @@ class JointUpdate:
     ) -> tuple[Mixture, int]:
         """Confirm components; one that is confirmed near a hidden component is that component, seen again."""
         options, kinds, components = self.options.joint.existence, self.options.joint.kinds, mixture.components
-        is_known = (components.existence > options.report_above) & (components.hits >= options.confirm_hits)
+        is_known = (components.existence > options.report_above) & is_longer(components.detected_s, options.confirm_s)
         confirmed_now = ~components.confirmed & is_known & (components.vehicle > kinds.confirm_above)
         stays = components.confirmed & (vehicle_share(components.kinds) >= kinds.withdraw_below)
         withdrawn = components.withdrawn | (components.confirmed & ~stays)
@@ -252,7 +252,7 @@ class JointUpdate:
         if len(posterior) == 0:
             return posterior, 1.0
         effective_size = effective_sizes(posterior)
-        young = was_hit & (posterior.components.hits <= options.young_hits)
+        young = was_hit & ~is_longer(posterior.components.detected_s, options.young_s)
         resampled = effective_size < np.where(young, options.young_effective_share, options.effective_share) * particles
         kernel_width = np.where(young, 1.0, options.kernel_width)
         posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng)
@@ -270,12 +270,12 @@ class JointUpdate:
         )
 
 
-def _with_removed(learned: FalseObjects, components: Components, removed: BoolArray, dt_s: float) -> FalseObjects:
+def _with_removed(learned: FalseObjects, components: Components, removed: BoolArray) -> FalseObjects:
     """Return what is known of sources, with the vehicles that are there and with all that are removed."""
     alive = components.existence[:, None, None, None] * components.kinds
     learned = learned.with_vehicles(alive, components.hits, removed)
     gone = np.flatnonzero(removed & (components.hits >= FEWEST_HITS))
-    lived_s = np.maximum(components.age_scans[gone] * dt_s - components.unseen_s[gone], 0.0)
+    lived_s = np.maximum(components.age_s[gone] - components.unseen_s[gone], 0.0)
     return learned.with_removed(alive[gone], components.ended[gone], lived_s)
 
 

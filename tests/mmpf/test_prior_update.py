@@ -77,7 +77,7 @@ def test_weights_start_from_the_ratio_of_prior_and_proposal_and_components_grow_
     def proposal(motion, state, latents, surroundings, scan, dt_s, rng):  # type: ignore[no-untyped-def]
         return state + 1.0, latents, ratio
 
-    mixture = belief_of([spot(0.0, 5.0)], age_scans=[4])
+    mixture = belief_of([spot(0.0, 5.0)], age_s=[0.4])
     after = prior_update(
         mixture,
         around(mixture.cloud.state),
@@ -89,4 +89,4 @@ def test_weights_start_from_the_ratio_of_prior_and_proposal_and_components_grow_
     assert after.cloud.log_raw_weight == pytest.approx(np.log(0.1) + ratio)
     assert after.cloud.log_weight == pytest.approx(np.full(10, np.log(0.1)))
     assert (after.cloud.state == mixture.cloud.state + 1.0).all()
-    assert after.components.age_scans.tolist() == [5]
+    assert after.components.age_s == pytest.approx([0.4 + DT_S])

@@ -63,7 +63,7 @@ def test_one_linear_gaussian_target_is_tracked_like_the_exact_kalman_filter(upda
             association=JointAssociation(gate_std=20.0),
             manoeuvres=JointManoeuvres(begin_per_s=0.0),
             noise=JointNoise(learned=False),
-            resampling=JointResampling(young_hits=0),
+            resampling=JointResampling(young_s=0.0),
         ),
     )
     runs = np.empty((REPLICATES, STEPS, 4))

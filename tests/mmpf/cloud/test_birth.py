@@ -156,7 +156,7 @@ def test_a_newborn_component_has_had_one_hit_and_is_confirmed_by_nobody() -> Non
     components = born(particles=10).components
     assert components.hits.tolist() == [1, 1]
     assert components.confirmed.tolist() == [False, False]
-    assert components.age_scans.tolist() == [0, 0]
+    assert components.age_s.tolist() == [0.0, 0.0]
     assert components.unseen_s.tolist() == [0.0, 0.0]
 
 

@@ -24,7 +24,7 @@ HIDDEN, NEW = 7, 30
 def hidden_and_new(
     apart_m: float = 1.0,
     unseen_s: float = 2.0,
-    age_scans: int = 3,
+    age_s: float = 0.3,
     apart_mps: float = 0.0,
     existence: float = 0.9,
 ) -> Mixture:
@@ -33,7 +33,7 @@ def hidden_and_new(
         track_id=[HIDDEN, NEW],
         confirmed=[True, True],
         unseen_s=[unseen_s, 0.0],
-        age_scans=[60, age_scans],
+        age_s=[6.0, age_s],
         existence=[existence, 0.95],
     )
 
@@ -78,9 +78,9 @@ def test_one_that_was_missed_in_a_single_scan_is_not_hidden_yet(unseen_s: float,
     assert names_after(hidden_and_new(unseen_s=unseen_s)) == names
 
 
-@pytest.mark.parametrize(("age_scans", "names"), [(24, [HIDDEN]), (26, [HIDDEN, NEW])])
-def test_two_that_were_both_seen_for_long_are_two_vehicles(age_scans: int, names: list[int]) -> None:
-    assert names_after(hidden_and_new(unseen_s=2.0, age_scans=age_scans)) == names
+@pytest.mark.parametrize(("age_s", "names"), [(2.4, [HIDDEN]), (2.6, [HIDDEN, NEW])])
+def test_two_that_were_both_seen_for_long_are_two_vehicles(age_s: float, names: list[int]) -> None:
+    assert names_after(hidden_and_new(unseen_s=2.0, age_s=age_s)) == names
 
 
 def test_a_hidden_one_that_was_never_confirmed_has_no_name_to_give() -> None:
@@ -131,7 +131,7 @@ def test_no_name_is_ever_borne_twice_and_none_is_made_up(seed: int) -> None:
         track_id=rng.permutation(50)[:count],
         confirmed=is_new | (rng.uniform(size=count) < 0.7),
         unseen_s=np.where(is_new, 0.0, rng.uniform(0.0, 3.0, count)),
-        age_scans=rng.integers(0, 40, count),
+        age_s=rng.uniform(0.0, 4.0, count),
     )
     after, handed = handed_over(mixture, is_new.tolist())
     names = after.components.track_id.tolist()
@@ -146,7 +146,7 @@ def withdrawn_and_new(apart_m: float = 1.0) -> Mixture:
         confirmed=[False, True],
         withdrawn=[True, False],
         unseen_s=[0.0, 0.0],
-        age_scans=[60, 3],
+        age_s=[6.0, 0.3],
         existence=[0.9, 0.95],
     )
 

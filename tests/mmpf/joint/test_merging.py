@@ -38,6 +38,7 @@ def elder_and_younger(
         confirmed=np.array(confirmed),
         unseen_s=np.array(unseen_s),
         hits=np.array([40, 5]),
+        detected_s=np.array([3.9, 0.4]),
     )
     return Mixture(cloud, components, 100)
 

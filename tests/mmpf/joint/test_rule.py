@@ -40,7 +40,7 @@ def rule_with(**groups: dict[str, object]) -> JointUpdate:
     """The joint rule without resampling but for what its groups of settings say."""
     usual = {
         "association": {"birth_density": BIRTH},
-        "resampling": {"effective_share": 0.0, "young_hits": 0},
+        "resampling": {"effective_share": 0.0, "young_s": 0.0},
         # Vehicles on which shadows have their whole effect stay so.
         "vehicles": {"shading_s": FOREVER_S},
     }
@@ -290,12 +290,13 @@ def test_what_may_be_anywhere_is_removed(std_m: float, count: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("existence", "hits", "confirmed"), [(0.61, 3, True), (0.59, 9, False), (0.99, 2, False), (0.99, 3, True)]
+    ("existence", "detected_s", "confirmed"),
+    [(0.61, 0.2, True), (0.59, 0.8, False), (0.99, 0.1, False), (0.99, 0.2, True)],
 )
-def test_a_component_is_confirmed_once_it_is_probable_and_was_hit_often_enough(
-    existence: float, hits: int, confirmed: bool
+def test_a_component_is_confirmed_once_it_is_probable_and_was_detected_for_long_enough(
+    existence: float, detected_s: float, confirmed: bool
 ) -> None:
-    mixture = belief_of([cloud_at(PLACE)], existence=[existence], hits=[hits])
+    mixture = belief_of([cloud_at(PLACE)], existence=[existence], detected_s=[detected_s])
     after, _ = rule_with().finetune(mixture, situation_with([]), np.random.default_rng(0))
     assert after.components.confirmed.tolist() == [confirmed]
 
@@ -307,7 +308,11 @@ def test_one_confirmed_where_a_hidden_one_may_be_is_that_one_unless_told_otherwi
     hidden = spot(30.0, 5.0, particles=2)
     hidden[LON] += [-3.0, 3.0]
     mixture = belief_of(
-        [hidden, spot(32.0, 5.0)], confirmed=[True, False], unseen_s=[2.0, 0.0], hits=[30, 3], existence=[0.9, 0.9]
+        [hidden, spot(32.0, 5.0)],
+        confirmed=[True, False],
+        unseen_s=[2.0, 0.0],
+        detected_s=[2.9, 0.2],
+        existence=[0.9, 0.9],
     )
     after, _ = rule_with(identity={"stitch": stitch}).finetune(mixture, situation_with([]), np.random.default_rng(0))
     assert after.components.track_id.tolist() == names

@@ -1,0 +1,53 @@
+"""Times are times: a filter that is given half as many scans a second takes no longer to make up its mind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mmpf.motion  # noqa: F401
+from mmpf.cloud.mixture import Components, is_longer
+from mmpf.joint_options import JointExistence, JointResampling
+from mmpf.motion.protocol import motion_models
+from mmpf.scan import SensorModel
+from mmpf.tracker import MixtureTracker
+from mmpf.tracks import CONFIRMED
+from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
+
+
+def detected_at(hits_of: list[bool], dt_s: float) -> Components:
+    components = Components.newborn(np.array([1]), np.array([0.9]))
+    for was_hit in hits_of:
+        components = components.after_scan(np.array([was_hit]), dt_s)
+    return components
+
+
+@pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.2])
+def test_each_hit_counts_for_the_time_since_the_scan_before(dt_s: float) -> None:
+    components = detected_at([True, False, True, True], dt_s)
+    assert components.detected_s == pytest.approx([3.0 * dt_s])
+    assert components.hits.tolist() == [4]
+
+
+def test_at_ten_scans_a_second_three_detections_confirm_and_twenty_make_old() -> None:
+    for hits in range(1, 40):
+        detected_s = detected_at([True] * (hits - 1), 0.1).detected_s
+        assert is_longer(detected_s, JointExistence().confirm_s).item() == (hits >= 3)
+        assert is_longer(detected_s, JointResampling().young_s).item() == (hits > 20)
+
+
+def first_confirmed_s(dt_s: float) -> float:
+    """When a car that is detected in every scan is reported as a track, among others that are known by then."""
+    tracker = MixtureTracker(ROAD, SensorModel(), motion_models["cvm"](), np.random.default_rng(0))
+    for step in range(round(10.0 / dt_s)):
+        time_s = dt_s * step
+        others = [(away + 20.0 * time_s, lane_centre(lane)) for away, lane in ((-20.0, 1), (40.0, 0))]
+        new = [(15.0 + 20.0 * time_s, lane_centre(3))] if time_s >= 4.0 - 1e-6 else []
+        tracks = tracker.step(scan_of(time_s, [*others, *new], ego_at(lon_m=20.0 * time_s)))
+        if (np.abs(tracks.lat_m[tracks.state == CONFIRMED] - lane_centre(3)) < 1.0).any():
+            return time_s - 4.0
+    return np.inf
+
+
+def test_a_new_car_is_reported_as_soon_at_five_scans_a_second_as_at_ten() -> None:
+    assert first_confirmed_s(0.2) <= first_confirmed_s(0.1) + 0.2
