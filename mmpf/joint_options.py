@@ -185,11 +185,13 @@ class JointSpeeds(Settings):
 class JointManoeuvres(Settings):
     """What drivers may do that the motion model does not foresee; see ``mmpf.motion.manoeuvring``."""
 
-    begin_per_s: NotNegative = 0.2
+    begin_per_s: NotNegative = 1.0
     """Rate at which particles of vehicles in sight begin a manoeuvre; 0 for a motion model that is always right."""
+    true_per_s: NotNegative = 0.02
+    """Rate at which drivers do: a particle that tries it weighs less by the ratio of the two rates."""
     mean_s: Positive = 2.0
     """Mean length of a manoeuvre; it ends with sight."""
-    accel_std_mps2: NotNegative = 3.0
+    accel_std_mps2: NotNegative = 4.5
     """Standard deviation of its acceleration around the present one, within what tyres and engines do."""
 
 

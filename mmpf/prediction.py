@@ -12,6 +12,7 @@ from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.compute.kernels import kernel
 from mmpf.compute.normals import standard_normals
 from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.tries import log_prior_over_tried
 from mmpf.options import FilterOptions, ModelErrorOptions, speed_error
 from mmpf.scan import Scan
 from mmpf.state import ACCEL, LAT_SPEED, SPEED
@@ -57,9 +58,12 @@ def bootstrap_proposal(
     dt_s: float,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Draw from the motion model itself, so that the ratio in equation (10) is one; see ``Proposal``."""
+    """Draw from the motion model itself; see ``Proposal``.
+
+    The ratio in equation (10) is one, but for what the model says that its particles try more often than vehicles do.
+    """
     moved, carried = checked_step(motion, motion.propagate(state, latents, surroundings, dt_s, rng), state, latents)
-    return moved, carried, np.zeros(state.shape[1])
+    return moved, carried, log_prior_over_tried(motion, latents, carried, surroundings, dt_s)
 
 
 def prior_update(

@@ -16,6 +16,7 @@ from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.tries import log_prior_over_tried
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
@@ -87,6 +88,13 @@ class Unguided:
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(heading + turn)
         return moved, after
+
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what the inner model says of weights; see ``TriesMore``."""
+        own, then = latents[:-GUIDANCE_SIZE], after[:-GUIDANCE_SIZE]
+        return log_prior_over_tried(self.inner, own, then, surroundings, dt_s)
 
 
 def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> FloatArray:

@@ -15,6 +15,7 @@ from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.tries import log_prior_over_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LON, SPEED
@@ -158,6 +159,13 @@ class LaneGuided:
         gate = np.where(rethink < dt_s / GATE_S, gate, latents[GATE])
         guided = np.stack([gate, lane.astype(np.float64), following.astype(np.float64), direction])
         return moved, np.concatenate([carried, guided])
+
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what the inner model says of weights; see ``TriesMore``."""
+        own, then = latents[:-GUIDANCE_SIZE], after[:-GUIDANCE_SIZE]
+        return log_prior_over_tried(self.inner, own, then, surroundings, dt_s)
 
     def _speed_allowed(self, lane: IntArray, following: IntArray, along: FloatArray) -> FloatArray:
         """Return how fast one may go, so as to have slowed down to the next lane's limit at its beginning, (n,)."""

@@ -1,10 +1,11 @@
 """Unforeseen manoeuvres: at any moment a driver may brake or accelerate as no motion model foresees, and go on with it.
 
 A behaviour model knows what drivers usually do. One that brakes in an emergency leaves the particles of such a model
-behind, and the more of its detections they can't explain, the noisier a filter takes its sensor to be. So a few
+behind, and the more of its detections they can't explain, the noisier a filter takes its sensor to be. So some
 particles of each vehicle in sight always try something else, as in a jump Markov system (Blom and Bar-Shalom, IEEE TAC
-1988): they hold an acceleration that is drawn at random. The detections choose. Where there are none, nothing weeds out
-what is wrong: a manoeuvre ends with sight, and the model goes on from the speed and acceleration that it led to.
+1988): they hold an acceleration that is drawn at random. Particles try it more often than drivers do it, and weigh the
+less (``mmpf.motion.tries``). The detections choose. Where there are none, nothing weeds out what is wrong: a manoeuvre
+ends with sight, and the model goes on from the speed and acceleration that it led to.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.state import ACCEL
 
 HOLDS = -1
@@ -29,12 +31,14 @@ class Manoeuvring:
     Attributes:
         inner: How a vehicle moves otherwise.
         begin_per_s: Rate at which particles of vehicles in sight begin a manoeuvre.
+        true_per_s: Rate at which drivers do.
         mean_s: Mean length of a manoeuvre in sight.
         accel_std_mps2: Standard deviation of its acceleration around the present one.
     """
 
     inner: MotionModel
     begin_per_s: float
+    true_per_s: float
     mean_s: float
     accel_std_mps2: float
 
@@ -80,3 +84,15 @@ class Manoeuvring:
         move_along(state[:, holding], longitudinal, accel, np.zeros(len(holding)), dt_s)
         moved[:, holding] = longitudinal
         return moved, after
+
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what it says of weights that particles begin manoeuvres more often; see ``TriesMore``."""
+        begun = log_ratio_of_begun(
+            after[HOLDS] != 0.0,
+            ~surroundings.is_hidden & (latents[HOLDS] == 0.0),
+            float(-np.expm1(-dt_s * self.true_per_s)),
+            float(-np.expm1(-dt_s * self.begin_per_s)),
+        )
+        return begun + log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)

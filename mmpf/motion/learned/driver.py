@@ -169,6 +169,14 @@ class LearnedDriver:
             after[:, changing] = self._changing(state, next_latents, surroundings, changing, dt_s, rng)
         return after, next_latents
 
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what it says of weights that particles in sight change lanes more often; see ``TriesMore``."""
+        if not self.changes_lanes:
+            return np.zeros(latents.shape[1])
+        return self.model.keeper.log_prior_over_tried(latents[INTENTION:], after[INTENTION:], surroundings, dt_s)
+
     def _changing(
         self,
         state: FloatArray,

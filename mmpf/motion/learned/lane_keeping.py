@@ -9,6 +9,7 @@ import numpy as np
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
 from mmpf.motion.protocol import Surroundings, offset_in_lane
+from mmpf.motion.tries import log_ratio_of_begun
 from mmpf.state import LAT
 
 WIDEST_LANE_M = 6.0
@@ -66,6 +67,27 @@ class LaneKeeper:
             rng.random(len(lat_m), dtype=np.float32),
             self.seen_changes_per_s * dt_s,
             self.changes_per_s * dt_s,
+        )
+
+    def log_prior_over_tried(
+        self, aims: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what it says of weights that particles in sight take up changes more often; see ``TriesMore``.
+
+        Args:
+            aims: Direction and place of a lane change before the step, shape (2, n).
+            after: The same after it.
+            surroundings: What the particles knew.
+            dt_s: Length of the step.
+        """
+        centre = 0.5 * (surroundings.lane_right_m + surroundings.lane_left_m)
+        changes, goes_on = after[0] != 0.0, (after == aims).all(axis=0)
+        return log_ratio_of_begun(
+            changes,
+            ~surroundings.is_hidden & np.isfinite(centre) & ~(changes & goes_on),
+            self.changes_per_s * dt_s,
+            self.seen_changes_per_s * dt_s,
+            surroundings.has_left_lane.astype(np.int64) + surroundings.has_right_lane,
         )
 
     def holding(self, dt_s: float) -> LaneHolding:

@@ -64,5 +64,11 @@ class ShortTermPair:
             after[:, changing] = self.changer.move(state[:, changing], direction, origin, around, dt_s, rng)
         return after, aims
 
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what it says of weights that particles in sight change lanes more often; see ``TriesMore``."""
+        return self.rates.log_prior_over_tried(latents, after, surroundings, dt_s)
+
 
 motion_models.register("gsm")(ShortTermPair)

@@ -19,11 +19,11 @@ from mmpf.tracks import CONFIRMED
 from tests.mmpf.motion.surroundings import around, states
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
-DT_S, BEGIN_PER_S, MEAN_S = 0.1, 0.5, 2.0
+DT_S, BEGIN_PER_S, TRUE_PER_S, MEAN_S = 0.1, 0.5, 0.05, 2.0
 
 
 def manoeuvring(inner: str = "cvm", begin_per_s: float = BEGIN_PER_S, mean_s: float = MEAN_S) -> Manoeuvring:
-    return Manoeuvring(motion_models[inner](), begin_per_s, mean_s, accel_std_mps2=3.0)
+    return Manoeuvring(motion_models[inner](), begin_per_s, TRUE_PER_S, mean_s, accel_std_mps2=3.0)
 
 
 @pytest.mark.parametrize("inner", ["cvm", "cam", "idm", "gmm"])
@@ -73,12 +73,12 @@ def test_no_manoeuvre_reverses_or_asks_for_more_than_tyres_and_engines_give(
     assert (moved[ACCEL] <= STRONGEST_ACCEL_MPS2).all()
 
 
-def braking_car(begin_per_s: float, seed: int) -> tuple[list[int], float]:
+def braking_car(manoeuvres: dict[str, float], seed: int) -> tuple[list[int], float]:
     """A car ahead brakes by 6 m/s² to a stop among cars that go on: its confirmed tracks' names, and worst speed error.
 
     The error is that of the last seconds of its braking.
     """
-    options = FilterOptions.model_validate({"particles": 500, "joint": {"manoeuvres": {"begin_per_s": begin_per_s}}})
+    options = FilterOptions.model_validate({"particles": 500, "joint": {"manoeuvres": manoeuvres}})
     rng = np.random.default_rng(seed)
     tracker = MixtureTracker(ROAD, SensorModel(), motion_models["gmm"](), rng, options)
     noise = np.random.default_rng(seed + 100)
@@ -100,13 +100,13 @@ def braking_car(begin_per_s: float, seed: int) -> tuple[list[int], float]:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_car_in_sight_that_brakes_as_nobody_foresaw_stays_one_track_that_knows_its_speed(seed: int) -> None:
-    names, worst_mps = braking_car(0.2, seed)
+    names, worst_mps = braking_car({}, seed)
     assert len(names) == 1
     assert names != [0]
     assert worst_mps < 2.5
 
 
 def test_without_manoeuvres_such_a_car_is_followed_worse() -> None:
-    without = [braking_car(0.0, seed) for seed in range(4)]
-    with_them = [braking_car(0.2, seed) for seed in range(4)]
+    without = [braking_car({"begin_per_s": 0.0}, seed) for seed in range(4)]
+    with_them = [braking_car({}, seed) for seed in range(4)]
     assert np.mean([worst for _, worst in without]) > 1.5 * np.mean([worst for _, worst in with_them])

@@ -1,0 +1,68 @@
+"""What particles try more often than vehicles do it, and what weight that leaves them.
+
+A vehicle may at any moment begin what few begin: a hard braking, a lane change. There must always be particles that try
+it, or a filter finds out too late. So some motion models let particles in sight begin it more often than vehicles do.
+They are then a proposal density, not the prior, and the ratio of the two belongs into the weights (equation (10)): what
+is tried in vain costs nothing, whether a detection or none comes next.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.motion.protocol import MotionModel, Surroundings
+
+SMALLEST = 1e-12
+
+
+@runtime_checkable
+class TriesMore(Protocol):
+    """A motion model whose particles do some things more often than vehicles do."""
+
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return the log ratio of how often vehicles do what particles did in a step, and how often particles do it.
+
+        The mean of its exponential is one over what a particle may do, so that on the whole nothing is gained or lost.
+
+        Args:
+            latents: Latents before the step, shape (latent_size, n).
+            after: Latents after it, likewise.
+            surroundings: What the particles knew.
+            dt_s: Length of the step.
+
+        Returns:
+            The logarithm of prior over proposal density, shape (n,).
+        """
+        ...
+
+
+def log_prior_over_tried(
+    motion: MotionModel, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+) -> FloatArray:
+    """Return what a motion model says of its particles' weights: zeros if it draws from its prior, shape (n,)."""
+    if isinstance(motion, TriesMore):
+        return motion.log_prior_over_tried(latents, after, surroundings, dt_s)
+    return np.zeros(latents.shape[1])
+
+
+def log_ratio_of_begun(
+    begun: BoolArray, may_begin: BoolArray, true: float, tried: float, ways: int | IntArray = 1
+) -> FloatArray:
+    """Return the log ratio of prior over proposal for particles that began something or did not, shape (n,).
+
+    Args:
+        begun: Which began it, shape (n,).
+        may_begin: Which could have; zero for the others, shape (n,).
+        true: Probability with which vehicles begin it in a step, in each of the ways that they may.
+        tried: The same of particles.
+        ways: Number of these ways: to either side, to one or to none.
+    """
+    true_any, tried_any = np.minimum(ways * true, 1.0), np.minimum(ways * tried, 1.0)
+    did = np.log(max(true, SMALLEST)) - np.log(max(tried, SMALLEST))
+    did_not = np.log(np.maximum(1.0 - true_any, SMALLEST)) - np.log(np.maximum(1.0 - tried_any, SMALLEST))
+    return np.where(may_begin, np.where(begun, did, did_not), 0.0)
