@@ -185,7 +185,7 @@ class JointSpeeds(Settings):
 class JointManoeuvres(Settings):
     """What drivers may do that the motion model does not foresee; see ``mmpf.motion.manoeuvring``."""
 
-    begin_per_s: NotNegative = 1.0
+    begin_per_s: NotNegative = 0.5
     """Rate at which particles of vehicles in sight begin a manoeuvre; 0 for a motion model that is always right."""
     true_per_s: NotNegative = 0.02
     """Rate at which drivers do: a particle that tries it weighs less by the ratio of the two rates."""

@@ -13,12 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.state import ACCEL
+
+GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 
 HOLDS = -1
 """Row of the latents, from the end: 1 where the particle holds its acceleration, 0 where the inner model drives it."""
@@ -75,7 +78,9 @@ class Manoeuvring:
         held = np.flatnonzero((latents[HOLDS] != 0.0) & goes_on)
         begins = (latents[HOLDS] == 0.0) & ~surroundings.is_hidden & (change < -np.expm1(-dt_s * self.begin_per_s))
         begun = np.flatnonzero(begins)
-        drawn = state[ACCEL, begun] + self.accel_std_mps2 * rng.standard_normal(len(begun))
+        # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
+        even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
+        drawn = state[ACCEL, begun] + self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         holding = np.concatenate([held, begun])
         accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
         after[HOLDS] = 0.0
