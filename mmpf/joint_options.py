@@ -182,6 +182,19 @@ class JointSpeeds(Settings):
     """The same where stop lines are known and none is ahead."""
 
 
+class JointPath(Settings):
+    """The ego's path: what lies in it is always reported, with its probability."""
+
+    margin_m: NotNegative = 0.3
+    """Room beside the ego's body and the other's that the path takes in."""
+    gap_m: NotNegative = 10.0
+    """Length of the path where the ego stands."""
+    reaction_s: NotNegative = 1.0
+    """Time that passes before the ego brakes."""
+    braking_mps2: Positive = 3.0
+    """Deceleration with which it then stops."""
+
+
 class JointManoeuvres(Settings):
     """What drivers may do that the motion model does not foresee; see ``mmpf.motion.manoeuvring``."""
 
@@ -297,6 +310,8 @@ class JointOptions(Settings):
     """Where vehicles are first detected."""
     false_objects: JointFalseObjects = JointFalseObjects()
     """What false objects are like."""
+    path: JointPath = JointPath()
+    """Where the ego is about to drive."""
     speeds: JointSpeeds = JointSpeeds()
     """What speeds say of that."""
     manoeuvres: JointManoeuvres = JointManoeuvres()

@@ -18,13 +18,14 @@ from mmpf.around.missed_runs import run_after_scan, run_expected
 from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.birth import Births, give_birth, lies_on_ego
-from mmpf.cloud.kinds import Sightings, mean_detectability, vehicle_share
+from mmpf.cloud.kinds import Sightings, mean_detectability
 from mmpf.cloud.mixture import Components, Mixture, is_longer
 from mmpf.cloud.moments import Moments, component_moments, effective_sizes
 from mmpf.cloud.resampling import resample_smoothly
 from mmpf.cloud.sizes import with_measured_sizes
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.joint.association import Marginals, associate
+from mmpf.joint.confirmation import lies_in_path, stands_on_another, still_confirmed, to_confirm
 from mmpf.joint.evidence import (
     association_evidence,
     gated_likelihoods,
@@ -40,8 +41,6 @@ from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.newborn import appearances_at, kinds_at_birth
 from mmpf.joint.noise import common_factor, with_innovations
-from mmpf.joint.overlap import overlapping
-from mmpf.joint_options import JointExistence
 from mmpf.options import FilterOptions
 from mmpf.scan import Detections, SensorModel
 from mmpf.state import LAT, LON
@@ -189,24 +188,25 @@ class JointUpdate:
         rng: np.random.Generator,  # noqa: ARG002
     ) -> tuple[Mixture, int]:
         """Confirm components; one that is confirmed near a hidden component is that component, seen again."""
-        options, kinds, components = self.options.joint.existence, self.options.joint.kinds, mixture.components
-        is_known = (components.existence > options.report_above) & is_longer(components.detected_s, options.confirm_s)
-        confirmed_now = ~components.confirmed & is_known & (components.vehicle > kinds.confirm_above)
-        stays = components.confirmed & (vehicle_share(components.kinds) >= kinds.withdraw_below)
+        joint, components = self.options.joint, mixture.components
+        if len(components) == 0:
+            return mixture, 0
+        moments = component_moments(mixture)
+        in_path = lies_in_path(components, moments, situation.plane, joint.path)
+        confirmed_now, stays = (judge(components, in_path, joint) for judge in (to_confirm, still_confirmed))
         withdrawn = components.withdrawn | (components.confirmed & ~stays)
         components = replace(components, confirmed=stays, withdrawn=withdrawn)
         mixture = replace(mixture, components=components)
         if not confirmed_now.any():
             return mixture, 0
-        moments = component_moments(mixture)
-        confirmed_now &= ~_stands_on_another(components, moments, options)
+        confirmed_now &= ~stands_on_another(components, moments, joint.existence)
         components = replace(
             components, confirmed=components.confirmed | confirmed_now, withdrawn=components.withdrawn & ~confirmed_now
         )
         mixture = replace(mixture, components=components)
-        if not self.options.joint.identity.stitch:
+        if not joint.identity.stitch:
             return mixture, 0
-        return hand_over_identity(mixture, moments, confirmed_now, self.options.joint.identity, situation.dt_s)
+        return hand_over_identity(mixture, moments, confirmed_now, joint.identity, situation.dt_s)
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Make component weights proportional to existence: each expects as many vehicles."""
@@ -281,13 +281,6 @@ def _with_removed(learned: FalseObjects, components: Components, removed: BoolAr
     gone = np.flatnonzero(removed & (components.hits >= FEWEST_HITS))
     lived_s = np.maximum(components.age_s[gone] - components.unseen_s[gone], 0.0)
     return learned.with_removed(alive[gone], components.ended[gone], lived_s)
-
-
-def _stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
-    """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
-    blocks = components.confirmed & (moments.std_along_m < options.known_place_std_lon_m)
-    overlaps = overlapping(components, moments, options.same_place_share)
-    return np.asarray((overlaps & blocks[None, :]).any(axis=1))
 
 
 def _clutter_densities(detections: Detections, sensor: SensorModel) -> FloatArray:

@@ -1,0 +1,59 @@
+"""Which components are reported: probable vehicles, and whatever lies in the ego's path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.cloud.kinds import vehicle_share
+from mmpf.cloud.mixture import Components, is_longer
+from mmpf.cloud.moments import Moments
+from mmpf.compute.arrays import BoolArray, turned
+from mmpf.joint.overlap import overlapping
+from mmpf.joint_options import JointExistence, JointOptions, JointPath
+from mmpf.plane import SensorPlane
+from mmpf.state import LAT, LON
+
+
+def to_confirm(components: Components, in_path: BoolArray, options: JointOptions) -> BoolArray:
+    """Return which components may be reported from now on, shape (m,).
+
+    Args:
+        components: The components.
+        in_path: Which lie in the ego's path: these are reported with any probability of a vehicle, shape (m,).
+        options: Settings of the joint rule.
+    """
+    known = components.existence > options.existence.report_above
+    known &= is_longer(components.detected_s, options.existence.confirm_s)
+    return np.asarray(~components.confirmed & known & (in_path | (components.vehicle > options.kinds.confirm_above)))
+
+
+def still_confirmed(components: Components, in_path: BoolArray, options: JointOptions) -> BoolArray:
+    """Return which reported components stay so, shape (m,); arguments are those of ``to_confirm``."""
+    probable = vehicle_share(components.kinds) >= options.kinds.withdraw_below
+    return np.asarray(components.confirmed & (probable | in_path))
+
+
+def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, options: JointPath) -> BoolArray:
+    """Return which components lie where the ego is about to drive, shape (m,).
+
+    The path is as wide as the ego and a margin on both sides, and as long as the ego needs to stop.
+
+    Args:
+        components: The components, with their sizes.
+        moments: Their moments.
+        plane: The plane around the sensor.
+        options: How wide and how long the path is.
+    """
+    ego = plane.ego
+    along, across = turned(moments.mean[LON] - ego.lon_m, moments.mean[LAT] - ego.lat_m, plane.ego_turn_rad)
+    speed = max(ego.speed_mps, 0.0)
+    length_m = options.gap_m + options.reaction_s * speed + 0.5 * speed**2 / options.braking_mps2
+    width_m = 0.5 * (ego.width_m + components.width_m) + options.margin_m
+    return np.asarray((along > 0.0) & (along < length_m) & (np.abs(across) < width_m))
+
+
+def stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
+    """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
+    blocks = components.confirmed & (moments.std_along_m < options.known_place_std_lon_m)
+    overlaps = overlapping(components, moments, options.same_place_share)
+    return np.asarray((overlaps & blocks[None, :]).any(axis=1))
