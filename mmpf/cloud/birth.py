@@ -45,6 +45,8 @@ class Births:
         traffic: Speeds around.
         kinds: Probabilities of each source's kind, shape (k, 3, 3, levels); certain vehicles if None.
         noise_factor: Measured noise over reported noise of the components so far.
+        standing_ratio: How much oftener a vehicle that stands appears at each place than one that moves, shape (k,);
+            as often if None.
     """
 
     detections: Detections
@@ -53,6 +55,7 @@ class Births:
     traffic: Traffic
     kinds: FloatArray | None = None
     noise_factor: float = 1.0
+    standing_ratio: FloatArray | None = None
 
 
 def lies_on_ego(detections: Detections, plane: SensorPlane) -> BoolArray:
@@ -104,6 +107,7 @@ def give_birth(
     components = replace(
         components,
         noise_factor=np.full(len(chosen), births.noise_factor),
+        standing_ratio=np.ones(len(chosen)) if births.standing_ratio is None else births.standing_ratio,
     )
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))

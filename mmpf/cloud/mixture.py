@@ -105,6 +105,7 @@ class Components:
             levels); see ``mmpf.cloud.kinds``.
         ended: Probability that it was a false object that has ended, by kind and level, shape (m, 2, levels).
         speed_log: Log likelihood of its speed by kind, as it went into ``kinds``, shape (m, 3).
+        standing_ratio: How much oftener a vehicle that stands appears where it did than one that moves.
         stood_log: Log likelihood, at most 0, that it stood at its fastest moment whose speed was well known.
         noise_factor: Measured noise over reported noise, from the innovations.
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
@@ -129,6 +130,7 @@ class Components:
     kinds: FloatArray
     ended: FloatArray
     speed_log: FloatArray
+    standing_ratio: FloatArray
     stood_log: FloatArray
     noise_factor: FloatArray
     noise_lon_m: FloatArray
@@ -191,6 +193,7 @@ class Components:
             noise_factor=np.ones(len(track_id)),
             noise_lon_m=np.zeros(len(track_id)),
             noise_lat_m=np.zeros(len(track_id)),
+            standing_ratio=np.ones(len(track_id)),
             stood_log=np.zeros(len(track_id)),
             overlap_with=zeros + NEVER,
             overlap_s=np.zeros(len(track_id)),

@@ -82,7 +82,8 @@ def kinds_after(
     speed_log, stood_log = before.speed_log, before.stood_log
     if joint.kinds.weighed:
         seen = components.unseen_s == 0.0
-        stopped = stopped_shares(moments, situation.plane.road.graph, joint.speeds)
+        usual = stopped_shares(moments, situation.plane.road.graph, joint.speeds)
+        stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
         stood_log = np.where(seen, stood_log_after(stood_log, moments, joint.speeds), stood_log)
         now = log_speed_likelihoods(
             moments, situation.traffic, joint.speeds, options.birth.local_range_m, stopped, stood_log

@@ -26,7 +26,7 @@ from mmpf.cloud.kinds import (
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.joint_options import JointOptions
+from mmpf.joint_options import JointNewborn, JointOptions
 from mmpf.options import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON
@@ -42,16 +42,23 @@ class Appearances:
 
     Attributes:
         in_view: Degree, 0 to 1, to which a vehicle would have been known there before, shape (k,).
+        in_view_standing: The same of a vehicle that stands, which the ego passes at its own speed, shape (k,).
         seen_share: Detection probability there, given the shadows, over that in plain view, shape (k,).
     """
 
     in_view: FloatArray
+    in_view_standing: FloatArray
     seen_share: FloatArray
+
+    def standing_ratio(self, options: JointNewborn) -> FloatArray:
+        """Return how much oftener a vehicle that stands appears there than one that moves, at least 1, shape (k,)."""
+        moving, standing = (_rate(degree, options) for degree in (self.in_view, self.in_view_standing))
+        return np.asarray(standing / moving)
 
     @classmethod
     def unwatched(cls, count: int) -> Self:
         """Return places of the first scan: nobody had been looking, and vehicles were anywhere."""
-        return cls(np.zeros(count), np.ones(count))
+        return cls(np.zeros(count), np.zeros(count), np.ones(count))
 
 
 def kinds_at_birth(
@@ -80,8 +87,8 @@ def kinds_at_birth(
     shadow = _by_shading(vehicles.shading, places.seen_share)
     kinds[:, VEHICLE] = (shadow / shadow.sum(axis=1, keepdims=True))[:, :, None] * profile[:, None]
     if options.kinds.weighed:
-        rate = newborn.appear_out_of_view_per_s ** (1.0 - places.in_view)
-        rate *= newborn.appear_in_view_per_s**places.in_view
+        stopped = options.speeds.stopped_on_road
+        rate = _rate(places.in_view, newborn) * (1.0 - stopped + stopped * places.standing_ratio(newborn))
         rate *= newborn.appear_in_shadow + (1.0 - newborn.appear_in_shadow) * places.seen_share
         kinds[:, VEHICLE] *= rate[:, None, None]
         profiles = learned.profiles(false_objects) * DETECTABILITY
@@ -91,6 +98,11 @@ def kinds_at_birth(
         kinds[:, FALSE] = shadow[:, None, :, None] * profiles[:, None]
     kinds = normalised(kinds)
     return bounded(kinds, options.kinds.least_prior) if options.kinds.weighed else kinds
+
+
+def _rate(in_view: FloatArray, options: JointNewborn) -> FloatArray:
+    """Return how many vehicles a second appear in places of a degree of plain view, shape (k,)."""
+    return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * options.appear_in_view_per_s**in_view)
 
 
 def _by_shading(shares: Sequence[float], seen_share: FloatArray) -> FloatArray:
@@ -124,15 +136,23 @@ def appearances_at(
         """Return the visible fraction of a vehicle so far ahead of each detection."""
         return visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
 
-    here = visible(0.0)
-    edge_m = options.joint.newborn.shadow_edge_s * max(abs(plane.ego.speed_mps), SLOWEST_PASSING_MPS)
-    before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
-    in_view = np.clip((before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0, 1)
+    here, newborn = visible(0.0), options.joint.newborn
     distance = plane.distance_m(lon, lat)
-    in_view *= np.clip((sensor.range_m - distance) / options.joint.newborn.edge_m - 0.5, 0.0, 1.0)
+    watched = np.clip((sensor.range_m - distance) / newborn.edge_m - 0.5, 0.0, 1.0)
     shares = situation.reach.shares(options.joint.reach.prior_scans)
-    in_view *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
+    watched *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
-    in_view *= -np.expm1(-situation.false_objects.since_start_s / options.joint.newborn.first_look_s)
+    watched *= -np.expm1(-situation.false_objects.since_start_s / newborn.first_look_s)
+
+    def in_view(passing_mps: float) -> FloatArray:
+        """Return the degree of plain view for vehicles that pass the ego at a speed."""
+        edge_m = newborn.shadow_edge_s * passing_mps
+        before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
+        return watched * np.clip(
+            (before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0.0, 1.0
+        )
+
+    moving = in_view(SLOWEST_PASSING_MPS)
+    standing = np.minimum(moving, in_view(max(abs(plane.ego.speed_mps), SLOWEST_PASSING_MPS)))
     seen = np.where(here < sensor.hidden_fraction, options.joint.detectability.hidden_probability, here)
-    return Appearances(in_view, np.minimum(seen / sensor.full_view_fraction, 1.0))
+    return Appearances(moving, standing, np.minimum(seen / sensor.full_view_fraction, 1.0))

@@ -176,6 +176,7 @@ class JointUpdate:
             situation.traffic,
             kinds_at_birth(places, learned, situation.sensor, joint),
             common_factor(updated.mixture.components),
+            places.standing_ratio(joint.newborn),
         )
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         merged = int((alive & ~keep).sum())
