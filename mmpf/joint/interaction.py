@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.cloud.kinds import VEHICLE
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
@@ -54,23 +53,6 @@ def room_beside_seen_vehicles(
             factor,
         )
     return factor
-
-
-def paid_for_room(alive: FloatArray, ended: FloatArray, room: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the probability of each case, given that vehicles have no room where seen ones are.
-
-    Args:
-        alive: Probability of each kind of source that is there, shape (m, *SHAPE).
-        ended: Probability of false objects that have ended, shape (m, 2, levels).
-        room: Mean weight factor of each component's particles, shape (m,).
-
-    Returns:
-        The same, by Bayes' rule; false objects need no room.
-    """
-    with_room = alive.copy()
-    with_room[:, VEHICLE] *= room[:, None, None]
-    total = np.maximum(1.0 - (alive - with_room).sum(axis=(1, 2, 3)), 1e-300)
-    return with_room / total[:, None, None, None], ended / total[:, None, None]
 
 
 @kernel()

@@ -35,7 +35,7 @@ from mmpf.joint.evidence import (
     totals,
 )
 from mmpf.joint.identity import hand_over_identity
-from mmpf.joint.interaction import paid_for_room, room_beside_seen_vehicles
+from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
@@ -91,6 +91,7 @@ class JointUpdate:
         options, detections = self.options.joint.association, situation.scan.detections
         likelihoods = gated_likelihoods(prior, moments, detections, options.gate_std)
         alive, ended = ended_meanwhile(prior.components, situation, self.options.joint)
+        existence = alive.sum(axis=(1, 2, 3))
         room = room_beside_seen_vehicles(
             prior,
             moments,
@@ -99,10 +100,7 @@ class JointUpdate:
             options.exclusion_per_s * situation.dt_s,
         )
         weight = normalised(prior.cloud.log_raw_weight, prior.starts) * room
-        has_room = totals(weight, prior.starts)
-        prior_weight = weight / np.maximum(has_room, 1e-300)[prior.cloud.component]
-        alive, ended = paid_for_room(alive, ended, has_room)
-        existence = alive.sum(axis=(1, 2, 3))
+        prior_weight = weight / np.maximum(totals(weight, prior.starts), 1e-300)[prior.cloud.component]
 
         evidence, not_seen = association_evidence(
             prior_weight,

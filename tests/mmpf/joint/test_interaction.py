@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.cloud.kinds import LEVELS, SHAPE, STANDING, VEHICLE
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
-from mmpf.joint.interaction import paid_for_room, room_beside_seen_vehicles
+from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.plane import SensorPlane
 from tests.mmpf.scenes import ROAD, belief_of, ego_at, spot
 
@@ -73,14 +72,3 @@ def test_a_component_that_is_not_confirmed_or_not_seen_claims_no_room() -> None:
 
 def test_no_strength_is_no_interaction() -> None:
     assert factors(hidden_beside_seen(0.0, 0.0), 0.0).tolist() == [1.0] * 7
-
-
-@pytest.mark.parametrize("room", [0.0, 0.3, 1.0])
-def test_who_has_no_room_was_no_vehicle_there_but_maybe_a_false_object_or_nothing(room: float) -> None:
-    alive, ended = np.zeros((1, *SHAPE)), np.zeros((1, 2, LEVELS))
-    alive[0, VEHICLE, 0, -1], alive[0, STANDING, 0, 2], ended[0, 0, 2] = 0.6, 0.1, 0.1
-    after, ended_after = paid_for_room(alive, ended, np.array([room]))
-    total = 0.6 * room + 0.1 + 0.1 + 0.2
-    assert after[0, VEHICLE].sum() == pytest.approx(0.6 * room / total)
-    assert after[0, STANDING].sum() == pytest.approx(0.1 / total)
-    assert ended_after.sum() == pytest.approx(0.1 / total)

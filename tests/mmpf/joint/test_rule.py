@@ -191,7 +191,7 @@ def test_a_detection_that_serves_two_vehicles_is_no_less_than_no_false_detection
 
 @pytest.mark.parametrize("detections", [[], [(PLACE[0] + 4.5, PLACE[1])]])
 def test_where_a_seen_vehicle_leaves_no_room_weighs_less_before_the_detections_speak(detections: list[Place]) -> None:
-    """Half of a hidden component's particles lie in a seen vehicle: so much less of it was there beforehand."""
+    """Half of a hidden component's particles lie in a seen vehicle: so much less of its weight was there beforehand."""
     seen, hidden = cloud_at(PLACE), cloud_at(PLACE)
     hidden[LON] += np.where(np.arange(PARTICLES) % 2, 0.0, 4.5)
     columns = {"confirmed": [True, True], "unseen_s": [0.0, 1.0], "existence": [0.99, 0.5]}
@@ -202,10 +202,9 @@ def test_where_a_seen_vehicle_leaves_no_room_weighs_less_before_the_detections_s
     assert room.min() < 0.5
     assert room.max() > 0.9
     own = np.split(room, 2)[1]
-    columns["existence"] = [0.99, 0.5 * own.mean() / (0.5 + 0.5 * own.mean())]
     alone = belief_of([seen, hidden], [np.full(PARTICLES, 1.0 / PARTICLES), own / own.sum()], **columns)
     after, without = (
-        rule_with(existence=IMMORTAL, association={"exclusion_per_s": strength})
+        rule_with(association={"exclusion_per_s": strength})
         .measurement_update(
             belief,
             component_moments(prior),
