@@ -199,8 +199,7 @@ def test_where_a_seen_vehicle_leaves_no_room_weighs_less_before_the_detections_s
     room = room_beside_seen_vehicles(
         prior, component_moments(prior), np.array([True, False]), situation_with(detections).plane, 0.9
     )
-    assert room.min() < 0.5
-    assert room.max() > 0.9
+    assert room.min() < 0.5 < 0.9 < room.max()
     own = np.split(room, 2)[1]
     alone = belief_of([seen, hidden], [np.full(PARTICLES, 1.0 / PARTICLES), own / own.sum()], **columns)
     after, without = (
