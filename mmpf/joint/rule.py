@@ -32,7 +32,6 @@ from mmpf.joint.evidence import (
     log_normalised,
     normalised,
     particle_factors,
-    totals,
 )
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
@@ -92,15 +91,7 @@ class JointUpdate:
         likelihoods = gated_likelihoods(prior, moments, detections, options.gate_std)
         alive, ended = ended_meanwhile(prior.components, situation, self.options.joint)
         existence = alive.sum(axis=(1, 2, 3))
-        room = room_beside_seen_vehicles(
-            prior,
-            moments,
-            prior.components.unseen_s <= self.options.reporting.hidden_after_s,
-            situation.plane,
-            options.exclusion_per_s * situation.dt_s,
-        )
-        weight = normalised(prior.cloud.log_raw_weight, prior.starts) * room
-        prior_weight = weight / np.maximum(totals(weight, prior.starts), 1e-300)[prior.cloud.component]
+        prior_weight = normalised(prior.cloud.log_raw_weight, prior.starts)
 
         evidence, not_seen = association_evidence(
             prior_weight,
@@ -120,6 +111,13 @@ class JointUpdate:
             likelihoods,
             marginals.detection_message / clutter_density,
         )
+        factor *= room_beside_seen_vehicles(
+            prior,
+            moments,
+            prior.components.unseen_s <= self.options.reporting.hidden_after_s,
+            situation.plane,
+            options.exclusion_per_s * situation.dt_s,
+        )
         claimed = (evidence * marginals.detection_message).sum(axis=1) / np.maximum(existence, 1e-300)
         run = run_after_scan(occlusion.run_probability, not_seen, claimed)
         hit_probability = marginals.probability.sum(axis=1)
@@ -134,7 +132,7 @@ class JointUpdate:
             distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
             reach = reach_after(sightings, prior.components, run, distance_m, situation, self.options.joint)
         components = self._learned_from_hits(components, moments, marginals, was_hit, situation)
-        raw = np.log(np.maximum(weight * factor, 1e-300))
+        raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = log_normalised(raw, prior.starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
         posterior = replace(prior, cloud=cloud, components=components)

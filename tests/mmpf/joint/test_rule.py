@@ -15,7 +15,6 @@ import mmpf.motion  # noqa: F401
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import component_moments
 from mmpf.compute.arrays import FloatArray
-from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.rule import JointUpdate
 from mmpf.options import FilterOptions
 from mmpf.scan import BodySizes, SensorModel
@@ -187,35 +186,6 @@ def test_a_detection_that_serves_two_vehicles_is_no_less_than_no_false_detection
     assert told == pytest.approx(0.0, abs=0.1)
     assert told is not None
     assert told >= 0.0
-
-
-@pytest.mark.parametrize("detections", [[], [(PLACE[0] + 4.5, PLACE[1])]])
-def test_where_a_seen_vehicle_leaves_no_room_weighs_less_before_the_detections_speak(detections: list[Place]) -> None:
-    """Half of a hidden component's particles lie in a seen vehicle: so much less of its weight was there beforehand."""
-    seen, hidden = cloud_at(PLACE), cloud_at(PLACE)
-    hidden[LON] += np.where(np.arange(PARTICLES) % 2, 0.0, 4.5)
-    columns = {"confirmed": [True, True], "unseen_s": [0.0, 1.0], "existence": [0.99, 0.5]}
-    prior, detected = belief_of([seen, hidden], **columns), np.append(uneven(0.9, 0.9), uneven(0.1, 0.9))
-    room = room_beside_seen_vehicles(
-        prior, component_moments(prior), np.array([True, False]), situation_with(detections).plane, 0.9
-    )
-    assert room.min() < 0.5 < 0.9 < room.max()
-    own = np.split(room, 2)[1]
-    alone = belief_of([seen, hidden], [np.full(PARTICLES, 1.0 / PARTICLES), own / own.sum()], **columns)
-    after, without = (
-        rule_with(association={"exclusion_per_s": strength})
-        .measurement_update(
-            belief,
-            component_moments(prior),
-            Occlusion(detected, np.zeros(2)),
-            situation_with(detections),
-            np.random.default_rng(0),
-        )
-        .mixture
-        for belief, strength in ((prior, 9.0), (alone, 0.0))
-    )
-    assert after.components.existence == pytest.approx(without.components.existence)
-    assert after.cloud.log_weight == pytest.approx(without.cloud.log_weight)
 
 
 def test_hits_are_counted_and_the_time_unseen_starts_anew_with_each() -> None:
