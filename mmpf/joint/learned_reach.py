@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.around.reach import Reach
-from mmpf.cloud.kinds import Sightings
-from mmpf.cloud.mixture import Components
+from mmpf.cloud.kinds import DETECTABILITY, VEHICLE, Sightings
+from mmpf.cloud.mixture import Components, is_longer
 from mmpf.compute.arrays import FloatArray
 from mmpf.joint_options import JointOptions
 from mmpf.update import Situation
 
 # Vehicles of which less is to be seen say more of shadows than of distance.
 IN_PLAIN_VIEW = 0.9
+# Those that are hard to detect say more of themselves.
+USUAL = 0.8
 
 
 def reach_after(
@@ -25,10 +27,8 @@ def reach_after(
 ) -> Reach:
     """Return the counts of detections at each distance after a scan.
 
-    Each vehicle in plain view counts from the scan after its first detection on, as far as it exists, is a vehicle and
-    is not in a run of misses, which has nothing to do with distance. As that is known before the scan, who is counted
-    is no luckier in it than others are. Where most vehicles are hardly detected all count: that is how far the sensor
-    sees, and none of theirs.
+    Each vehicle in plain view counts as far as it exists, is a vehicle, is none that is hard to detect anywhere, and is
+    not in a run of misses, which has nothing to do with distance.
 
     Args:
         sightings: What the scan says of the components.
@@ -40,8 +40,9 @@ def reach_after(
     """
     sensor = situation.sensor
     in_view = sightings.in_shadow / np.maximum(sightings.in_plain_view, 1e-3)
-    known = np.flatnonzero(in_view > IN_PLAIN_VIEW)
-    weight = before.vehicle[known]
+    known = np.flatnonzero((in_view > IN_PLAIN_VIEW) & is_longer(before.detected_s, options.existence.confirm_s))
+    usual = before.kinds[known][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
+    weight = before.existence[known] * usual
     expected = weight * (1.0 - run[known]) * sensor.detection_probability
     kept = np.exp(-situation.dt_s / options.reach.memory_s)
     return situation.reach.after(distance_m[known], expected, weight * sightings.hit[known], kept)
