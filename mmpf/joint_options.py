@@ -98,7 +98,7 @@ class JointKinds(Settings):
     """Two sources nearer than this share of a length and a width can't both be vehicles."""
     overlap_per_s: NotNegative = 3.0
     """Log odds that the lesser one of them loses a second."""
-    confirm_above: Probability = 0.55
+    confirm_above: Probability = 0.5
     """Probability of a vehicle above which a component is reported."""
     withdraw_below: Probability = 0.2
     """Probability of a vehicle, if there is a source at all, below which it is no longer reported."""
@@ -109,7 +109,7 @@ class JointVehicles(Settings):
 
     detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
     """Share of vehicles at each level (``mmpf.cloud.kinds.DETECTABILITY``): dark paint, motorcycles."""
-    prior_count: Annotated[Positive, in_unit("vehicles")] = 20.0
+    prior_count: Annotated[Positive, in_unit("vehicles")] = 30.0
     """So many vehicles these shares count for; the vehicles around add to them."""
     shading: Shadings = (0.5, 0.3, 0.2)
     """Share of vehicles on whose detection shadows have their whole effect, half of it as a power, and none: neither
