@@ -36,6 +36,7 @@ class Sightings:
     Attributes:
         in_shadow: Probability that a source of full detectability is detected, given the shadows, shape (m,).
         in_plain_view: The same if no shadow lay on it, shape (m,).
+        in_field: Share of that probability that the edge of the field of view leaves, part of both, shape (m,).
         claimed: Sum over detections of message times likelihood ratio, per unit of expected detection, shape (m,).
         hit: Probability that the component was detected, shape (m,).
         run_probability: Probability of being in a run of misses, before the scan, shape (m,).
@@ -43,6 +44,7 @@ class Sightings:
 
     in_shadow: FloatArray
     in_plain_view: FloatArray
+    in_field: FloatArray
     claimed: FloatArray
     hit: FloatArray
     run_probability: FloatArray

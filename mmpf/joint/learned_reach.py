@@ -40,7 +40,8 @@ def reach_after(
     """
     sensor = situation.sensor
     in_view = sightings.in_shadow / np.maximum(sightings.in_plain_view, 1e-3)
-    known = np.flatnonzero((in_view > IN_PLAIN_VIEW) & is_longer(before.detected_s, options.existence.confirm_s))
+    is_in_view = (in_view > IN_PLAIN_VIEW) & (sightings.in_field > IN_PLAIN_VIEW)
+    known = np.flatnonzero(is_in_view & is_longer(before.detected_s, options.existence.confirm_s))
     usual = before.kinds[known][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
     weight = before.existence[known] * usual
     expected = weight * (1.0 - run[known]) * sensor.detection_probability

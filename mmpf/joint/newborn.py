@@ -10,6 +10,7 @@ import numpy as np
 
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.false_objects import FalseObjects
+from mmpf.around.field import share_in_field
 from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
 from mmpf.cloud.kinds import (
@@ -132,9 +133,13 @@ def appearances_at(
     casts = np.append((vehicle_share(components.kinds) > 0.5) & components.confirmed, values=False)
     table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
 
+    half_width = np.full(len(chosen), 0.25 * (vehicle.length_m + vehicle.width_m))
+
     def visible(ahead_m: float) -> FloatArray:
         """Return the visible fraction of a vehicle so far ahead of each detection."""
-        return visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
+        seen = visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
+        in_field = share_in_field(plane, lon + ahead_m, lat, half_width, situation.scan.free_space)
+        return seen if in_field is None else np.minimum(seen, in_field)
 
     here, newborn = visible(0.0), options.joint.newborn
     distance = plane.distance_m(lon, lat)
