@@ -123,7 +123,11 @@ class JointNewborn(Settings):
     """Where vehicles are first detected, and how many."""
 
     appear_in_view_per_s: Positive = 0.06
-    """Vehicles a second that are first detected in plain view, where they should have been known before."""
+    """Vehicles a second that are first detected in plain view, where they should have been known before, before any
+    was counted.
+    """
+    prior_appear_s: Positive = 3.0
+    """So many seconds that rate counts for; the vehicles that are found add to it."""
     appear_out_of_view_per_s: Positive = 4.0
     """The same at a shadow's or the range's edge, or in the first scan: as if all range were such a place."""
     appear_in_shadow: Probability = 0.1

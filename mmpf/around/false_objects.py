@@ -12,9 +12,9 @@ from typing import Self
 
 import numpy as np
 
-from mmpf.cloud.kinds import FALSE, KINDS, LEVELS, VEHICLE, shares_of
+from mmpf.cloud.kinds import FALSE, KINDS, LEVELS, SHADING, VEHICLE, shares_of
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.joint_options import JointFalseObjects, JointVehicles
+from mmpf.joint_options import JointFalseObjects, JointNewborn, JointVehicles
 from mmpf.scan import SensorModel
 
 FALSE_KINDS = KINDS - 1
@@ -30,8 +30,11 @@ class FalseObjects:
         counted: Expected number by level of detectability, shape (2, levels).
         ended: Expected number that ended, shape (2,).
         lived_s: Their expected time alive, shape (2,).
-        vehicles: Expected number of vehicles by level of detectability that are gone, shape (levels,).
-        present: The same of those that are there, shape (levels,).
+        vehicles: Expected number of vehicles that are gone, by how much shadows hide them and by level, shape
+            (3, levels).
+        present: The same of those that are there, shape (3, levels).
+        in_view: Expected number of vehicles that appeared in plain view, gone and present, shape (2,).
+        stood: Expected number of vehicles that never moved, gone and present, shape (2,).
         watched_s: Time over which they were counted, forgotten like them.
         since_start_s: Time since the first scan.
     """
@@ -41,6 +44,8 @@ class FalseObjects:
     lived_s: FloatArray
     vehicles: FloatArray
     present: FloatArray
+    in_view: FloatArray
+    stood: FloatArray
     watched_s: float = 0.0
     since_start_s: float = 0.0
 
@@ -51,8 +56,10 @@ class FalseObjects:
             np.zeros((FALSE_KINDS, LEVELS)),
             np.zeros(FALSE_KINDS),
             np.zeros(FALSE_KINDS),
-            np.zeros(LEVELS),
-            np.zeros(LEVELS),
+            np.zeros((len(SHADING), LEVELS)),
+            np.zeros((len(SHADING), LEVELS)),
+            np.zeros(2),
+            np.zeros(2),
         )
 
     def after(self, dt_s: float, memory_s: float) -> Self:
@@ -64,6 +71,8 @@ class FalseObjects:
             ended=kept * self.ended,
             lived_s=kept * self.lived_s,
             vehicles=kept * self.vehicles,
+            in_view=kept * self.in_view,
+            stood=kept * self.stood,
             watched_s=kept * self.watched_s + dt_s,
             since_start_s=self.since_start_s + dt_s,
         )
@@ -85,24 +94,61 @@ class FalseObjects:
             lived_s=self.lived_s + were.T @ lived_s,
         )
 
-    def with_vehicles(self, kinds: FloatArray, hits: IntArray, removed: BoolArray) -> Self:
+    def with_vehicles(
+        self,
+        kinds: FloatArray,
+        hits: IntArray,
+        born_in_view: FloatArray,
+        stood: FloatArray,
+        removed: BoolArray,
+    ) -> Self:
         """Return the counts with the vehicles that are there, and those that go.
 
         Args:
             kinds: Probabilities of each case of all components, that there is a source included, shape (m, *SHAPE).
             hits: Their detections, shape (m,).
+            born_in_view: Degree, 0 to 1, to which each appeared in plain view, shape (m,).
+            stood: Degree, 0 to 1, to which each never moved, shape (m,).
             removed: Which of them are removed, shape (m,).
         """
-        profiles = kinds[:, VEHICLE].sum(axis=1) * (hits >= FEWEST_HITS)[:, None]
+        profiles = kinds[:, VEHICLE] * (hits >= FEWEST_HITS)[:, None, None]
+        number = profiles.sum(axis=(1, 2))
+
+        def counted(before: FloatArray, degree: FloatArray) -> FloatArray:
+            each = number * degree
+            return np.array([before[0] + each[removed].sum(), each[~removed].sum()])
+
         return replace(
-            self, vehicles=self.vehicles + profiles[removed].sum(axis=0), present=profiles[~removed].sum(axis=0)
+            self,
+            vehicles=self.vehicles + profiles[removed].sum(axis=0),
+            present=profiles[~removed].sum(axis=0),
+            in_view=counted(self.in_view, born_in_view),
+            stood=counted(self.stood, stood),
         )
 
     def vehicle_profile(self, options: JointVehicles) -> FloatArray:
         """Return the share of vehicles at each level of detectability, shape (levels,)."""
         prior = options.prior_count * shares_of(options.detectability)
-        number = self.vehicles + self.present + prior
+        number = (self.vehicles + self.present).sum(axis=0) + prior
         return np.asarray(number / number.sum())
+
+    def vehicle_shading(self, options: JointVehicles) -> FloatArray:
+        """Return the share of vehicles by how much shadows hide them, shape (3,)."""
+        number = (self.vehicles + self.present).sum(axis=1) + options.prior_count * shares_of(options.shading)
+        return np.asarray(number / number.sum())
+
+    def vehicles_in_view_per_s(self, options: JointNewborn) -> float:
+        """Return how many vehicles a second are first detected in plain view.
+
+        What was counted can only raise the rate: that none was found so far rules out no car that nobody has seen.
+        """
+        first, prior_s = options.appear_in_view_per_s, options.prior_appear_s
+        return max((prior_s * first + float(self.in_view.sum())) / (prior_s + self.watched_s), first)
+
+    def standing_share(self, usual: FloatArray | float, options: JointVehicles) -> FloatArray | float:
+        """Return the share of vehicles that stand where ``usual`` is the least share, its shape; as above."""
+        known = float((self.vehicles + self.present).sum())
+        return np.maximum((options.prior_count * usual + float(self.stood.sum())) / (options.prior_count + known), usual)
 
     def births_per_s(self, sensor: SensorModel, options: JointFalseObjects) -> float:
         """Return how many appear each second in the sensor's range."""

@@ -47,6 +47,7 @@ class Births:
         noise_factor: Measured noise over reported noise of the components so far.
         standing_ratio: How much oftener a vehicle that stands appears at each place than one that moves, shape (k,);
             as often if None.
+        in_view: Degree, 0 to 1, to which each appears in plain view, shape (k,); not at all if None.
     """
 
     detections: Detections
@@ -56,6 +57,7 @@ class Births:
     kinds: FloatArray | None = None
     noise_factor: float = 1.0
     standing_ratio: FloatArray | None = None
+    in_view: FloatArray | None = None
 
 
 def lies_on_ego(detections: Detections, plane: SensorPlane) -> BoolArray:
@@ -108,6 +110,7 @@ def give_birth(
         components,
         noise_factor=np.full(len(chosen), births.noise_factor),
         standing_ratio=np.ones(len(chosen)) if births.standing_ratio is None else births.standing_ratio,
+        born_in_view=np.zeros(len(chosen)) if births.in_view is None else births.in_view,
     )
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))

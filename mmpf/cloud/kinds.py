@@ -102,7 +102,7 @@ def relaxed_shading(alive: FloatArray, usual: FloatArray, share: float) -> Float
     return relaxed
 
 
-def shares_of(weights: Sequence[float]) -> FloatArray:
+def shares_of(weights: Sequence[float] | FloatArray) -> FloatArray:
     """Return weights as shares that sum to one."""
     return np.asarray(weights) / sum(weights)
 

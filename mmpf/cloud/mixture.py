@@ -107,6 +107,7 @@ class Components:
         speed_log: Log likelihood of its speed by kind, as it went into ``kinds``, shape (m, 3).
         standing_ratio: How much oftener a vehicle that stands appears where it did than one that moves.
         stood_log: Log likelihood, at most 0, that it stood at its fastest moment whose speed was well known.
+        born_in_view: Degree, 0 to 1, to which it appeared in plain view.
         noise_factor: Measured noise over reported noise, from the innovations.
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
         noise_lat_m: The same, lateral.
@@ -132,6 +133,7 @@ class Components:
     speed_log: FloatArray
     standing_ratio: FloatArray
     stood_log: FloatArray
+    born_in_view: FloatArray
     noise_factor: FloatArray
     noise_lon_m: FloatArray
     noise_lat_m: FloatArray
@@ -195,6 +197,7 @@ class Components:
             noise_lat_m=np.zeros(len(track_id)),
             standing_ratio=np.ones(len(track_id)),
             stood_log=np.zeros(len(track_id)),
+            born_in_view=np.zeros(len(track_id)),
             overlap_with=zeros + NEVER,
             overlap_s=np.zeros(len(track_id)),
             length_m=np.full(len(track_id), vehicle.length_m),

@@ -13,7 +13,6 @@ from mmpf.cloud.kinds import (
     bounded,
     normalised,
     relaxed_shading,
-    shares_of,
     vehicle_share,
     weighed,
 )
@@ -47,7 +46,8 @@ def ended_meanwhile(
     ended = components.ended + ends * alive[:, FALSE].sum(axis=2)
     survival = np.concatenate([np.full((1, 1, 1), np.exp(-options.existence.death_rate_per_s * dt_s)), 1.0 - ends], 1)
     alive = alive * survival[..., None]
-    return relaxed_shading(alive, shares_of(vehicles.shading), -np.expm1(-dt_s / vehicles.shading_s)), ended
+    shading = situation.false_objects.vehicle_shading(vehicles)
+    return relaxed_shading(alive, shading, -np.expm1(-dt_s / vehicles.shading_s)), ended
 
 
 def kinds_after(
@@ -83,6 +83,7 @@ def kinds_after(
     if joint.kinds.weighed:
         seen = components.unseen_s == 0.0
         usual = stopped_shares(moments, situation.plane.road.graph, joint.speeds)
+        usual = situation.false_objects.standing_share(usual, joint.vehicles)
         stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
         stood_log = np.where(seen, stood_log_after(stood_log, moments, joint.speeds), stood_log)
         now = log_speed_likelihoods(

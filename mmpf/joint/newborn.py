@@ -53,7 +53,9 @@ class Appearances:
 
     def standing_ratio(self, options: JointNewborn) -> FloatArray:
         """Return how much oftener a vehicle that stands appears there than one that moves, at least 1, shape (k,)."""
-        moving, standing = (_rate(degree, options) for degree in (self.in_view, self.in_view_standing))
+        moving, standing = (
+            _rate(degree, options.appear_in_view_per_s, options) for degree in (self.in_view, self.in_view_standing)
+        )
         return np.asarray(standing / moving)
 
     @classmethod
@@ -85,11 +87,12 @@ def kinds_at_birth(
     overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** newborn.overlooked_scans
     late = newborn.overlooked_share * places.in_view
     profile = (1.0 - late)[:, None] * usual / usual.sum() + late[:, None] * overlooked / overlooked.sum()
-    shadow = _by_shading(vehicles.shading, places.seen_share)
+    shadow = _by_shading(learned.vehicle_shading(vehicles), places.seen_share)
     kinds[:, VEHICLE] = (shadow / shadow.sum(axis=1, keepdims=True))[:, :, None] * profile[:, None]
     if options.kinds.weighed:
-        stopped = options.speeds.stopped_on_road
-        rate = _rate(places.in_view, newborn) * (1.0 - stopped + stopped * places.standing_ratio(newborn))
+        stopped, in_view_per_s = options.speeds.stopped_on_road, learned.vehicles_in_view_per_s(newborn)
+        rate = _rate(places.in_view, in_view_per_s, newborn)
+        rate *= 1.0 - stopped + stopped * places.standing_ratio(newborn)
         rate *= newborn.appear_in_shadow + (1.0 - newborn.appear_in_shadow) * places.seen_share
         kinds[:, VEHICLE] *= rate[:, None, None]
         profiles = learned.profiles(false_objects) * DETECTABILITY
@@ -101,12 +104,12 @@ def kinds_at_birth(
     return bounded(kinds, options.kinds.least_prior) if options.kinds.weighed else kinds
 
 
-def _rate(in_view: FloatArray, options: JointNewborn) -> FloatArray:
+def _rate(in_view: FloatArray, in_view_per_s: float, options: JointNewborn) -> FloatArray:
     """Return how many vehicles a second appear in places of a degree of plain view, shape (k,)."""
-    return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * options.appear_in_view_per_s**in_view)
+    return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * in_view_per_s**in_view)
 
 
-def _by_shading(shares: Sequence[float], seen_share: FloatArray) -> FloatArray:
+def _by_shading(shares: Sequence[float] | FloatArray, seen_share: FloatArray) -> FloatArray:
     """Return how probable a first detection makes each shading, unnormalised, shape (k, 3)."""
     return np.asarray(shares_of(shares) * np.maximum(seen_share, 1e-3)[:, None] ** SHADING)
 

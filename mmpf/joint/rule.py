@@ -179,6 +179,7 @@ class JointUpdate:
             kinds_at_birth(places, learned, situation.sensor, joint),
             common_factor(updated.mixture.components),
             places.standing_ratio(joint.newborn),
+            places.in_view,
         )
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
         merged = int((alive & ~keep).sum())
@@ -295,7 +296,9 @@ def _worth(in_field: FloatArray, sensor: SensorModel, options: JointOptions) -> 
 def _with_removed(learned: FalseObjects, components: Components, removed: BoolArray) -> FalseObjects:
     """Return what is known of sources, with the vehicles that are there and with all that are removed."""
     alive = components.existence[:, None, None, None] * components.kinds
-    learned = learned.with_vehicles(alive, components.hits, removed)
+    learned = learned.with_vehicles(
+        alive, components.hits, components.born_in_view, np.exp(components.stood_log), removed
+    )
     gone = np.flatnonzero(removed & (components.hits >= FEWEST_HITS))
     lived_s = np.maximum(components.age_s[gone] - components.unseen_s[gone], 0.0)
     return learned.with_removed(alive[gone], components.ended[gone], lived_s)
