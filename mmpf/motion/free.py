@@ -18,12 +18,15 @@ from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.scan import BodyHeadings
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 
 # Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
 SLOWEST_TURN_MPS = 1.0
 TIGHTEST_CURVATURE_PER_M = 0.2
 MOST_TURN_RAD = 1.0
+# Who is slower than this stands, and goes on standing until it starts: speeds that are never negative would creep.
+STANDS_MPS = 0.3
+STARTS_PER_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -84,9 +87,14 @@ class Unguided:
         # What a model steers is a part of the path's speed.
         moved[SPEED] = moved[SPEED] / np.cos(turn)
         moved[LAT_SPEED] = 0.0
+        stands = (state[SPEED] < STANDS_MPS) & (rng.random(state.shape[1]) < np.exp(-STARTS_PER_S * dt_s))
+        for row in (LON, LAT):
+            moved[row] = np.where(stands, state[row], moved[row])
+        for row in (SPEED, ACCEL):
+            moved[row] = np.where(stands, 0.0, moved[row])
         after = latents.copy()
         after[:-GUIDANCE_SIZE] = carried
-        after[HEADING] = wrapped(heading + turn)
+        after[HEADING] = wrapped(np.where(stands, latents[HEADING], heading + turn))
         return moved, after
 
     def log_prior_over_tried(
