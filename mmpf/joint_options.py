@@ -122,7 +122,7 @@ class JointVehicles(Settings):
 class JointNewborn(Settings):
     """Where vehicles are first detected, and how many."""
 
-    appear_in_view_per_s: Positive = 0.06
+    appear_in_view_per_s: Positive = 0.08
     """Vehicles a second that are first detected in plain view, where they should have been known before, before any
     was counted.
     """
@@ -134,8 +134,6 @@ class JointNewborn(Settings):
     """What remains of that rate deep in a shadow, where no vehicle should be detected."""
     overlooked_share: Probability = 0.3
     """Share of those first detected in plain view that had been overlooked because they are hard to detect."""
-    overlooked_scans: NotNegative = 4.0
-    """So many scans they had been overlooked for."""
     first_look_s: Positive = 1.0
     """After the first scan it takes about so long until what is in plain view has been detected."""
     edge_m: Positive = 8.0

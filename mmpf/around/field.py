@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from mmpf.cloud.mixture import Components
 from mmpf.compute.arrays import FloatArray
 from mmpf.plane import SensorPlane
-from mmpf.scan import FreeSpace
+from mmpf.scan import FreeSpace, SensorModel
 
 
 def share_in_field(
@@ -35,3 +36,20 @@ def share_in_field(
     places = np.arange(len(open_before))
     first, last = (np.interp((bearing + side * half) * per_rad, places, open_before) for side in (-1.0, 1.0))
     return np.asarray((last - first) / (2.0 * half * per_rad))
+
+
+def half_widths(components: Components) -> FloatArray:
+    """Return half the extent of each vehicle across the line of sight, whichever way it points, shape (m,)."""
+    return np.asarray(0.25 * (components.length_m + components.width_m))
+
+
+def worth_at_edge(in_field: FloatArray, sensor: SensorModel, hidden_probability: float) -> FloatArray:
+    """Return what remains of detection probabilities at the edge of the field of view, the shape of ``in_field``.
+
+    Args:
+        in_field: Share of each vehicle in the field of view.
+        sensor: The data sheet.
+        hidden_probability: What remains outside: the edge may be wrong.
+    """
+    inside = np.minimum(in_field / sensor.full_view_fraction, 1.0)
+    return np.where(in_field < sensor.hidden_fraction, hidden_probability, inside)

@@ -33,6 +33,8 @@ from mmpf.scan import SensorModel
 from mmpf.state import LAT, LON
 from mmpf.update import Situation
 
+# So many scans those were overlooked for who are first detected in plain view.
+OVERLOOKED_SCANS = 4.0
 # Vehicles pass each other at this speed though the ego stands.
 SLOWEST_PASSING_MPS = 7.0
 
@@ -84,7 +86,7 @@ def kinds_at_birth(
     kinds = np.zeros((len(places.in_view), *SHAPE))
     vehicles, newborn, false_objects = options.vehicles, options.newborn, options.false_objects
     usual = learned.vehicle_profile(vehicles) * DETECTABILITY
-    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** newborn.overlooked_scans
+    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** OVERLOOKED_SCANS
     late = newborn.overlooked_share * places.in_view
     profile = (1.0 - late)[:, None] * usual / usual.sum() + late[:, None] * overlooked / overlooked.sum()
     shadow = _by_shading(learned.vehicle_shading(vehicles), places.seen_share)

@@ -14,7 +14,7 @@ import numpy as np
 from mmpf.around.depth import Bodies, depth_table
 from mmpf.around.detectability import detection_probabilities, in_plain_view
 from mmpf.around.false_objects import FalseObjects
-from mmpf.around.field import share_in_field
+from mmpf.around.field import half_widths, share_in_field, worth_at_edge
 from mmpf.around.missed_runs import run_after_scan, run_expected
 from mmpf.around.reach import share_at
 from mmpf.around.shadows import visible_fractions
@@ -41,7 +41,6 @@ from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.newborn import appearances_at, kinds_at_birth
 from mmpf.joint.noise import common_factor, with_innovations
-from mmpf.joint_options import JointOptions
 from mmpf.options import FilterOptions
 from mmpf.scan import Detections, SensorModel
 from mmpf.state import LAT, LON
@@ -69,7 +68,7 @@ class JointUpdate:
             bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.direction_rad)
             table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
             visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
-            half_width = _half_widths(prior.components)[cloud.component]
+            half_width = half_widths(prior.components)[cloud.component]
             free_space = situation.scan.free_space
             in_field = share_in_field(plane, cloud.state[LON], cloud.state[LAT], half_width, free_space)
             visible = visible if in_field is None else np.minimum(visible, in_field)
@@ -235,9 +234,13 @@ class JointUpdate:
         shares = share_at(
             distance_m, situation.reach.shares(self.options.joint.reach.prior_scans), situation.reach.ring_m
         )
-        free_space, half_width = situation.scan.free_space, _half_widths(prior.components)
+        free_space, half_width = situation.scan.free_space, half_widths(prior.components)
         in_field = share_in_field(situation.plane, moments.mean[LON], moments.mean[LAT], half_width, free_space)
-        worth = np.ones(len(prior)) if in_field is None else _worth(in_field, situation.sensor, self.options.joint)
+        worth = (
+            np.ones(len(prior))
+            if in_field is None
+            else worth_at_edge(in_field, situation.sensor, self.options.joint.detectability.hidden_probability)
+        )
         return Sightings(
             in_shadow=(1.0 - not_seen) / np.maximum(expected, 1e-6),
             in_plain_view=in_plain_view(situation.sensor, shares) * worth,
@@ -280,17 +283,6 @@ class JointUpdate:
             & (moments.std_along_m <= removal.largest_std_lon_m)
             & ~left
         )
-
-
-def _half_widths(components: Components) -> FloatArray:
-    """Return half the extent of each across the line of sight, whichever way it points, shape (m,)."""
-    return 0.25 * (components.length_m + components.width_m)
-
-
-def _worth(in_field: FloatArray, sensor: SensorModel, options: JointOptions) -> FloatArray:
-    """Return the share of a vehicle's detection probability that remains at the edge of the field of view, shape (m,)."""
-    inside = np.minimum(in_field / sensor.full_view_fraction, 1.0)
-    return np.where(in_field < sensor.hidden_fraction, options.detectability.hidden_probability, inside)
 
 
 def _with_removed(learned: FalseObjects, components: Components, removed: BoolArray) -> FalseObjects:
