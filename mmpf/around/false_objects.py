@@ -148,7 +148,9 @@ class FalseObjects:
     def standing_share(self, usual: FloatArray | float, options: JointVehicles) -> FloatArray | float:
         """Return the share of vehicles that stand where ``usual`` is the least share, its shape; as above."""
         known = float((self.vehicles + self.present).sum())
-        return np.maximum((options.prior_count * usual + float(self.stood.sum())) / (options.prior_count + known), usual)
+        return np.maximum(
+            (options.prior_count * usual + float(self.stood.sum())) / (options.prior_count + known), usual
+        )
 
     def births_per_s(self, sensor: SensorModel, options: JointFalseObjects) -> float:
         """Return how many appear each second in the sensor's range."""
