@@ -122,7 +122,7 @@ class JointVehicles(Settings):
 class JointNewborn(Settings):
     """Where vehicles are first detected, and how many."""
 
-    appear_in_view_per_s: Positive = 0.08
+    appear_in_view_per_s: Positive = 0.05
     """Vehicles a second that are first detected in plain view, where they should have been known before, before any
     was counted.
     """

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from mmpf.around.false_objects import FALSE_KINDS, FEWEST_HITS, FalseObjects
 from mmpf.cloud.kinds import LEVELS, MOVING, SHAPE, STANDING, VEHICLE
 from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.joint_options import JointFalseObjects, JointVehicles
+from mmpf.joint_options import JointFalseObjects, JointNewborn, JointVehicles
 from mmpf.scan import SensorModel
 
 OPTIONS, VEHICLES, SENSOR = JointFalseObjects(), JointVehicles(), SensorModel()
@@ -101,17 +101,23 @@ def test_one_that_may_have_been_a_vehicle_counts_as_far_as_it_was_none(share: fl
 def test_vehicles_count_while_they_are_there_and_once_more_when_they_are_gone_not_twice() -> None:
     kinds = surely(np.array([VEHICLE, VEHICLE]), np.array([1, 5]))
     hits, nobody, first = np.full(2, FEWEST_HITS), np.zeros(2, dtype=np.bool_), np.array([True, False])
+    in_view, stood = np.array([1.0, 0.0]), np.array([0.5, 1.0])
     learned = FalseObjects.none()
     for removed in (nobody, nobody, first):
-        learned = learned.with_vehicles(kinds, hits, removed)
-    learned = learned.with_vehicles(kinds[1:], hits[1:], nobody[1:])
-    number = learned.vehicles + learned.present
+        learned = learned.with_vehicles(kinds, hits, in_view, stood, removed)
+    learned = learned.with_vehicles(kinds[1:], hits[1:], in_view[1:], stood[1:], nobody[1:])
+    number = (learned.vehicles + learned.present).sum(axis=0)
+    assert (learned.in_view.sum(), learned.stood.sum()) == pytest.approx((1.0, 1.5))
     assert number == pytest.approx([0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
 
 
 def test_a_vehicle_that_was_hardly_looked_at_says_nothing_of_vehicles() -> None:
     few = FalseObjects.none().with_vehicles(
-        surely(np.array([VEHICLE]), np.array([0])), np.array([FEWEST_HITS - 1]), np.zeros(1, dtype=np.bool_)
+        surely(np.array([VEHICLE]), np.array([0])),
+        np.array([FEWEST_HITS - 1]),
+        np.ones(1),
+        np.ones(1),
+        np.zeros(1, dtype=np.bool_),
     )
     assert few.vehicle_profile(VEHICLES) == pytest.approx(FalseObjects.none().vehicle_profile(VEHICLES))
 
@@ -159,3 +165,16 @@ def test_what_is_forgotten_does_not_bias_the_rate() -> None:
         if step > 1000:
             rates.append(learned.births_per_s(SENSOR, OPTIONS))
     assert np.mean(rates) == pytest.approx(2.0, rel=0.1)
+
+
+def test_rates_of_vehicles_that_nobody_has_seen_are_only_raised_by_what_is_counted() -> None:
+    newborn = JointNewborn()
+    nobody = replace(FalseObjects.none(), watched_s=1e4)
+    assert nobody.vehicles_in_view_per_s(newborn) == newborn.appear_in_view_per_s
+    assert nobody.standing_share(0.1, VEHICLES) == pytest.approx(0.1)
+    many = replace(nobody, watched_s=10.0, in_view=np.array([50.0, 50.0]))
+    expected = (newborn.prior_appear_s * newborn.appear_in_view_per_s + 100.0) / (newborn.prior_appear_s + 10.0)
+    assert many.vehicles_in_view_per_s(newborn) == pytest.approx(expected)
+    parked = replace(nobody, vehicles=np.full((3, LEVELS), 10.0), stood=np.array([150.0, 0.0]))
+    prior = VEHICLES.prior_count
+    assert parked.standing_share(0.1, VEHICLES) == pytest.approx((0.1 * prior + 150.0) / (prior + 210.0))

@@ -39,7 +39,7 @@ shares = st.floats(0.0, 1.0)
 
 
 def sighting(claimed: float, in_shadow: float = IN_VIEW, run: float = 0.0) -> Sightings:
-    every = (in_shadow, IN_VIEW, claimed, float(claimed > 0.0), run)
+    every = (in_shadow, IN_VIEW, 1.0, claimed, float(claimed > 0.0), run)
     return Sightings(*(np.array([value]) for value in every))
 
 
@@ -143,7 +143,7 @@ def test_in_plain_view_nothing_is_learned_of_shadows() -> None:
 def test_detection_probabilities_grow_with_the_level_and_with_what_is_seen_past_shadows(
     in_shadow: float, in_view: float, run: float
 ) -> None:
-    sightings = Sightings(*(np.array([value]) for value in (in_shadow, in_view, 0.0, 0.0, run)))
+    sightings = Sightings(*(np.array([value]) for value in (in_shadow, in_view, 1.0, 0.0, 0.0, run)))
     probability = sightings.detection_probabilities()
     assert probability.shape == (1, *SHAPE[1:])
     assert ((probability >= 0.0) & (probability <= LARGEST_PROBABILITY)).all()

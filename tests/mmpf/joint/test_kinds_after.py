@@ -54,7 +54,7 @@ def source(speed_mps: float = 20.0, **columns: FloatArray) -> Mixture:
 
 
 def seen_as(claimed: float, in_shadow: float = IN_VIEW, run: float = 0.0, count: int = 1) -> Sightings:
-    return Sightings(*(np.full(count, each) for each in (in_shadow, IN_VIEW, claimed, claimed > 0.0, run)))
+    return Sightings(*(np.full(count, each) for each in (in_shadow, IN_VIEW, 1.0, claimed, claimed > 0.0, run)))
 
 
 def scanned(
@@ -75,7 +75,7 @@ def scanned(
 
 
 def newborn(options: FilterOptions = OPTIONS, in_view: float = 0.0) -> FloatArray:
-    place = Appearances(np.array([in_view]), np.ones(1))
+    place = Appearances(np.array([in_view]), np.array([in_view]), np.ones(1))
     return kinds_at_birth(place, situation_with([]).false_objects, SensorModel(), options.joint)
 
 

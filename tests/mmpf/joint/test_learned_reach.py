@@ -30,11 +30,12 @@ def counted(
     hit: float, in_view: float = 1.0, run_after: float = 0.0, **columns: Sequence[float]
 ) -> tuple[FloatArray, FloatArray]:
     """Detections that were expected and that there were in the ring of one vehicle at 45 m."""
-    vehicle = {"hits": [9], "existence": [1.0], **columns}
+    vehicle = {"detected_s": [1.0], "existence": [1.0], **columns}
     before = belief_of([spot(45.0, lane_centre(2))], **vehicle).components
     sightings = Sightings(
         in_shadow=np.array([in_view * PROMISED]),
         in_plain_view=np.array([PROMISED]),
+        in_field=np.ones(1),
         claimed=np.array([1.0]),
         hit=np.array([hit]),
         run_probability=np.zeros(1),
@@ -50,7 +51,7 @@ def test_a_vehicle_in_plain_view_counts_with_its_detection_against_the_data_shee
     assert counted(hit) == pytest.approx((PROMISED, hit))
 
 
-@pytest.mark.parametrize("nobody", [{"existence": [0.0]}, {"kinds": surely(STANDING)}, {"hits": [2]}])
+@pytest.mark.parametrize("nobody", [{"existence": [0.0]}, {"kinds": surely(STANDING)}, {"detected_s": [0.1]}])
 def test_what_does_not_exist_or_is_no_vehicle_or_hardly_known_does_not_count(
     nobody: dict[str, Sequence[float]],
 ) -> None:

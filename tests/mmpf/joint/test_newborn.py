@@ -43,7 +43,8 @@ shares = st.floats(0.0, 1.0)
 def born(
     in_view: float, seen_share: float = 1.0, learned: FalseObjects = NOTHING, options: JointOptions = OPTIONS
 ) -> FloatArray:
-    return kinds_at_birth(Appearances(np.array([in_view]), np.array([seen_share])), learned, SENSOR, options)
+    place = Appearances(np.array([in_view]), np.array([in_view]), np.array([seen_share]))
+    return kinds_at_birth(place, learned, SENSOR, options)
 
 
 def share_of(kinds: FloatArray) -> float:
@@ -214,3 +215,17 @@ def test_where_the_sensor_was_found_to_see_little_a_vehicle_may_have_been_overlo
     nobody = belief_of([])
     found = appearances_at(np.arange(1), nobody, component_moments(nobody), situation, FilterOptions())
     assert found.in_view[0] < 0.2
+
+
+def test_a_vehicle_that_stands_may_have_come_out_of_a_shadow_at_the_egos_speed() -> None:
+    """The farther from the shadow, the more probably only one that stands has just come out of it."""
+    front = belief_of([spot(15.0, lane_centre(3))], confirmed=[True])
+    found = places_of([(each, lane_centre(4)) for each in np.arange(12.0, 90.0, 0.5)], front)
+    ratio = found.standing_ratio(OPTIONS.newborn)
+    assert (found.in_view_standing <= found.in_view).all()
+    assert (ratio >= 1.0).all()
+    beyond = (found.in_view == 1.0) & (found.in_view_standing == 0.0)
+    assert beyond.any()
+    most = OPTIONS.newborn.appear_out_of_view_per_s / OPTIONS.newborn.appear_in_view_per_s
+    assert ratio[beyond] == pytest.approx(most)
+    assert ratio[found.in_view_standing == found.in_view] == pytest.approx(1.0)

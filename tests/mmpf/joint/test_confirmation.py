@@ -1,0 +1,49 @@
+"""What lies in the ego's path is reported with any probability; elsewhere a component must be a probable vehicle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mmpf.cloud.kinds import SHAPE, STANDING
+from mmpf.cloud.moments import component_moments
+from mmpf.joint.confirmation import lies_in_path, still_confirmed, to_confirm
+from mmpf.joint_options import JointOptions
+from tests.mmpf.scenes import belief_of, ego_at, lane_centre, spot
+from tests.mmpf.test_update_rules import situation_with
+
+OPTIONS = JointOptions()
+LANE = lane_centre(2)
+
+
+def in_path(lon_m: float, lat_m: float, speed_mps: float = 20.0) -> bool:
+    mixture = belief_of([spot(lon_m, lat_m)])
+    plane = situation_with([]).plane
+    plane = type(plane)(ego_at(speed_mps=speed_mps), plane.road)
+    return bool(lies_in_path(mixture.components, component_moments(mixture), plane, OPTIONS.path)[0])
+
+
+def test_the_path_is_the_egos_lane_as_far_as_it_needs_to_stop() -> None:
+    stop_m = OPTIONS.path.gap_m + OPTIONS.path.reaction_s * 20.0 + 20.0**2 / (2.0 * OPTIONS.path.braking_mps2)
+    assert in_path(stop_m - 1.0, LANE)
+    assert not in_path(stop_m + 1.0, LANE)
+    assert not in_path(-5.0, LANE)
+    assert not in_path(30.0, lane_centre(3))
+    assert not in_path(30.0, LANE, speed_mps=0.0)
+
+
+@pytest.mark.parametrize("path", [True, False])
+def test_a_probable_false_object_is_reported_in_the_path_alone(path: bool) -> None:
+    false = np.zeros((1, *SHAPE))
+    false[:, STANDING, 0, 2] = 1.0
+    columns = {"existence": [0.95], "detected_s": [1.0], "kinds": false}
+    tentative = belief_of([spot(30.0, LANE)], confirmed=[False], **columns).components
+    confirmed = belief_of([spot(30.0, LANE)], confirmed=[True], **columns).components
+    assert to_confirm(tentative, np.array([path]), OPTIONS)[0] == path
+    assert still_confirmed(confirmed, np.array([path]), OPTIONS)[0] == path
+    assert tentative.vehicle[0] == pytest.approx(0.0)
+
+
+def test_a_single_flash_is_reported_nowhere() -> None:
+    flash = belief_of([spot(30.0, LANE)], confirmed=[False], existence=[0.95], detected_s=[0.0]).components
+    assert not to_confirm(flash, np.array([True]), OPTIONS)[0]
