@@ -24,11 +24,13 @@ FEWEST_HITS = 10
 
 @dataclass(frozen=True)
 class FalseObjects:
-    """Counts of the false objects so far; the first axis tells those that stand from those that move.
+    """Expected counts of false objects and of vehicles so far.
+
+    The first axis of what is counted of false objects tells those that stand from those that move.
 
     Attributes:
-        counted: Expected number by level of detectability, shape (2, levels).
-        ended: Expected number that ended, shape (2,).
+        counted: Expected number of false objects by level of detectability, shape (2, levels).
+        ended: Expected number of false objects that ended, shape (2,).
         lived_s: Their expected time alive, shape (2,).
         vehicles: Expected number of vehicles that are gone, by how much shadows hide them and by level, shape
             (3, levels).

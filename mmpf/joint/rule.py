@@ -47,7 +47,7 @@ from mmpf.state import LAT, LON
 from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 
 # A single detection is no object that stays.
-FEWEST_HITS = 2
+FEWEST_FALSE_HITS = 2
 
 
 @dataclass(frozen=True)
@@ -164,10 +164,8 @@ class JointUpdate:
         chosen = chosen[~lies_on_ego(situation.scan.detections, situation.plane)[chosen]]
         density = association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
-        joint, learned = (
-            self.options.joint,
-            situation.false_objects.after(situation.dt_s, self.options.joint.false_objects.memory_s),
-        )
+        joint = self.options.joint
+        learned = situation.false_objects.after(situation.dt_s, joint.false_objects.memory_s)
         learned = _with_removed(learned, updated.mixture.components, ~alive)
         places = appearances_at(chosen, updated.mixture, moments, situation, self.options)
         births = Births(
@@ -291,7 +289,7 @@ def _with_removed(learned: FalseObjects, components: Components, removed: BoolAr
     learned = learned.with_vehicles(
         alive, components.hits, components.born_in_view, np.exp(components.stood_log), removed
     )
-    gone = np.flatnonzero(removed & (components.hits >= FEWEST_HITS))
+    gone = np.flatnonzero(removed & (components.hits >= FEWEST_FALSE_HITS))
     lived_s = np.maximum(components.age_s[gone] - components.unseen_s[gone], 0.0)
     return learned.with_removed(alive[gone], components.ended[gone], lived_s)
 
