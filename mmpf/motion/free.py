@@ -16,17 +16,15 @@ from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.standing import drawn_standing, hold_still
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.scan import BodyHeadings
-from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 # Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
 SLOWEST_TURN_MPS = 1.0
 TIGHTEST_CURVATURE_PER_M = 0.2
 MOST_TURN_RAD = 1.0
-# Who is slower than this stands, and goes on standing until it starts: speeds that are never negative would creep.
-STANDS_MPS = 0.3
-STARTS_PER_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -87,11 +85,8 @@ class Unguided:
         # What a model steers is a part of the path's speed.
         moved[SPEED] = moved[SPEED] / np.cos(turn)
         moved[LAT_SPEED] = 0.0
-        stands = (state[SPEED] < STANDS_MPS) & (rng.random(state.shape[1]) < np.exp(-STARTS_PER_S * dt_s))
-        for row in (LON, LAT):
-            moved[row] = np.where(stands, state[row], moved[row])
-        for row in (SPEED, ACCEL):
-            moved[row] = np.where(stands, 0.0, moved[row])
+        stands = drawn_standing(state[SPEED], dt_s, rng)
+        hold_still(moved, state, stands)
         after = latents.copy()
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(np.where(stands, latents[HEADING], heading + turn))

@@ -15,6 +15,7 @@ from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.standing import drawn_standing, hold_still
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.scan import BodyHeadings
@@ -127,6 +128,8 @@ class LaneGuided:
         local[LON], local[LAT] = np.where(free, 0.0, along), np.where(free, 0.0, left)
         moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
         moved[SPEED] = np.minimum(moved[SPEED], self._speed_allowed(lane, following, along))
+        stands = drawn_standing(state[SPEED], dt_s, rng)
+        hold_still(moved, local, stands)
 
         change, choice, rethink, gate = rng.uniform(size=(4, len(lane)))
         along, left = moved[LON].copy(), moved[LAT].copy()
@@ -152,6 +155,7 @@ class LaneGuided:
         cosine, sine = np.cos(latents[HEADING]), np.sin(latents[HEADING])
         moved[LON] = np.where(free, state[LON] + along * cosine - left * sine, x)
         moved[LAT] = np.where(free, state[LAT] + along * sine + left * cosine, y)
+        hold_still(moved, state, stands)
         direction = np.where(free, latents[HEADING], direction)
         beyond = (along < -LOST_M) | (along > graph.length_m[lane] + LOST_M)
         astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)

@@ -1,0 +1,25 @@
+"""Vehicles that stand: speeds that are never negative would let them creep, so who stands goes on standing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+
+# Who is slower than this stands, and goes on standing until it starts.
+STANDS_MPS = 0.3
+STARTS_PER_S = 0.5
+
+
+def drawn_standing(speed_mps: FloatArray, dt_s: float, rng: np.random.Generator) -> BoolArray:
+    """Draw which vehicles stand and do so throughout a step, shape (n,)."""
+    return np.asarray((speed_mps < STANDS_MPS) & (rng.random(len(speed_mps)) < np.exp(-STARTS_PER_S * dt_s)))
+
+
+def hold_still(moved: FloatArray, before: FloatArray, stands: BoolArray) -> None:
+    """Put states of those who stand back to where they were, without speed; ``moved``, shape (6, n), is changed."""
+    for row in (LON, LAT):
+        moved[row] = np.where(stands, before[row], moved[row])
+    for row in (SPEED, LAT_SPEED, ACCEL):
+        moved[row] = np.where(stands, 0.0, moved[row])
