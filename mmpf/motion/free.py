@@ -16,7 +16,7 @@ from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
-from mmpf.motion.standing import drawn_standing, hold_still
+from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.scan import BodyHeadings
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
@@ -25,6 +25,9 @@ from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 SLOWEST_TURN_MPS = 1.0
 TIGHTEST_CURVATURE_PER_M = 0.2
 MOST_TURN_RAD = 1.0
+# Where no lanes hold vehicles they turn: lateral accelerations of 0.7 m/s² (root mean square) that last for 1.5 s are
+# like white noise of sqrt(2 * 0.7² * 1.5) m/s per root second on the lateral speed.
+TURNING_STD = 1.2
 
 
 @dataclass(frozen=True)
@@ -35,9 +38,13 @@ class Unguided:
 
     Attributes:
         inner: How a vehicle moves along its direction.
+        turning_std: Noise on the lateral speed by which vehicles turn, m/s per root second.
+        drift_std: How far what stands drifts with the ego's own place, metres per root second.
     """
 
     inner: MotionModel
+    turning_std: float = 0.0
+    drift_std: float = 0.0
 
     @property
     def name(self) -> str:
@@ -72,13 +79,13 @@ class Unguided:
     ) -> tuple[FloatArray, FloatArray]:
         """Let the inner model move the particles from where they are, and turn them to where they then go.
 
-        Noise that the filter added to the lateral speed turns them too, and adds nothing to their speed: whoever stands
-        goes on standing.
+        Noise on the lateral speed turns them too, and adds nothing to their speed: whoever stands goes on standing.
         """
         local = state.copy()
         local[LON] = local[LAT] = local[LAT_SPEED] = 0.0
         moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
-        heading = latents[HEADING] + _turn(state[SPEED], state[LAT_SPEED], dt_s)
+        steered = np.sqrt(dt_s) * self.turning_std * rng.standard_normal(state.shape[1])
+        heading = latents[HEADING] + _turn(state[SPEED], state[LAT_SPEED] + steered, dt_s)
         x, y = turned(moved[LON], moved[LAT], -heading)
         turn = _turn(moved[SPEED], moved[LAT_SPEED], dt_s)
         moved[LON], moved[LAT] = state[LON] + x, state[LAT] + y
@@ -87,6 +94,7 @@ class Unguided:
         moved[LAT_SPEED] = 0.0
         stands = drawn_standing(state[SPEED], dt_s, rng)
         hold_still(moved, state, stands)
+        drift_in_plane(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
         after = latents.copy()
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(np.where(stands, latents[HEADING], heading + turn))
@@ -108,4 +116,4 @@ def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> Floa
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneGuided | Unguided:
     """Return how a model's vehicles move in the plane: along its lanes, or freely where no lanes are known."""
-    return LaneGuided(motion, graph) if graph.has_map else Unguided(motion)
+    return LaneGuided(motion, graph, DRIFT_STD) if graph.has_map else Unguided(motion, TURNING_STD, DRIFT_STD)

@@ -15,7 +15,7 @@ from mmpf.compute.kernels import kernel
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
-from mmpf.motion.standing import drawn_standing, hold_still
+from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.scan import BodyHeadings
@@ -69,10 +69,12 @@ class LaneGuided:
     Attributes:
         inner: How a vehicle moves within its lane.
         graph: The lanes.
+        drift_std: How far what stands drifts with the ego's own place, metres per root second.
     """
 
     inner: MotionModel
     graph: LaneGraph
+    drift_std: float = 0.0
 
     @property
     def name(self) -> str:
@@ -156,6 +158,7 @@ class LaneGuided:
         moved[LON] = np.where(free, state[LON] + along * cosine - left * sine, x)
         moved[LAT] = np.where(free, state[LAT] + along * sine + left * cosine, y)
         hold_still(moved, state, stands)
+        drift_in_plane(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
         direction = np.where(free, latents[HEADING], direction)
         beyond = (along < -LOST_M) | (along > graph.length_m[lane] + LOST_M)
         astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)

@@ -10,6 +10,8 @@ from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 # Who is slower than this stands, and goes on standing until it starts.
 STANDS_MPS = 0.3
 STARTS_PER_S = 0.5
+# What stands drifts as the ego's own place does, by which detections are put into the plane: m per root second.
+DRIFT_STD = 0.1
 
 
 def drawn_standing(speed_mps: FloatArray, dt_s: float, rng: np.random.Generator) -> BoolArray:
@@ -23,3 +25,11 @@ def hold_still(moved: FloatArray, before: FloatArray, stands: BoolArray) -> None
         moved[row] = np.where(stands, before[row], moved[row])
     for row in (SPEED, LAT_SPEED, ACCEL):
         moved[row] = np.where(stands, 0.0, moved[row])
+
+
+def drift_in_plane(moved: FloatArray, stands: BoolArray, std_m: float, rng: np.random.Generator) -> None:
+    """Let those who stand drift a little in the plane: a particle that never moves can't follow; changed in place."""
+    index = np.flatnonzero(stands)
+    lon_m, lat_m = std_m * rng.standard_normal((2, len(index)))
+    moved[LON, index] += lon_m
+    moved[LAT, index] += lat_m

@@ -67,7 +67,7 @@ def test_who_stands_does_not_turn() -> None:
 
 
 def test_sideways_noise_turns_vehicles_and_adds_nothing_to_their_speed() -> None:
-    motion = in_plane(kinematic("csaa", ProcessNoise(0.0, 0.0)), without_map())
+    motion = Unguided(kinematic("csaa", ProcessNoise(0.0, 0.0)))
     state, rng = np.zeros((6, 500)), np.random.default_rng(4)
     state[SPEED, 250:] = 10.0
     latents = motion.draw_latents(state, rng)
@@ -78,6 +78,20 @@ def test_sideways_noise_turns_vehicles_and_adds_nothing_to_their_speed() -> None
     assert np.abs(state[[LON, LAT, SPEED], :250]).max() == pytest.approx(0.0, abs=1e-9)
     assert state[SPEED, 250:] == pytest.approx(np.full(250, 10.0), rel=1e-6)
     assert latents[HEADING, 250:].std() == pytest.approx(0.03 * np.sqrt(30), rel=0.15)
+
+
+def test_without_lanes_vehicles_turn_by_noise_over_their_speed() -> None:
+    motion = Unguided(drifting(0.0).inner, turning_std=1.2)
+    _, latents = driven(motion, [0.0] * 2000, 10.0, 10)
+    assert latents[HEADING].std() == pytest.approx(1.2 / 10.0, rel=0.07)
+
+
+def test_what_stands_drifts_by_the_root_of_time_and_neither_turns_nor_speeds_up() -> None:
+    inner = kinematic("csaa", ProcessNoise(0.0, 0.0))
+    state, latents = driven(Unguided(inner, turning_std=1.2, drift_std=0.1), [0.3] * 2000, 0.0, 40)
+    assert state[[LON, LAT]].std(axis=1) == pytest.approx([0.1 * np.sqrt(4.0 * np.exp(-0.05))] * 2, rel=0.07)
+    assert (state[SPEED] == 0.0).all()
+    assert latents[HEADING] == pytest.approx([0.3] * 2000)
 
 
 def test_newborn_particles_are_on_no_lane_and_point_anywhere() -> None:

@@ -161,3 +161,21 @@ def test_nobody_makes_up_its_mind_to_a_turn_that_it_is_too_fast_for() -> None:
         drive.latents[NEXT] = 1.0
         drive.go(4)
         assert (drive.latents[NEXT] == 2.0).any() == some_turn
+
+
+def test_who_stands_on_a_lane_goes_on_standing_and_starts_after_a_while() -> None:
+    def pull_away(state: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator) -> FloatArray:
+        moved = glide(state, surroundings, dt_s, rng)
+        moved[SPEED] += 5.0 * dt_s
+        moved[LON] += 2.5 * dt_s**2
+        return moved
+
+    graph = graph_of({"bend": arc(60.0, np.pi / 2, 600)})
+    drive = Drive(graph, ["bend"] * 4000, [20.0] * 4000, 0.0, left_m=0.8)
+    drive.motion = LaneGuided(Memoryless("pull away", pull_away), graph)
+    before = drive.state.copy()
+    drive.go(10)
+    stands = drive.state[SPEED] == 0.0
+    still = (drive.state[[LON, LAT]] == before[[LON, LAT]]).all(axis=0)
+    assert (still == stands).all()
+    assert stands.mean() == pytest.approx(np.exp(-0.5), abs=0.03)
