@@ -73,9 +73,9 @@ class KnownTraffic:
 
     Attributes:
         state: Particles' states, shape (6, n).
-        component: Their components, shape (n,).
+        component: Row of each particle's component in ``nearest`` and ``length_m``, shape (n,).
         others: Rows of position, speed and acceleration of all vehicles, shape (3, m + 1).
-        length_m: Their lengths, shape (m + 1,).
+        length_m: Their lengths, once for each case of who counts, shape (cases * (m + 1),).
     """
 
     state: FloatArray
@@ -88,7 +88,7 @@ class KnownTraffic:
 
         Args:
             lane: Lane in which each particle looks, ``OFF_ROAD`` for none, shape (n,).
-            nearest: Nearest vehicle for each component and lane, shape (m + 1, lanes).
+            nearest: Nearest vehicle for each case, component and lane, shape (cases * (m + 1), lanes).
             sign: 1 if it is ahead, -1 if it is behind.
             index: Particles that are asked for; None for all.
         """

@@ -2,6 +2,9 @@
 
 Who leads and who follows whom is settled between component means, lane by lane, and in the own lane by who is in the
 way; the gap is then each particle's own. Off every lane, as on a ramp, there are no lines and nobody to follow.
+
+Who may be a false object is minded by as many particles as it is probably a vehicle: else a false object in the lane
+would make all particles of the vehicle behind it brake.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import numpy as np
 
 from mmpf.around.lanes_around import LEFT, OWN, RIGHT, lanes_around
 from mmpf.around.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
+from mmpf.cloud.kinds import vehicle_share
 from mmpf.cloud.mixture import Mixture
 from mmpf.cloud.moments import Moments
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
@@ -18,6 +22,9 @@ from mmpf.options import FlowOptions
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
+
+LEAST_PROBABILITIES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""A fifth of a component's particles each mind who is a vehicle with more than this probability."""
 
 
 def surroundings_of(
@@ -42,13 +49,20 @@ def surroundings_of(
     """
     state, component, vehicles = mixture.cloud.state, mixture.cloud.component, mixture.components
     others = np.column_stack([moments.mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
-    counts = np.append(vehicles.confirmed, True)
     length, width = np.append(vehicles.length_m, ego.length_m), np.append(vehicles.width_m, ego.width_m)
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
-    leader, follower = nearest_by_lane(others[LON], others[LAT], width, lane_of_other, counts, len(road.lanes))
+    probability = np.append(np.where(vehicles.confirmed, vehicle_share(vehicles.kinds), 0.0), 1.0)
+    cases = [
+        nearest_by_lane(others[LON], others[LAT], width, lane_of_other, probability > least, len(road.lanes))
+        for least in LEAST_PROBABILITIES
+    ]
+    leader, follower = (np.concatenate(tables) for tables in zip(*cases, strict=True))
+    case = (np.arange(len(component)) - mixture.starts[component]) % len(cases)
 
     lanes = lanes_around(state[LON], state[LAT], road)
-    known = KnownTraffic(state, component, others[[LON, SPEED, ACCEL]], length)
+    known = KnownTraffic(
+        state, case * len(length) + component, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases))
+    )
     flow = flow_speeds(moments.mean, lane_of_other[:-1], vehicles.confirmed & is_seen, options)
     return Surroundings(
         length_m=vehicles.length_m[component],

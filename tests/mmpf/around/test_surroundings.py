@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from mmpf.around.surroundings import surroundings_of
-from mmpf.cloud.moments import Moments
+from mmpf.cloud.kinds import SHAPE, STANDING, VEHICLE
+from mmpf.cloud.moments import Moments, component_moments
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.options import FlowOptions
 from mmpf.road import Lane, Road, highway
 from mmpf.scan import EgoPose
 from mmpf.state import ACCEL, LAT, LON, SPEED
-from tests.mmpf.scenes import belief_of
+from tests.mmpf.scenes import belief_of, spot
 
 RAMPED = Road(
     lanes=(*highway(3).lanes, Lane(number=6, right_m=-3.66, left_m=0.0, start_m=40.0, end_m=90.0)),
@@ -240,3 +241,15 @@ def test_a_car_in_the_way_leads_from_across_the_line_as_well():
 def test_a_wide_truck_is_in_the_way_where_a_car_is_not():
     assert not neighbours_of(lat=3.8, other_lat=5.5).leader.exists[0]
     assert neighbours_of(lat=3.8, other_lat=5.5, width_m=2.6).leader.exists[0]
+
+
+@pytest.mark.parametrize(("probability", "minding"), [(1.0, 1.0), (0.4, 0.4), (0.02, 0.0)])
+def test_as_many_particles_mind_a_leader_as_it_is_probably_a_vehicle(probability, minding):
+    kinds = np.zeros((2, *SHAPE))
+    kinds[:, VEHICLE, 0, -1] = [1.0, probability]
+    kinds[:, STANDING, 0, -1] = [0.0, 1.0 - probability]
+    belief = belief_of([spot(0.0, 5.5), spot(30.0, 5.5, 0.0)], confirmed=[True, True], kinds=kinds)
+    ego = EgoPose(-200.0, 5.5, 0.0, 20.0, 4.7, 1.9)
+    moments = component_moments(belief)
+    found = surroundings_of(belief, moments, np.ones(2, dtype=bool), ego, 0.0, highway(5), FlowOptions())
+    assert found.leader.exists[:10].mean() == pytest.approx(minding)
