@@ -20,7 +20,12 @@ def drawn_standing(speed_mps: FloatArray, dt_s: float, rng: np.random.Generator)
 
 
 def hold_still(moved: FloatArray, before: FloatArray, stands: BoolArray) -> None:
-    """Put states of those who stand back to where they were, without speed; ``moved``, shape (6, n), is changed."""
+    """Put states of those who stand back to where they were, without speed; ``moved``, shape (6, n), is changed.
+
+    Who starts has the speed from which nobody counts as standing any more: a step's gain of speed alone is less.
+    """
+    starts = (before[SPEED] < STANDS_MPS) & ~stands & (moved[SPEED] > before[SPEED])
+    moved[SPEED] = np.where(starts, np.maximum(moved[SPEED], STANDS_MPS), moved[SPEED])
     for row in (LON, LAT):
         moved[row] = np.where(stands, before[row], moved[row])
     for row in (SPEED, LAT_SPEED, ACCEL):
