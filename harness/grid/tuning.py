@@ -2,12 +2,13 @@
 
     python -m harness.grid.tuning --tracker all --processes 2 --write
 
-Detections are recorded once, at two densities, on seeds that are never reported on (100 to 199), and every setting of
-every tracker follows the same ones. ``tuning_search`` is the search, ``tuning_spaces`` what it may change; it begins at
-the trackers' defaults and at what was found before, and each tracker is tried the same number of times. A setting is
-tried on one seed's recordings after the other and stopped when it is behind. ``--write`` puts the outcome into
-``harness/trackers/tuned.toml``, from which the trackers take their defaults; mmpf's are defaults in its code, which are
-to be brought up to what the file says.
+Detections are recorded once, on seeds that are never reported on (100 to 199): at two densities, and in free flow with
+broken-down vehicles and with vehicles that are hard to detect, so that a tracker that withholds either pays for it.
+Every setting of every tracker follows the same ones. ``tuning_search`` is the search, ``tuning_spaces`` what it may
+change; it begins at the trackers' defaults and at what was found before, and each tracker is tried the same number of
+times. A setting is tried on one seed's recordings after the other and stopped when it is behind. ``--write`` puts the
+outcome into ``harness/trackers/tuned.toml``, from which the trackers take their defaults; mmpf's are defaults in its
+code, which are to be brought up to what the file says.
 """
 
 from __future__ import annotations
@@ -36,6 +37,14 @@ from harness.scoring import score_run
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
 
 DENSITIES = (20.0, 45.0)
+BROKEN_DOWN = (1, 3)
+"""Broken-down vehicles of each recording that has some."""
+FREE_FLOW, FREE_FLOW_S = 10.0, 30.0
+"""Density and length of these recordings: the ego passes a standing vehicle in free flow, which takes a while."""
+HARD_SHARE = 0.3
+"""Share of their vehicles that are hard to detect."""
+HARD_TO_DETECT = {"detectability_least": 0.35, "detectability_mean": 0.5, "detectability_spread": 0.08}
+"""What makes a vehicle hard to detect: it is seen in about 35 to 60 % of scans."""
 TUNING_SEEDS = range(100, 200)
 TRIALS = 64
 
@@ -49,12 +58,16 @@ class Recording:
         seed: Root seed.
         duration_s: Length.
         sensor: Name of the sensor profile.
+        broken_down: Vehicles that stand broken down in the main lanes.
+        hard_share: Share of vehicles that are hard to detect, see ``HARD_TO_DETECT``.
     """
 
     density: float
     seed: int
     duration_s: float
     sensor: str
+    broken_down: int = 0
+    hard_share: float = 0.0
 
 
 Batches = Sequence[Sequence[Recording]]
@@ -83,6 +96,20 @@ def tune(tracker: str, batches: Batches, budget: int) -> Found:
     return search(starts_of(tracker), space_of(tracker), follow_batch, len(batches), budget, tell)
 
 
+def recordings_of(seed: int, duration_s: float, sensor: str) -> list[Recording]:
+    """Return a seed's recordings: one for each density, and those in free flow with broken-down vehicles.
+
+    Args:
+        seed: Root seed.
+        duration_s: Length of the first ones.
+        sensor: Name of the sensor profile.
+    """
+    return [
+        *(Recording(density, seed, duration_s, sensor) for density in DENSITIES),
+        *(Recording(FREE_FLOW, seed, FREE_FLOW_S, sensor, broken, HARD_SHARE) for broken in BROKEN_DOWN),
+    ]
+
+
 def follow(tracker: str, options: Options, recording: Recording) -> Scores:
     """Follow a recording with a tracker of given options, dotted keys with values, whatever its tuned ones are."""
     chosen = nested({**ALWAYS.get(tracker, {}), **options})
@@ -93,8 +120,12 @@ def follow(tracker: str, options: Options, recording: Recording) -> Scores:
 
 @cache
 def _looks(recording: Recording) -> Looks:
-    traffic = {"net": "us101", "density": recording.density, "duration_s": recording.duration_s}
-    config = {"seed": recording.seed, "traffic": traffic, "sensor": {"profile": recording.sensor}}
+    traffic = {
+        "net": "us101", "density": recording.density, "duration_s": recording.duration_s,
+        "broken_down": recording.broken_down,
+    }  # fmt: skip
+    hard = {"detectability_share": recording.hard_share, **HARD_TO_DETECT} if recording.hard_share else {}
+    config = {"seed": recording.seed, "traffic": traffic, "sensor": {"profile": recording.sensor, **hard}}
     return open_looks(RunConfig.model_validate(config)).kept()
 
 
@@ -109,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         check_installed()
     except InputError as error:
         parser.error(str(error))
-    batches = [[Recording(density, seed, chosen.duration, chosen.sensor) for density in DENSITIES] for seed in seeds]
+    batches = [recordings_of(seed, chosen.duration, chosen.sensor) for seed in seeds]
     recordings = [asdict(each) for batch in batches for each in batch]
     for name, found in _all_found(names, batches, chosen.trials, chosen.processes):
         sys.stdout.write(f"{_in_words(name, found)}\n")
@@ -143,7 +174,7 @@ def _parser() -> argparse.ArgumentParser:
     known = ", ".join(SEARCH_SPACES)
     parser.add_argument("--tracker", required=True, help=f"all, or names with commas between them: {known}")
     parser.add_argument("--seeds", default="100:104", help="A:B, B excluded, within 100:200")
-    parser.add_argument("--duration", type=float, default=12.0, help="seconds of each recording")
+    parser.add_argument("--duration", type=float, default=12.0, help="seconds of each recording at the two densities")
     parser.add_argument("--sensor", default=SensorConfig().profile, help="sensor profile")
     parser.add_argument("--trials", type=int, default=TRIALS, help="settings tried for each tracker")
     parser.add_argument("--processes", type=int, default=1, help="trackers searched for at a time")

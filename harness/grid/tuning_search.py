@@ -24,9 +24,11 @@ FALSE_HIDDEN_COST = 2.0
 """Points of the objective for a false hidden track a scan: else a tracker that keeps everything would be the best."""
 WITHHELD_COST = 1.0
 """Points of the objective for each percent of the vehicle-steps in plain view that have no track."""
+STOPPED_COST = 0.5
+"""Points for each percent of those of stopped vehicles: ten percent cost what doubting all that stands may gain."""
 OBJECTIVE = (
     f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan - "
-    f"{WITHHELD_COST:g} (100 - plain_view_recall), each where it is measured"
+    f"{WITHHELD_COST:g} (100 - plain_view_recall) - {STOPPED_COST:g} (100 - stopped_recall), each where it is measured"
 )
 _WIDENED_AFTER = (0.5, 0.75)
 _KEPT = 0.75
@@ -42,6 +44,7 @@ class Scores:
         hidden_cost_m: Mean of the error, at most 10 m, over all vehicle-steps hidden after having been tracked.
         false_hidden_tracks_per_scan: False hidden tracks a scan.
         plain_view_recall: Share of the vehicle-steps in plain view that have a track, percent.
+        stopped_recall: The same of vehicles stopped amid traffic, percent.
     """
 
     hota: float
@@ -49,6 +52,7 @@ class Scores:
     hidden_cost_m: float = math.nan
     false_hidden_tracks_per_scan: float = math.nan
     plain_view_recall: float = math.nan
+    stopped_recall: float = math.nan
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
@@ -65,6 +69,7 @@ class Scores:
             _number(hidden.get("hidden_cost_m")),
             _number(hidden.get("false_hidden_tracks_per_scan")),
             _number(in_view.get("recall")),
+            _number(in_view.get("stopped_recall")),
         )
 
     @classmethod
@@ -79,6 +84,7 @@ class Scores:
             HIDDEN_COST_PER_M * self.hidden_cost_m,
             FALSE_HIDDEN_COST * self.false_hidden_tracks_per_scan,
             WITHHELD_COST * (100.0 - self.plain_view_recall),
+            STOPPED_COST * (100.0 - self.stopped_recall),
         )
         return 0.5 * (self.hota + self.idf1) - sum(cost for cost in costs if math.isfinite(cost))
 
@@ -255,14 +261,18 @@ def _suggested(
     kept: Collection[str],
     like: Options,
 ) -> Options:
-    """Return a setting that has some values of another, and none where that one has none; Optuna chooses the rest."""
+    """Return a setting that has some values of another, and none where that one has none; Optuna chooses the rest.
+
+    A group that the other has switched off has no values there: when it is switched on, Optuna chooses all of them.
+    """
     options: Options = {}
     # Switches come first, since it depends on them what else is asked for.
     for key in sorted(space, key=lambda key: not key.endswith(".on")):
-        if not is_searched(key, options) or (key in kept and key not in like):
+        left_out = key in kept and key not in like and is_searched(key, like)
+        if not is_searched(key, options) or left_out:
             continue
         values = space[key]
-        if key in kept and like[key] not in values:
+        if key in kept and key in like and like[key] not in values:
             options[key] = like[key]
         elif not isinstance(values, Range):
             options[key] = asked.suggest_categorical(key, values)

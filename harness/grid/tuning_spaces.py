@@ -101,14 +101,14 @@ _STITCHING: Space = {
     "stitching.margin_m": Range(0.0, 8.0, least=0.0),
     "stitching.gate_std": Range(1.5, 5.0, least=0.5),
 }
-# The ego's path and the time after which a track is trusted are no settings to search: they guard stopped vehicles, of
-# which the recordings have few.
+# The ego's path is no setting to search: a vehicle that stands there is always reported.
 _DOUBTFUL: Space = {
     "doubtful.on": (False, True),
     "doubtful.standing_mps": _ratio(0.5, 8.0),
     "doubtful.standing_std": Range(0.0, 3.0, least=0.0),
     "doubtful.flow_mps": _ratio(1.0, 12.0),
     "doubtful.moved_s": Range(0.0, 3.0, least=0.0),
+    "doubtful.trusted_after_s": _ratio(1.0, 20.0),
 }
 _STONE_SOUP: Space = {**_NOISE, **_MEMORY, **_GATE, **_BIRTH, **_DOUBTFUL}
 _JPDA: Space = {**_BELIEF, **_STONE_SOUP}
@@ -198,12 +198,15 @@ def space_of(tracker: str) -> dict[str, Range | Choices]:
 
 
 def starts_of(tracker: str) -> list[Options]:
-    """Return where a tracker's search begins: the defaults, what was found before, and that with its switches on."""
+    """Return where a tracker's search begins: the defaults, what was found before, and that with switches on or off."""
     space, defaults = space_of(tracker), default_options(tracker)
-    before = {key: value for key, value in flat(tuned_options(tracker)).items() if key in space} or defaults
-    switched_on = before | {key: True for key in space if key.endswith(".on")}
+    switches = [key for key in space if key.endswith(".on")]
+    found = {key: value for key, value in flat(tuned_options(tracker)).items() if key in space}
+    before = {key: defaults[key] for key in switches} | found if found else defaults
+    switched_on, off = (before | dict.fromkeys(switches, value) for value in (True, False))
+    switched_off = {key: value for key, value in off.items() if is_searched(key, off)}
     starts: list[Options] = []
-    for start in (defaults, before, switched_on):
+    for start in (defaults, before, switched_on, switched_off):
         if start not in starts:
             starts.append(start)
     return starts

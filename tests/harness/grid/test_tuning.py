@@ -173,6 +173,15 @@ def test_a_group_that_is_switched_off_is_not_searched():
     assert {trial.options["x.on"] for trial in tried} == {False, True}
 
 
+def test_the_settings_of_a_group_that_is_newly_switched_on_are_all_chosen():
+    space = {"x.on": (False, True), **{f"x.{name}": Range(0.0, 1.0) for name in "abcdef"}}
+    off_is_best = lambda options, batch: scored(0.0 if options["x.on"] else 1.0)  # noqa: E731
+    tried = search([{"x.on": False}], space, off_is_best, 1, 40, quietly).trials
+    switched_on = [trial.options for trial in tried if trial.options["x.on"]]
+    assert len(switched_on) >= 2
+    assert all(set(options) == set(space) for options in switched_on)
+
+
 def test_without_optuna_one_line_tells_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "optuna", None)
     with pytest.raises(InputError, match=r"^tuning needs Optuna, which is not installed: pip install '.\[tuning\]'$"):
@@ -197,13 +206,18 @@ def test_every_tracker_has_a_space_of_options_that_it_takes_and_starts_at_its_de
                 settings.model_validate(nested({**ALWAYS.get(tracker, {}), option: value}))
 
 
-def test_a_search_begins_at_the_defaults_at_what_was_found_before_and_at_that_with_its_switches_on(monkeypatch):
+def test_a_search_begins_at_the_defaults_at_what_was_found_before_and_at_that_with_its_switches_on_or_off(monkeypatch):
     found = {"lon_noise": 2.5, "stitching": {"margin_m": 1.0}, "coarse_gate": True}
     monkeypatch.setattr(tuning_spaces, "tuned_options", lambda tracker: found)
     defaults, before, switched_on = starts_of("stonesoup-jpda-stitched")
     assert defaults == default_options("stonesoup-jpda-stitched")
-    assert before == {"lon_noise": 2.5, "stitching.margin_m": 1.0}
+    assert before == {"lon_noise": 2.5, "stitching.margin_m": 1.0, "doubtful.on": False}
     assert switched_on == before | {"doubtful.on": True}
+    doubting = {"lon_noise": 2.5, "doubtful": {"on": True, "flow_mps": 4.0}}
+    monkeypatch.setattr(tuning_spaces, "tuned_options", lambda tracker: doubting)
+    _, before, switched_off = starts_of("pmbm")
+    assert before == {"lon_noise": 2.5, "doubtful.on": True, "doubtful.flow_mps": 4.0}
+    assert switched_off == {"lon_noise": 2.5, "doubtful.on": False}
     monkeypatch.setattr(tuning_spaces, "tuned_options", lambda tracker: {})
     assert starts_of("oracle-kalman") == [default_options("oracle-kalman")]
     assert starts_of("mmpf") == [default_options("mmpf")]
@@ -224,10 +238,10 @@ def test_particles_are_no_setting_to_tune():
     assert not any("particles" in option for space in SEARCH_SPACES.values() for option in space)
 
 
-def test_every_rival_may_doubt_what_stands_and_none_gives_up_what_guards_stopped_vehicles():
+def test_every_rival_may_doubt_what_stands_and_none_doubts_what_stands_in_the_egos_path():
     for tracker, space in SEARCH_SPACES.items():
         assert ("doubtful.on" in space) == (tracker not in {"mmpf", "oracle-kalman"})
-        assert not {"doubtful.path_half_width_m", "doubtful.trusted_after_s"} & set(space)
+        assert not {"doubtful.path_half_width_m", "doubtful.path_ahead_m"} & set(space)
 
 
 def test_hidden_vehicles_and_withheld_ones_count_in_the_objective_where_they_are_measured():
@@ -238,6 +252,15 @@ def test_hidden_vehicles_and_withheld_ones_count_in_the_objective_where_they_are
     metrics |= {"in_plain_view": {"recall": 97.0}}
     assert Scores.of(metrics).objective == 92.0 - 20.0 - 1.0 - 3.0
     assert Scores.of(metrics | {"in_plain_view": {"recall": None}}).objective == 92.0 - 20.0 - 1.0
+    metrics |= {"in_plain_view": {"recall": 97.0, "stopped_recall": 80.0}}
+    assert Scores.of(metrics).objective == 92.0 - 20.0 - 1.0 - 3.0 - 10.0
+
+
+def test_hiding_one_in_five_stopped_vehicles_costs_more_than_doubt_gains_in_traffic_without_any():
+    trusting = Scores.mean([Scores(80.0, 80.0, plain_view_recall=100.0), Scores(80.0, 80.0, stopped_recall=100.0)])
+    doubting = Scores.mean([Scores(86.0, 86.0, plain_view_recall=100.0), Scores(86.0, 86.0, stopped_recall=80.0)])
+    assert doubting.objective < trusting.objective
+    assert Scores.mean([doubting, Scores(86.0, 86.0)]).stopped_recall == 80.0
 
 
 def test_a_recording_without_hidden_vehicles_says_nothing_of_them():
@@ -291,4 +314,14 @@ def test_the_committed_outcome_is_the_best_of_its_own_trials_on_tuning_seeds():
         found = {name: value for name, value in best.items() if name != "objective"}
         assert found == table.get("options", table.get("found"))
         assert all(100 <= recording["seed"] < 200 for recording in table["recordings"])
-        assert {recording["density"] for recording in table["recordings"]} == {20.0, 45.0}
+        flowing = [recording for recording in table["recordings"] if not recording.get("broken_down")]
+        assert {recording["density"] for recording in flowing} == {20.0, 45.0}
+
+
+def test_trackers_that_doubt_by_default_were_tuned_on_broken_down_vehicles_and_keep_nine_in_ten():
+    tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
+    doubting = [table for table in tables.values() if table.get("options", {}).get("doubtful", {}).get("on")]
+    for table in doubting:
+        assert {0, 1, 3} == {recording["broken_down"] for recording in table["recordings"]}
+        assert table["stopped_recall"] >= 90.0
+        assert table["at_an_end"] == []

@@ -6,6 +6,7 @@ import os
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,11 +14,13 @@ from harness.config.model import SensorConfig
 from harness.errors import InputError
 from harness.grid import tuning
 from harness.grid.pool import ONE_THREAD
-from harness.grid.tuning import DENSITIES, Recording, follow, main
+from harness.grid.tuning import HARD_TO_DETECT, Recording, follow, main
 from harness.grid.tuning_search import Found, Scores, Trial
 from harness.grid.tuning_spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.running.follow import track
 from harness.scoring import score_run
+from harness.sensor.detectability import drawn_factors
+from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
 from tests.golden import equals_golden
 from tests.harness.stand_ins import SteadyTraffic, looking_at
@@ -66,8 +69,15 @@ def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(monkeypatch,
     monkeypatch.setattr(tuning, "tune", tune)
     main(["--tracker", "oracle-kalman,pmbm", "--seeds", "101:103", "--trials", "3", "--duration", "5"])
     batches = [
-        [Recording(density, seed, 5.0, SensorConfig().profile) for density in (20.0, 45.0)] for seed in (101, 102)
+        [
+            Recording(20.0, seed, 5.0, "lidar"),
+            Recording(45.0, seed, 5.0, "lidar"),
+            Recording(10.0, seed, 30.0, "lidar", broken_down=1, hard_share=0.3),
+            Recording(10.0, seed, 30.0, "lidar", broken_down=3, hard_share=0.3),
+        ]
+        for seed in (101, 102)
     ]
+    assert SensorConfig().profile == "lidar"
     assert searched == [("oracle-kalman", batches, 3), ("pmbm", batches, 3)]
     told = "55.50 -> 56.50 in 3 trials, 1 of them stopped early: "
     rest = '{"lon_noise": 3.0, "gate_std": 2.0}; at the end of its range: lon_noise (high)'
@@ -104,15 +114,20 @@ def test_what_was_found_is_written_with_the_command_that_finds_it_again(asked):
         "--write"
     )
     assert outcome.recordings == [
-        {"density": density, "seed": seed, "duration_s": 12.0, "sensor": "radar"}
+        {
+            "density": density, "seed": seed, "duration_s": duration_s, "sensor": "radar", "broken_down": broken_down,
+            "hard_share": hard_share,
+        }
         for seed in (100, 101, 102, 103)
-        for density in DENSITIES
-    ]
+        for density, duration_s, broken_down, hard_share in (
+            (20.0, 12.0, 0, 0.0), (45.0, 12.0, 0, 0.0), (10.0, 30.0, 1, 0.3), (10.0, 30.0, 3, 0.3),
+        )
+    ]  # fmt: skip
 
 
 def test_all_are_all_trackers_that_have_a_space(asked):
     main(["--tracker", "all", "--trials", "1", "--seeds", "100:101"])
-    assert [tracker for tracker, _ in asked["followed"]] == [each for each in SEARCH_SPACES for _ in DENSITIES]
+    assert [tracker for tracker, _ in asked["followed"]] == [each for each in SEARCH_SPACES for _ in range(4)]
 
 
 @pytest.mark.parametrize(
@@ -152,7 +167,7 @@ def test_without_optuna_the_command_ends_before_anything_is_recorded(asked, caps
 
 def test_the_first_and_the_last_tuning_seed_may_be_used(asked):
     main(["--tracker", "oracle-kalman", "--trials", "1", "--seeds", "100:200"])
-    assert [each.seed for _, each in asked["followed"]] == [seed for seed in range(100, 200) for _ in DENSITIES]
+    assert [each.seed for _, each in asked["followed"]] == [seed for seed in range(100, 200) for _ in range(4)]
 
 
 class Executor:
@@ -219,8 +234,18 @@ def test_a_recording_is_of_us101_at_its_density_seed_length_and_sensor(monkeypat
     tuning._looks.cache_clear()
     try:
         assert [tuning._looks(Recording(45.0, 107, 12.5, "radar")) for _ in range(2)] == ["kept"] * 2
+        tuning._looks(Recording(10.0, 107, 12.5, "radar", broken_down=2, hard_share=0.4))
     finally:
         tuning._looks.cache_clear()
-    (config,) = opened
+    config, broken = opened
+    assert (config.traffic.broken_down, config.sensor.overrides) == (0, {})
+    assert (broken.traffic.broken_down, broken.sensor.profile) == (2, "radar")
+    assert broken.sensor.overrides == {"detectability_share": 0.4, **HARD_TO_DETECT}
     assert (config.seed, config.sensor.profile) == (107, "radar")
     assert (config.traffic.net, config.traffic.density, config.traffic.duration_s) == ("us101", 45.0, 12.5)
+
+
+def test_vehicles_that_are_hard_to_detect_are_seen_in_about_35_to_60_percent_of_scans():
+    settings = sensor_settings("lidar", {"detectability_share": 1.0, **HARD_TO_DETECT})
+    factor = drawn_factors(settings, 10_000, np.random.default_rng(0))
+    assert np.quantile(settings.detection_probability * factor, (0.05, 0.95)) == pytest.approx((0.35, 0.6), abs=0.03)
