@@ -318,10 +318,10 @@ def test_the_committed_outcome_is_the_best_of_its_own_trials_on_tuning_seeds():
         assert {recording["density"] for recording in flowing} == {20.0, 45.0}
 
 
-def test_trackers_that_doubt_by_default_were_tuned_on_broken_down_vehicles_and_keep_nine_in_ten():
+def test_pmbm_imm_gnn_and_whoever_doubts_were_tuned_on_broken_down_vehicles_and_keep_nine_in_ten():
     tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
-    doubting = [table for table in tables.values() if table.get("options", {}).get("doubtful", {}).get("on")]
-    for table in doubting:
+    doubting = {name for name, table in tables.items() if table.get("options", {}).get("doubtful", {}).get("on")}
+    for table in (tables[name] for name in doubting | {"pmbm", "imm-gnn"}):
         assert {0, 1, 3} == {recording["broken_down"] for recording in table["recordings"]}
         assert table["stopped_recall"] >= 90.0
         assert table["at_an_end"] == []
