@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from harness.api import Comparison, Grid, Run, compare, open_run, run, stress
+    from harness.common.errors import InputError, RunError, RunInterruptedError
     from harness.config.options import RunOptions
-    from harness.errors import InputError, RunError, RunInterruptedError
     from harness.grid.options import GridOptions
 
 _HOME = {
     "Comparison": "harness.api",
     "Grid": "harness.api",
     "GridOptions": "harness.grid.options",
-    "InputError": "harness.errors",
+    "InputError": "harness.common.errors",
     "Run": "harness.api",
-    "RunError": "harness.errors",
-    "RunInterruptedError": "harness.errors",
+    "RunError": "harness.common.errors",
+    "RunInterruptedError": "harness.common.errors",
     "RunOptions": "harness.config.options",
     "compare": "harness.api",
     "open_run": "harness.api",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from harness.ends import code_of_end, ends_like_ctrl_c, ignore_ends
+from harness.common.signals import code_of_end, ends_like_ctrl_c, ignore_ends
 
 
 def main() -> None:

@@ -15,8 +15,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from harness.common.errors import InputError
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
-from harness.errors import InputError
 from harness.grid.options import GridOptions, request_of
 from mmpf.registry import UnknownNameError
 

@@ -24,14 +24,14 @@ from typer.core import TyperGroup, TyperOption
 from typer.exceptions import TyperException
 from typer.main import get_group
 
-from harness import exitcodes
 from harness.commands.from_options import typer_command, with_values
-from harness.ends import code_of_end, ends_like_ctrl_c, told_to_end
-from harness.errors import InputError, RunError, RunInterruptedError
+from harness.common import exit_codes
+from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.signals import code_of_end, ends_like_ctrl_c, told_to_end
 from mmpf.registry import UnknownNameError
 
 EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = (
-    *(exitcodes.DONE, exitcodes.WORSE, exitcodes.WRONG_INPUT, exitcodes.RUN_FAILED, exitcodes.INTERRUPTED),
+    *(exit_codes.DONE, exit_codes.WORSE, exit_codes.WRONG_INPUT, exit_codes.RUN_FAILED, exit_codes.INTERRUPTED),
 )
 AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
 """Errors whose messages name parameters, as Python spells them."""
@@ -91,7 +91,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
         arguments: What follows the program's name.
 
     Returns:
-        Exit code, one of ``harness.exitcodes.MEANINGS``.
+        Exit code, one of ``harness.common.exit_codes.MEANINGS``.
     """
     called = next((word for word in arguments if not word.startswith("-")), None)
     group = get_group(_application(called))
@@ -108,7 +108,7 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
     except BrokenPipeError:
         # Python would complain once more when it flushes stdout at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return exitcodes.READER_GONE
+        return exit_codes.READER_GONE
     except (Exception, KeyboardInterrupt) as error:
         message, exit_code = _told(error)
         return _complain(_as_typed(message, group, called) if isinstance(error, AS_TYPED) else message, exit_code)
@@ -149,7 +149,7 @@ def _told(error: BaseException) -> tuple[str, int]:
             # Never the exit code 1 that Python itself ends with: that is a verdict of compare.
             if os.environ.get(TRACEBACK):
                 traceback.print_exception(error)
-            told = _of_the_program(error), exitcodes.INTERNAL
+            told = _of_the_program(error), exit_codes.INTERNAL
     return told
 
 
@@ -230,7 +230,7 @@ def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
 
 def _complain(message: str, exit_code: int) -> int:
     line = " ".join(message.split())
-    ended = exit_code in (exitcodes.HANGUP, exitcodes.INTERRUPTED, exitcodes.TERMINATED)
+    ended = exit_code in (exit_codes.HANGUP, exit_codes.INTERRUPTED, exit_codes.TERMINATED)
     # Nobody may be there to read it any more.
     with suppress(OSError):
         print(line if ended else f"error: {line}", file=sys.stderr, flush=True)  # noqa: T201

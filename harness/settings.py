@@ -18,8 +18,8 @@ from rich.table import Table
 from rich.text import Text
 
 import mmpf.motion  # noqa: F401  fills the registry of motion models
+from harness.common.errors import InputError
 from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, TrackerConfig
-from harness.errors import InputError
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.trackers.catalogue import available_trackers, tracker_options, tuned_options
 from harness.trackers.protocol import trackers

@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 from harness.bench.busy import busy_machine
 from harness.bench.measure import Contender, as_row, time_in_turns, warm_up
 from harness.bench.scene import bench_scene
-from harness.errors import InputError
-from harness.writing.rough import say_roughly
+from harness.common.durations import say_roughly
+from harness.common.errors import InputError
 from mmpf.motion.gmm.conditional import expand
 from mmpf.motion.gmm.model_file import committed_mixture
 from mmpf.motion.learned.lane_changer import CHANGE

@@ -13,6 +13,8 @@ from urllib.parse import quote
 from harness.closedloop.figure import drives_figure
 from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, PlannedDrive, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
+from harness.common.files import save_figure, write_text
+from harness.common.numbers import without_nan
 from harness.grid.cells import Cell, Grid
 from harness.grid.gridfolder import FIGURES, KEPT, RUNS
 from harness.grid.kept import keeping
@@ -23,8 +25,6 @@ from harness.grid.stress import check_grid
 from harness.runfolder import ownership
 from harness.scoring.closedloop import COLLIDED, IMPACT, WITH
 from harness.truth.network.network import load_network
-from harness.writing.files import save_figure, write_text
-from harness.writing.numbers import without_nan
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from harness.closedloop.beliefs import TRUTH, WITHOUT_TRACKER
+from harness.common.errors import InputError
 from harness.config.lists import MOST_SEED, names, numbers
 from harness.config.model import RunConfig, TrafficConfig
-from harness.errors import InputError
 from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
 from harness.closedloop.plan import BIAS, CROSS, DARK, FREE, GAP, KIND, PROVOKED, STOPPED
-from harness.comparison.effects import paired_effect
+from harness.common.bootstrap import few_groups_ci
+from harness.common.effects import paired_effect
+from harness.common.markdown import markdown_table
 from harness.grid.rows import column_of
 from harness.scoring.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import few_groups_ci
-from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

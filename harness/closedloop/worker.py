@@ -24,8 +24,8 @@ from harness.closedloop.handover import HandOver, hand_overs
 from harness.closedloop.kept import keep_drive
 from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
+from harness.common.errors import RunError
 from harness.decisions.decide import driver_of
-from harness.errors import RunError
 from harness.grid.cells import Cell
 from harness.grid.rows import Row, failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve

@@ -7,8 +7,8 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.common.errors import InputError
 from harness.config.options import Option
-from harness.errors import InputError
 
 
 class Options(TypedDict):
@@ -52,9 +52,9 @@ def command(options: Options) -> None:
 
     from harness.bench.bench import BenchPlan, run_bench  # noqa: PLC0415
     from harness.bench.written import plot, print_tables  # noqa: PLC0415
-    from harness.writing.files import save_figure, write_text  # noqa: PLC0415
-    from harness.writing.numbers import without_nan  # noqa: PLC0415
-    from harness.writing.progress import progress_bar  # noqa: PLC0415
+    from harness.common.files import save_figure, write_text  # noqa: PLC0415
+    from harness.common.numbers import without_nan  # noqa: PLC0415
+    from harness.common.progress import progress_bar  # noqa: PLC0415
 
     out, quiet = options["out"], options["quiet"]
     plan = BenchPlan(

@@ -76,11 +76,11 @@ def command(options: Options) -> None:
       python -m harness calibrate --keep-drivers --trials 5 --write
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """
+    from harness.common.errors import InputError  # noqa: PLC0415
+    from harness.common.progress import progress_bar  # noqa: PLC0415
     from harness.config.lists import seed_values  # noqa: PLC0415
-    from harness.errors import InputError  # noqa: PLC0415
     from harness.fidelity.calibration import CalibrationRequest, calibrate  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
-    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     net, write, out, quiet = options["net"], options["write"], options["out"], options["quiet"]
     network = load_network(net)

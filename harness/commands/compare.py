@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
+from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.config.options import Option
-from harness.exitcodes import DONE, UNDECIDED, WORSE
 
 if TYPE_CHECKING:
     from harness.comparison.sources import Source
@@ -113,8 +113,8 @@ def _rules(options: Options) -> Rules:
 
 
 def _write(path: Path, text: str, parameter: str) -> None:
-    from harness.errors import InputError  # noqa: PLC0415
-    from harness.writing.files import write_text  # noqa: PLC0415
+    from harness.common.errors import InputError  # noqa: PLC0415
+    from harness.common.files import write_text  # noqa: PLC0415
 
     try:
         write_text(path, text)
@@ -124,9 +124,9 @@ def _write(path: Path, text: str, parameter: str) -> None:
 
 def _sides(options: Options) -> tuple[Source, Source] | None:
     """Return what is compared; None where a suite was run to be kept as the baseline."""
+    from harness.common.errors import InputError, RunError  # noqa: PLC0415
     from harness.comparison.sources import open_source  # noqa: PLC0415
     from harness.comparison.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
-    from harness.errors import InputError, RunError  # noqa: PLC0415
 
     given, baseline, suite = list(options["folders"] or ()), options["baseline"], options["suite"]
     if options["record"] and (suite is None or given):

@@ -52,12 +52,12 @@ def command(options: Options) -> None:
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """
-    from harness.errors import RunError  # noqa: PLC0415
+    from harness.common.errors import RunError  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_drives(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
     if not quiet:
-        from harness.writing.markdown import show_markdown  # noqa: PLC0415
+        from harness.common.markdown import show_markdown  # noqa: PLC0415
 
         show_markdown(finished.text, on_stderr=True)
         sys.stderr.write(f"{finished.folder}\n")

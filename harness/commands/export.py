@@ -40,7 +40,7 @@ def command(options: Options) -> None:
       python -m harness export results/us101-mmpf-gmm-d20-s0 --video run.mp4
       python -m harness export results/us101-mmpf-gmm-d20-s0 --to my_format:write
     """
-    from harness.errors import InputError  # noqa: PLC0415
+    from harness.common.errors import InputError  # noqa: PLC0415
     from harness.export.formats import export_run, known_formats  # noqa: PLC0415
 
     folder, to, video, force = options["folder"], options["to"], options["video"], options["force"]

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 from harness.commands.from_options import typer_command, with_values
+from harness.common.exit_codes import DONE, WORSE
 from harness.config.options import Option
-from harness.exitcodes import DONE, WORSE
 
 if TYPE_CHECKING:
     from harness.reference.registry import Reference

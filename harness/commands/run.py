@@ -47,7 +47,7 @@ def command(options: Options) -> None:
 
         print_summary(finished.metrics, finished.folder)
     if as_json:
-        from harness.writing.numbers import as_json as text_of  # noqa: PLC0415
+        from harness.common.numbers import as_json as text_of  # noqa: PLC0415
 
         typer.echo(text_of(finished.metrics), nl=False)
 

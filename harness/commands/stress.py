@@ -52,12 +52,12 @@ def command(options: Options) -> None:
       python -m harness stress --scheduler tcp://host:8786
     """
     from harness.api import make_grid  # noqa: PLC0415
-    from harness.errors import RunError  # noqa: PLC0415
+    from harness.common.errors import RunError  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_grid(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
     if not quiet and (finished.summary["grid"]["replay"] or finished.summary["grid"]["mismatch"]):
-        from harness.writing.markdown import show_markdown  # noqa: PLC0415
+        from harness.common.markdown import show_markdown  # noqa: PLC0415
 
         show_markdown((finished.folder / "table.md").read_text(encoding="utf-8"), on_stderr=True)
     elif not quiet:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
+from harness.common.errors import InputError
 from harness.config.options import Option
-from harness.errors import InputError
 
 ABLATION_S = 30.0
 
@@ -116,7 +116,7 @@ def command(options: Options) -> None:
     if options["json"]:
         typer.echo(json.dumps(told.numbers))
     else:
-        from harness.writing.markdown import show_markdown  # noqa: PLC0415
+        from harness.common.markdown import show_markdown  # noqa: PLC0415
 
         show_markdown(told.text)
     typer.echo(f"written to {folder}", err=True)
@@ -176,9 +176,9 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
 def _make_transfer(
     plan: TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> _Told:
+    from harness.common.progress import progress_bar  # noqa: PLC0415
     from harness.study.transfer.transfer import MODELS, TEST_SETS, make_transfer_study  # noqa: PLC0415
     from harness.study.transfer.written import as_json, as_markdown, write_transfer  # noqa: PLC0415
-    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     before = "study transfer: recording, reading and fitting"
     with progress_bar("study transfer: predicting", MODELS * TEST_SETS, quiet, before) as advance:
@@ -188,9 +188,9 @@ def _make_transfer(
 
 
 def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool) -> _Told:
+    from harness.common.progress import progress_bar  # noqa: PLC0415
     from harness.study.published import MODELS, make_study  # noqa: PLC0415
     from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
-    from harness.writing.progress import progress_bar  # noqa: PLC0415
 
     runs = plan.runs if plan.study in MODELS else 1
     title = f"study {plan.study}"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harness.common.errors import InputError
+from harness.common.numbers import without_nan
 from harness.comparison.arms import Arms, measure
 from harness.comparison.pairing import pair
 from harness.comparison.single import FOLLOWED, compare_runs, notes_of
@@ -26,12 +28,10 @@ from harness.comparison.verdicts import (
     name_of,
 )
 from harness.comparison.why import Why
-from harness.errors import InputError
 from harness.grid.rows import column_of
 from harness.scoring import existence, in_plain_view
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.scoring.quantity import Quantity
-from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.common.effects import Effect, neighbours_effect
+from harness.common.errors import InputError
 from harness.comparison.arms import lost_values
-from harness.comparison.effects import Effect, neighbours_effect
 from harness.comparison.evidence import COMPARE, evidence_of
 from harness.comparison.sources import Source
 from harness.comparison.vehicles import (
@@ -24,7 +25,6 @@ from harness.comparison.vehicles import (
 )
 from harness.comparison.verdicts import Measured, Rules, compared_quantities
 from harness.comparison.why import Why, failures
-from harness.errors import InputError
 from harness.grid.rows import column_of
 from harness.runfolder import folder as runfolder
 from harness.scoring.errors import scored_rows

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.common.errors import InputError
 from harness.comparison.verdicts import compared_quantities
-from harness.errors import InputError
 from harness.grid.cells import MISMATCH, RECORDING
 from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.rows import flattened

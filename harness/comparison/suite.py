@@ -6,15 +6,15 @@ import shutil
 import sys
 from pathlib import Path
 
+from harness.common.errors import InputError
+from harness.common.files import replacing
 from harness.comparison.sources import STANDARD
-from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.making import TABLE, Telling
 from harness.grid.pool import run_cells
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.runfolder import folder as runfolder
-from harness.writing.files import replacing
 
 SUITES = {
     STANDARD: GridRequest(

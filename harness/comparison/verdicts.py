@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.comparison.effects import LEVEL, Effect
+from harness.common.effects import LEVEL, Effect
 from harness.scoring import closedloop
 from harness.scoring.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics import quantities

@@ -8,6 +8,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.common.markdown import markdown_table
 from harness.comparison.compare import Comparison
 from harness.comparison.verdicts import (
     BETTER,
@@ -20,7 +21,6 @@ from harness.comparison.verdicts import (
     quantity_of,
 )
 from harness.comparison.why import CAUSES, KINDS, Failure, Why, link_to, moment_of
-from harness.writing.markdown import markdown_table
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")

@@ -13,8 +13,8 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
+from harness.common.errors import InputError
 from harness.config.model import SensorConfig
-from harness.errors import InputError
 from harness.sensor.profiles import has_all_figures, is_built_in
 
 # Where a configuration may name a module, and the option that names it in person.

@@ -14,15 +14,15 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
+from harness.common.error_text import first_problem
+from harness.common.errors import InputError
+from harness.common.files import write_text
+from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file, checked_path
 from harness.config.consent import check_modules, check_sensor_of_folder
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
-from harness.errors import InputError
-from harness.inputs import MOST_SETTINGS_BYTES, check_file, checked_path
 from harness.runfolder import folder as runfolder
 from harness.sensor.profiles import is_built_in, sensor_settings
-from harness.writing.files import write_text
-from harness.writing.problems import first_problem
 from mmpf.settings import fields_of
 
 Table = dict[str, Any]

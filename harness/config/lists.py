@@ -6,7 +6,7 @@ import math
 import re
 from decimal import Decimal, InvalidOperation
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 MOST_VALUES = 100_000
 MOST_SEED = 2**31 - 1

@@ -16,8 +16,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_type_hints
 
-from harness.errors import InputError
-from harness.inputs import checked_path
+from harness.common.errors import InputError
+from harness.common.untrusted_files import checked_path
 
 TRAFFIC, TRACKING, RESULT = "Traffic and sensor", "Tracker", "Configuration and result"
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.common.errors import InputError
 from harness.decisions import drivers as _registered  # noqa: F401  they register themselves
 from harness.decisions.belief import LEADERS, Belief, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.drivers.following import PARAMETERS
 from harness.decisions.drivers.protocol import Command, Driver, drivers
-from harness.errors import InputError
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.registry import UnknownNameError
 from mmpf.road import Road

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.common.errors import InputError
 from harness.driving.following import Following, following_windows
 from harness.driving.recording import Recording
-from harness.errors import InputError
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray

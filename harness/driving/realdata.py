@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 VARIABLE = "MMPF_REALDATA"
 PARAMETER = "real_data"

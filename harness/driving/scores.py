@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from harness.common.bootstrap import bootstrap_ci, independent_ci
 from harness.driving.cases import Cases
 from harness.driving.filtering import Cloud
-from harness.scoring.statistics import bootstrap_ci, independent_ci
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
 from harness.truth.frame import STEP_S

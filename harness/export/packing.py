@@ -7,8 +7,8 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.errors import InputError
-from harness.inputs import unpacked
+from harness.common.errors import InputError
+from harness.common.untrusted_files import unpacked
 
 SUFFIXES = (".xml", ".csv")
 HEAD_BYTES = 1 << 16

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.scene import (
     ELLIPSE_SCALE,

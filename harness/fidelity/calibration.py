@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import write_text
 from harness.fidelity import candidate as outcome
 from harness.fidelity.candidate import (
     Candidate,
@@ -25,7 +26,6 @@ from harness.fidelity.simulate import RunJob, say_roughly_all, simulate_all
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
-from harness.writing.files import write_text
 
 # The first steps go almost all the way; later ones follow less what differs from seed to seed.
 LAST_STEP = 0.3

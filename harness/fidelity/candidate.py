@@ -10,13 +10,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from harness.common.files import write_toml
 from harness.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.fidelity.samples import VehicleStatistics
 from harness.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics, targets
 from harness.truth.network.demand import DENSITY_RANGE, Drivers, Equilibrium
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
-from harness.writing.files import write_toml
 
 WAVE_PERIOD_S = 120.0
 FIRST_AMPLITUDE = 0.7

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import wasserstein_distance
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.fidelity.fields import Fields, read_fields
 from harness.fidelity.lanes import LaneShare, lane_shares
 from harness.fidelity.measured import MeasuredSite, measure, read_measured

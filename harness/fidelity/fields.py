@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import NO_LANE

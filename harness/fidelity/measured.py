@@ -10,14 +10,14 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import write_toml
+from harness.common.numbers import rounded
 from harness.fidelity.fields import Fields
 from harness.fidelity.samples import VehicleStatistics, recorded_samples, recording_files
 from harness.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import read_toml
-from harness.writing.files import write_toml
-from harness.writing.numbers import rounded
 
 PART_S = 300.0
 MEASURED_COMMENT = "Made from recordings by `python -m harness calibrate --fields ... --recordings ... --write`."

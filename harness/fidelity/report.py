@@ -13,15 +13,15 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import save_figure, write_text
+from harness.common.markdown import markdown_table
+from harness.common.plots import strip
 from harness.fidelity.comparison import Distance, Fidelity, Period
 from harness.fidelity.fields import Fields
 from harness.fidelity.lanes import LaneShare
 from harness.fidelity.samples import UNITS
 from harness.fidelity.statistics import QUARTERS, Target
-from harness.writing.files import save_figure, write_text
-from harness.writing.markdown import markdown_table
-from harness.writing.plots import strip
 from mmpf.compute.arrays import FloatArray
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.fidelity.statistics import MAIN_LANES
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.fcd import declares_types

@@ -10,11 +10,11 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.process import BaseProcess
 from threading import Thread
 
+from harness.common.durations import say_roughly
 from harness.fidelity.fields import Fields, fields_from_frames
 from harness.fidelity.samples import Sampler, Samples
 from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import open_traffic
-from harness.writing.rough import say_roughly
 
 SECONDS_PER_MINUTE = 7.0
 """Processor time of a simulated minute of rush hour."""

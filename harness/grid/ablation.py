@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.common.bootstrap import independent_ci
+from harness.common.files import write_results
+from harness.common.markdown import markdown_table
 from harness.grid.grid import GridRequest
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import independent_ci
-from harness.writing.files import write_results
-from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
 
 DEFAULT = "mmpf"

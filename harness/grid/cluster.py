@@ -8,7 +8,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.grid.cells import Cell
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.rows import Row, failed_row

@@ -16,10 +16,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
 from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
-from harness.errors import InputError
 from harness.grid.cells import DEMAND, DENSITY, NET, RECORDING, Cell, Grid, PlannedRun
 from harness.grid.worlds import chosen_worlds
 from harness.runfolder.folder import is_run_folder

@@ -10,11 +10,11 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import is_temporary
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.lock import LOCK, lock_within
-from harness.writing.files import is_temporary
 
 ROWS, RUNS, GRID, KEPT, FIGURES = "runs", "runs.parquet", "grid.json", "kept", "figures"
 

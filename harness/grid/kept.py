@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.common.files import write_text
+from harness.common.numbers import as_json
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
 from harness.grid.cells import Cell
@@ -20,8 +22,6 @@ from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.runfolder.tables import RunTables, write_table
 from harness.running.keeping import tables_of
 from harness.scoring import ScoredRun
-from harness.writing.files import write_text
-from harness.writing.numbers import as_json
 from mmpf.road import Road
 
 if TYPE_CHECKING:

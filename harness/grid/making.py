@@ -10,7 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from harness.errors import RunError, RunInterruptedError
+from harness.common.durations import say_roughly
+from harness.common.errors import RunError, RunInterruptedError
+from harness.common.files import write_text
+from harness.common.numbers import without_nan
+from harness.common.progress import progress_bar
 from harness.grid.cells import Cell, Grid
 from harness.grid.expected import expected_s, work_s
 from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
@@ -19,10 +23,6 @@ from harness.grid.rows import Row, read_rows, write_row
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.writing.files import write_text
-from harness.writing.numbers import without_nan
-from harness.writing.progress import progress_bar
-from harness.writing.rough import say_roughly
 
 SUMMARY, TABLE = "summary.json", "table.md"
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.common.bootstrap import few_groups_ci
+from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
 from harness.grid.cells import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from harness.grid.rows import column_of
 from harness.grid.worlds import AS_IS
-from harness.scoring.statistics import few_groups_ci
-from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import FloatArray
 from mmpf.settings import fields_of
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
+from harness.common.errors import InputError
 from harness.config.options import Option, setting_words
-from harness.errors import InputError
 from harness.grid.worlds import USUAL
 
 if TYPE_CHECKING:

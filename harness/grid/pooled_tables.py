@@ -8,11 +8,11 @@ from dataclasses import astuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from harness.common.markdown import markdown_table
+from harness.common.plots import label_ends
 from harness.grid.coasting import COASTING
 from harness.grid.pooled import HiddenError, Pooled, pooled_quantities
 from harness.grid.tables import COLOURS, value_cell
-from harness.writing.markdown import markdown_table
-from harness.writing.plots import label_ends
 
 TITLE = "Recorded traffic"
 

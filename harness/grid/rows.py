@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harness.common.files import write_text
 from harness.grid.cells import DENSITY, MISMATCH, RECORDING, Grid, PlannedRun
-from harness.writing.files import write_text
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -10,15 +10,15 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import save_figure, write_text
+from harness.common.numbers import without_nan
 from harness.grid.cells import MISMATCH, RECORDING, Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.gridfolder import FIGURES, RUNS
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.rows import Row, assemble
 from harness.grid.summary import Break, Point, breaks, curve_points
-from harness.writing.files import save_figure, write_text
-from harness.writing.numbers import without_nan
 
 if TYPE_CHECKING:
     import pandas as pd

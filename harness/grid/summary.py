@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.common.bootstrap import few_groups_ci
 from harness.grid import common_steps
 from harness.grid.cells import NET
 from harness.grid.rows import column_of
 from harness.scoring.quantity import Quantity
-from harness.scoring.statistics import few_groups_ci
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.common.markdown import markdown_table
 from harness.grid.cells import NET
 from harness.grid.coasting import COASTING
 from harness.grid.summary import (
@@ -25,7 +26,6 @@ from harness.grid.summary import (
     told_quantities,
 )
 from harness.scoring.quantity import Quantity
-from harness.writing.markdown import markdown_table
 
 if TYPE_CHECKING:
     from harness.grid.pooled import Mean

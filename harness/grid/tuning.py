@@ -24,8 +24,8 @@ from dataclasses import asdict, dataclass
 from functools import cache, partial
 from time import perf_counter
 
+from harness.common.errors import InputError
 from harness.config.model import RunConfig, SensorConfig
-from harness.errors import InputError
 from harness.grid.pool import ONE_THREAD
 from harness.grid.tuning_file import Outcome, write_outcome
 from harness.grid.tuning_search import Found, Scores, Trial, check_installed, search

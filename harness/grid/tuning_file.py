@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.common.files import write_text
 from harness.grid.tuning_search import OBJECTIVE, Found, Trial
 from harness.grid.tuning_spaces import DEFAULTS_IN_CODE, Range
-from harness.writing.files import write_text
 
 
 @dataclass(frozen=True)

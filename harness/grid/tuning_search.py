@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.grid.tuning_spaces import Choices, End, Options, Range, is_searched, short
 
 HIDDEN_COST_PER_M = 5.0

@@ -11,7 +11,7 @@ import difflib
 import re
 from collections.abc import Mapping
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.sensor.settings import SensorSettings
 
 AS_IS = "as is"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.runfolder import folder as runfolder
 
 TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")

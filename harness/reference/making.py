@@ -7,13 +7,13 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import replacing, write_text
 from harness.reference.differing import processor_kind
 from harness.reference.registry import FOLDER, Reference
 from harness.reference.tree import changes, revision, sources_of, tracked
 from harness.runfolder import folder as runfolder
 from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.writing.files import replacing, write_text
 
 MAKING = Path("results") / "making"
 KEPT = (".json", ".md", ".parquet", ".png", ".svg")

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 FOLDER = Path("results") / "reference"
 TABLES = FOLDER / "tables.toml"

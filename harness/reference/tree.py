@@ -6,7 +6,7 @@ import hashlib
 import subprocess
 from pathlib import Path
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.reference.registry import FOLDER
 
 SOURCES = ("mmpf", "harness", "networks", "constraints.txt")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from harness.closedloop.drive import FinishedDrives
+from harness.common.progress import progress_bar
 from harness.grid.gridfolder import KEPT
 from harness.report.folderpage import write_page
 from harness.report.page import PAGE, write_run_page
 from harness.runfolder import folder as runfolder
-from harness.writing.progress import progress_bar
 
 
 def write_drive_pages(finished: FinishedDrives, quiet: bool) -> None:

@@ -11,9 +11,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.common.plots import mark_new_egos, stretch_s, strip
 from harness.report.scene import BLUE, GREEN, ORANGE, VERMILION, Scene, scene_figure
 from harness.running.run import Pictured
-from harness.writing.plots import mark_new_egos, stretch_s, strip
 from mmpf.compute.arrays import FloatArray, IntArray
 
 COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION}

@@ -13,11 +13,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
 from harness.config.consent import check_sensor_of_folder
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
-from harness.errors import InputError
-from harness.inputs import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
 from harness.runfolder import folder as runfolder
 from harness.runfolder.checks import Until
 from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats

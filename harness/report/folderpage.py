@@ -12,8 +12,9 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
 
+from harness.common.errors import InputError
+from harness.common.files import write_text
 from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
-from harness.errors import InputError
 from harness.grid.cells import NET
 from harness.grid.tables import AXIS_LABELS
 from harness.report.charts.chart import Charts
@@ -24,7 +25,6 @@ from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
 from harness.scoring.metrics import quantities
-from harness.writing.files import write_text
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from harness.common.errors import InputError
 from harness.comparison.verdicts import compared_quantities
-from harness.errors import InputError
 from harness.grid.cells import DENSITY, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.gridfolder import GRID, KEPT, RUNS

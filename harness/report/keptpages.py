@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from harness.common.files import write_text
+from harness.common.progress import progress_bar
 from harness.comparison.compare import compare
 from harness.comparison.sources import open_source
 from harness.grid.cells import Cell, PlannedRun
@@ -13,8 +15,6 @@ from harness.report.gridruns import BESIDE, plan_of
 from harness.report.page import PAGE, write_run_page
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
-from harness.writing.files import write_text
-from harness.writing.progress import progress_bar
 
 
 def write_kept_pages(folder: Path, quiet: bool) -> None:

@@ -13,7 +13,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import write_text
 from harness.report.charts.chart import Charts, charts_data, library
 from harness.report.charts.run import error_charts, visibility_charts
 from harness.report.decisiongallery import GALLERY as DECISIONS
@@ -29,7 +30,6 @@ from harness.report.vehicles import vehicle_table
 from harness.report.withheld import withheld_words
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
-from harness.writing.files import write_text
 
 PAGE = "report.html"
 MARK = b"his page is one file and needs no network"

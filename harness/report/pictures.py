@@ -8,7 +8,8 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import save_figure
 from harness.grid.grid import title_of
 from harness.grid.gridfolder import RUNS
 from harness.grid.summary import curve_points
@@ -27,7 +28,6 @@ from harness.report.gridruns import plan_of
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
-from harness.writing.files import save_figure
 
 PNG, SVG, PDF = KINDS = ("png", "svg", "pdf")
 # What would change from one drawing to the next: the date, and numbers that tell a file's parts apart.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from harness.writing.files import save_figure
+from harness.common.files import save_figure
 
 
 def strips_in(folder: Path, kind: str) -> list[Path]:

@@ -13,8 +13,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.errors import InputError
-from harness.inputs import MB, MOST_TABLE_BYTES, check_file
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MB, MOST_TABLE_BYTES, check_file
 
 MOST_ROWS, MOST_COLUMNS, MOST_CELLS = 60_000_000, 5_000, 1_500_000_000
 LONGEST_TEXT = 2_000

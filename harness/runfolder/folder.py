@@ -19,13 +19,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from harness.errors import InputError
-from harness.inputs import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
+from harness.common.errors import InputError
+from harness.common.files import write_text
+from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
 from harness.runfolder import ownership
 from harness.runfolder.checks import Until, check_kinds, check_order, check_rows, read_parquet
 from harness.runfolder.graphs import graph_of, graph_table, walls_of
 from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
-from harness.writing.files import write_text
 from mmpf.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"

@@ -9,8 +9,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from harness.common.files import replacing
 from harness.runfolder.tables import write_table
-from harness.writing.files import replacing
 
 PART = ".part"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 LOCK = ".mmpf-harness-lock"
 # A file system that knows no locks; the runs on it go without.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from harness.writing.files import write_text
+from harness.common.files import write_text
 
 PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
 

@@ -11,9 +11,9 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.files import is_temporary, write_text
 from harness.runfolder.lock import LOCK
-from harness.writing.files import is_temporary, write_text
 
 LEDGER = ".mmpf-harness.json"
 PROGRAM = "mmpf-harness"

@@ -12,6 +12,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from harness.common.files import replacing
 from harness.sensor.observation import VISIBILITY_STATES, Look, Observation
 from harness.truth.frame import (
     DIRECTION_COLUMN,
@@ -24,7 +25,6 @@ from harness.truth.frame import (
     WINDOW_COLUMNS,
     Frame,
 )
-from harness.writing.files import replacing
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES, Tracks

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from harness.common.errors import InputError
 from harness.config.model import BeliefsConfig
-from harness.errors import InputError
 from mmpf.lanes.graph import LaneGraph, without_map
 from mmpf.road import Lane, Road
 

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from harness.errors import RunError
+from harness.common.errors import RunError
 from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.looks import Looks, Streams
 from harness.running.memory import keep_freed_memory

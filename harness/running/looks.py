@@ -10,7 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.sensor.observation import Look, Observation, Sensor
 from harness.truth.frame import Frame, TruthSource
 from mmpf.road import Road

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.common.numbers import without_nan
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.scoring.metrics import completed
-from harness.writing.numbers import without_nan
 from mmpf.compute.arrays import FloatArray
 from mmpf.lanes.graph import LaneGraph
 from mmpf.road import NO_LANE, Road

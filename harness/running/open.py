@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.common.errors import InputError
 from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
-from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder

@@ -14,10 +14,14 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from harness.common.durations import say_roughly
+from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.files import write_text
+from harness.common.numbers import as_json
+from harness.common.progress import progress_bar, working
+from harness.common.signals import told_to_end
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
-from harness.ends import told_to_end
-from harness.errors import InputError, RunError, RunInterruptedError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.checks import rows_of
 from harness.runfolder.manifest import RunFacts, write_manifest
@@ -37,10 +41,6 @@ from harness.running.open import (
 )
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import Moment, MomentKeeper
-from harness.writing.files import write_text
-from harness.writing.numbers import as_json
-from harness.writing.progress import progress_bar, working
-from harness.writing.rough import say_roughly
 from mmpf.road import Road
 from mmpf.scan import SensorModel
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.common.bootstrap import cluster_bootstrap, sums_by_label
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import tracks_in_sight
-from harness.scoring.statistics import cluster_bootstrap, sums_by_label
 from harness.sensor.observation import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray
 

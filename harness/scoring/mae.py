@@ -13,12 +13,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from harness.common.bootstrap import cluster_bootstrap, group_sums
 from harness.scoring.evidence import Evidence
 from harness.scoring.hidden_outcomes import count_outcomes, hidden_outcomes
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
-from harness.scoring.statistics import cluster_bootstrap, group_sums
 from harness.sensor.observation import HIDDEN, PARTIAL, VISIBLE
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 

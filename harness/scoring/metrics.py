@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from harness.common.numbers import without_nan
 from harness.scoring import (
     calibration,
     conflicts,
@@ -31,7 +32,6 @@ from harness.scoring.evidence import Evidence, gather
 from harness.scoring.parts import Basis, InParts
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import ScoringSettings
-from harness.writing.numbers import without_nan
 from mmpf.registry import Registry
 
 Score = Callable[[Evidence], Mapping[str, object]]

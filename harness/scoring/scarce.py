@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 # A vehicle in sight in fewer than one step of so many says nothing of a tracker.
 FEWEST_A_STEP = 0.05

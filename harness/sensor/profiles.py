@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 from pydantic import ValidationError
 
-from harness.errors import InputError
+from harness.common.error_text import first_problem, what_it_raised
+from harness.common.errors import InputError
 from harness.sensor.settings import SensorSettings
-from harness.writing.problems import first_problem, what_it_raised
 from mmpf.registry import Registry, UnknownNameError
 
 # TOML can not say none.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from harness.writing.rough import say_roughly
+from harness.common.durations import say_roughly
 
 RECORDING_S = 8.0
 """Processor time of a recording."""

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.common.files import save_figure
+from harness.common.plots import label_ends
 from harness.driving.scores import mean_with_interval
 from harness.study.study import StudyResult
-from harness.writing.files import save_figure
-from harness.writing.plots import label_ends
 from mmpf.compute.arrays import FloatArray
 from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 

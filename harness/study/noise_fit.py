@@ -17,6 +17,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from harness.common.files import write_toml
 from harness.driving.cases import Cases
 from harness.driving.filtering import MeasurementNoise, follow, measure
 from harness.driving.scenarios import FIRST_TUNING_SEED
@@ -24,7 +25,6 @@ from harness.driving.scores import score
 from harness.study.published import MODELS, StudyPlan, cases_of_plan
 from harness.study.rival_noise import FILE, rivals
 from harness.truth.network.network import load_network
-from harness.writing.files import write_toml
 from mmpf.motion.kinematic import ProcessNoise, process_noise
 from mmpf.motion.protocol import MotionModel
 

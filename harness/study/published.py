@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.common.errors import InputError
 from harness.driving.cases import Cases, following_cases, lane_change_cases
 from harness.driving.changing import load_changes
 from harness.driving.filtering import MeasurementNoise
@@ -19,7 +20,6 @@ from harness.driving.scenarios import (
     record_scenarios,
     scenarios,
 )
-from harness.errors import InputError
 from harness.study.expected import say_roughly_predicted
 from harness.study.rival_noise import at_their_best
 from harness.study.study import COMPLETE, PARTIAL, StudyResult, run_study

@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from harness.common.files import write_results
+from harness.common.markdown import markdown_table
+from harness.common.numbers import rounded
 from harness.study.figures import draw_study
 from harness.study.study import StudyResult
-from harness.writing.files import write_results
-from harness.writing.markdown import markdown_table
-from harness.writing.numbers import rounded
 
 Row = Mapping[str, Any]
 DECIMALS = 5

@@ -14,9 +14,9 @@ from typing import cast
 
 from pydantic import ValidationError
 
-from harness.errors import InputError
+from harness.common.error_text import first_problem, what_it_raised
+from harness.common.errors import InputError
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
-from harness.writing.problems import first_problem, what_it_raised
 from mmpf.registry import UnknownNameError
 from mmpf.settings import Settings, fields_of
 

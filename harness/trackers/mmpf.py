@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 import mmpf.motion  # noqa: F401  fills the registry of motion models
+from harness.common.error_text import what_it_raised
 from harness.trackers.protocol import TrackerSetting, trackers
-from harness.writing.problems import what_it_raised
 from mmpf.motion.learned.driver import load_learned_driver
 from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.files import save_figure, write_text
+from harness.common.markdown import markdown_table
+from harness.common.plots import strip
 from harness.driving.cases import following_cases
 from harness.driving.filtering import follow
 from harness.driving.following import Following
 from harness.driving.scores import HORIZONS_S, score
-from harness.writing.files import save_figure, write_text
-from harness.writing.markdown import markdown_table
-from harness.writing.plots import strip
 from mmpf.learning.fit import SizeScore
 from mmpf.motion.protocol import MotionModel
 

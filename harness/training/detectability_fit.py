@@ -21,12 +21,12 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import beta, betabinom
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.markdown import markdown_table
 from harness.training.sensor_fit import KITTI_HELD_OUT, KITTI_LEAST_SCORE
 from harness.truth.recorded.detected.drive import Drive
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.origin import NOTHING, origins
-from harness.writing.markdown import markdown_table
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 WITHIN_M, LEAST_FRAMES, LONG_RUN_STEPS = 60.0, 10, 10

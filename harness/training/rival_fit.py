@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.files import write_toml
 from harness.driving.cases import Cases, following_cases
 from harness.driving.following import Following
 from harness.driving.scores import HORIZONS_S
-from harness.writing.files import write_toml
 from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic

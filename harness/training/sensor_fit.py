@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
+from harness.common.markdown import markdown_table
 from harness.sensor.settings import SensorSettings
 from harness.training.sensor_figures import (
     Ghostly,
@@ -33,7 +34,6 @@ from harness.training.sensor_records import gap_steps, seen_at_all
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.v2v4real import read_v2v4real
-from harness.writing.markdown import markdown_table
 
 FIRST_TRAINING_SEED = 1000
 RETURNS_WITHIN_M = (30.0, 50.0, 80.0, 150.0)

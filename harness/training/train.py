@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.durations import say_roughly
+from harness.common.errors import InputError
 from harness.driving.cases import cases_of, lane_change_cases
 from harness.driving.changing import LaneChanges, changes_to_one_side_per_s, load_changes
 from harness.driving.following import STEPS, Following, load_following
@@ -19,7 +21,6 @@ from harness.driving.scenarios import (
     record_scenarios,
     scenarios,
 )
-from harness.errors import InputError
 from harness.training.card import errors_by_regime, write_card
 from harness.training.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
 from harness.training.driver_fit import (
@@ -33,7 +34,6 @@ from harness.training.driver_fit import (
 from harness.training.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
-from harness.writing.rough import say_roughly
 from mmpf.compute.arrays import FloatArray
 from mmpf.learning.fit import SizeScore, sweep_sizes
 from mmpf.learning.recovery import RecoveryGains, recovery_samples

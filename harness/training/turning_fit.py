@@ -9,14 +9,14 @@ from typing import cast
 
 import numpy as np
 
+from harness.common.durations import say_roughly
+from harness.common.errors import InputError
+from harness.common.files import write_text
 from harness.driving.onmap import OnMap, on_map
 from harness.driving.recording import Scenario, load_all
 from harness.driving.scenarios import record_scenarios
-from harness.errors import InputError
 from harness.training.card import write_card
 from harness.truth.network.network import Network
-from harness.writing.files import write_text
-from harness.writing.rough import say_roughly
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.lanes.control import YIELD
 from mmpf.lanes.graph import NOWHERE, LaneGraph

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from harness import exitcodes
+from harness.common import exit_codes
 from tests.fuzz.watched import run_cases
 
 CASES, SEED = int(os.environ.get("HARNESS_FUZZ_CASES", "36")), int(os.environ.get("HARNESS_FUZZ_SEED", "1"))
@@ -33,4 +33,4 @@ def test_no_spoilt_input_ends_in_a_traceback_a_hang_or_an_unknown_exit_code(tmp_
     faults = [f"{case.number} {case.kind}: {case.fault()}: {case.command}\n{case.stderr[-1500:]}" for case in faulty]
     assert not faults, "\n\n".join(faults)
     codes = Counter(case.code for case in cases)
-    assert codes[exitcodes.WRONG_INPUT] > CASES / 4, "hardly anything was refused: the inputs are no test"
+    assert codes[exit_codes.WRONG_INPUT] > CASES / 4, "hardly anything was refused: the inputs are no test"

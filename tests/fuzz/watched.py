@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness import exitcodes
+from harness.common import exit_codes
 
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 60.0
@@ -39,10 +39,10 @@ class Case:
             return self.stderr or "the process died"
         if "Traceback" in self.stderr:
             return "traceback"
-        if self.code not in exitcodes.MEANINGS or self.code == exitcodes.INTERNAL:
+        if self.code not in exit_codes.MEANINGS or self.code == exit_codes.INTERNAL:
             return f"exit code {self.code}"
         lines = [line for line in self.stderr.splitlines() if line.startswith("error:")]
-        if self.code == exitcodes.WRONG_INPUT and len(lines) != 1:
+        if self.code == exit_codes.WRONG_INPUT and len(lines) != 1:
             return f"{len(lines)} lines of error"
         return ""
 

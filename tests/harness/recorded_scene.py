@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from harness.common.numbers import as_json
 from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
 from harness.runfolder import folder as runfolder
@@ -23,7 +24,6 @@ from harness.runfolder.tables import write_table
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.scoring import score_run
-from harness.writing.numbers import as_json
 from mmpf.road import Road, highway
 
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0

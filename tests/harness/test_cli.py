@@ -12,9 +12,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness import cli, exitcodes
+from harness import cli
 from harness.cli import run_command_line
-from harness.errors import InputError, RunError, RunInterruptedError
+from harness.common import exit_codes
+from harness.common.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
 ROOT = Path(__file__).parents[2]
@@ -123,10 +124,10 @@ def test_an_error_of_the_program_is_no_verdict(capsys, monkeypatch):
 
     monkeypatch.setattr("harness.commands.nets.command", fail)
     code, _, err = complaint(["nets"], capsys)
-    assert code == exitcodes.INTERNAL
-    assert code not in (exitcodes.DONE, exitcodes.WORSE, exitcodes.UNDECIDED)
+    assert code == exit_codes.INTERNAL
+    assert code not in (exit_codes.DONE, exit_codes.WORSE, exit_codes.UNDECIDED)
     assert "a fault" in err
-    assert set(exitcodes.MEANINGS) == {0, 1, 2, 3, 70, 129, 130, 141, 143}
+    assert set(exit_codes.MEANINGS) == {0, 1, 2, 3, 70, 129, 130, 141, 143}
 
 
 def test_overview_loads_nothing_heavy():

@@ -7,8 +7,8 @@ import re
 import signal
 from pathlib import Path
 
-from harness import exitcodes
-from harness.ends import CODES
+from harness.common import exit_codes
+from harness.common.signals import CODES
 
 ROOT = Path(__file__).parents[2]
 
@@ -20,23 +20,23 @@ def table() -> dict[int, str]:
 
 
 def test_the_documented_exit_codes_are_the_codes_of_the_program():
-    assert table() == exitcodes.MEANINGS
-    named = {value for name, value in vars(exitcodes).items() if name.isupper() and isinstance(value, int)}
-    assert named == set(exitcodes.MEANINGS)
+    assert table() == exit_codes.MEANINGS
+    named = {value for name, value in vars(exit_codes).items() if name.isupper() and isinstance(value, int)}
+    assert named == set(exit_codes.MEANINGS)
 
 
 def test_an_internal_error_and_a_signal_share_no_code_with_a_verdict():
-    verdicts = {exitcodes.DONE, exitcodes.WORSE, exitcodes.UNDECIDED, exitcodes.WRONG_INPUT}
-    assert exitcodes.INTERNAL not in verdicts
+    verdicts = {exit_codes.DONE, exit_codes.WORSE, exit_codes.UNDECIDED, exit_codes.WRONG_INPUT}
+    assert exit_codes.INTERNAL not in verdicts
     # Python ends with 1 by itself where an error gets through, and with 2 on wrong options of its own.
-    assert exitcodes.INTERNAL not in (0, 1, 2)
+    assert exit_codes.INTERNAL not in (0, 1, 2)
     assert not verdicts & set(CODES.values())
 
 
 def test_a_signals_code_is_what_a_shell_says_of_it():
     expected = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
     assert expected == CODES
-    assert exitcodes.READER_GONE == 128 + signal.SIGPIPE
+    assert exit_codes.READER_GONE == 128 + signal.SIGPIPE
 
 
 def test_no_command_ends_with_a_number_of_its_own():

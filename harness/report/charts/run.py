@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.common.plots import stretch_s
 from harness.report.charts.chart import HIT_AREA, STATES, Chart, Charts, Spec, colour_by, spec_of, strength, told
 from harness.report.figures import COLOURS, ERROR_COLUMNS, NAMES, means_over_time
-from harness.writing.plots import stretch_s
 
 LINES = tuple(STATES.items())
 OVER_TIME_NOTE = (

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.errors import InputError
 from harness.driving.cases import Cases, cases_of
 from harness.driving.following import Following, following_windows, join
 from harness.driving.pairs import recording_of
-from harness.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble, check_one_road

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.common.bootstrap import bootstrap_ci
 from harness.driving.scores import RESAMPLES, Scores
-from harness.scoring.statistics import bootstrap_ci
 from harness.study.transfer.models import ON_NOTHING, ON_REAL, ON_SUMO, UNTRAINED, TrainedModel
 from harness.study.transfer.traffic import HeldOutPart
 from mmpf.compute.arrays import FloatArray

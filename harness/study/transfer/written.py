@@ -11,14 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.common.files import save_figure, write_results
+from harness.common.markdown import markdown_table
+from harness.common.numbers import rounded
 from harness.study.figures import COLOURS
 from harness.study.transfer.models import ON_BOTH, ON_REAL
 from harness.study.transfer.transfer import TransferResult
 from harness.study.transfer.verdicts import Comparison
 from harness.study.written import DECIMALS, error_cell, setting_line
-from harness.writing.files import save_figure, write_results
-from harness.writing.markdown import markdown_table
-from harness.writing.numbers import rounded
 
 if TYPE_CHECKING:
     from harness.study.transfer.traffic import HeldOutPart

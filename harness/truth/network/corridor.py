@@ -11,7 +11,7 @@ from xml.sax import SAXException
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Lane, Road
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import ConfigDict, Field
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from mmpf.settings import WithoutTruthValues
 
 DENSITY_RANGE = (5.0, 65.0)

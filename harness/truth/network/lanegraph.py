@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.graphlimits import graph_problem
 from harness.truth.network.linkcontrol import read_control

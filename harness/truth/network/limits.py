@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, ParseError, iterparse
 
-from harness.errors import InputError
-from harness.inputs import MB, check_file, number, unpacked
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MB, check_file, number, unpacked
 
 MOST_BYTES = 1024 * MB
 MOST_LANES = 500_000

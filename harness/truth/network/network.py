@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
-from harness.inputs import checked_path
+from harness.common.errors import InputError
+from harness.common.untrusted_files import checked_path
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
 from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph

@@ -9,10 +9,10 @@ from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from harness.errors import InputError
-from harness.inputs import MOST_SETTINGS_BYTES, check_file
+from harness.common.error_text import first_problem
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file
 from harness.truth.network.demand import DENSITY_RANGE, Drivers
-from harness.writing.problems import first_problem
 from mmpf.settings import WithoutTruthValues
 
 METADATA_FILE = "network.toml"

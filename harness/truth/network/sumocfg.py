@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import ParseError, parse
 
-from harness.errors import InputError
-from harness.inputs import MOST_SETTINGS_BYTES, check_file, number
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file, number
 from harness.truth.network.limits import check_xml
 
 FILE_OPTIONS = {

@@ -8,7 +8,7 @@ from xml.sax import SAXException
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.limits import check_xml
 from mmpf.compute.arrays import FloatArray
 

@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
 
-from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, number, unpacked
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_TABLE_BYTES, number, unpacked
 from harness.truth.recorded.laneletgraph import are_one_road, plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.compute.arrays import FloatArray, IntArray

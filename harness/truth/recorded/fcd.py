@@ -16,8 +16,8 @@ from xml.etree.ElementTree import ParseError, iterparse
 
 import numpy as np
 
-from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, number, unpacked
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_TABLE_BYTES, number, unpacked
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road

@@ -14,8 +14,8 @@ from typing import cast
 
 import numpy as np
 
-from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, check_file, checked_path, unpacked
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded import outside
 from harness.truth.recorded.detected.drive import Drive

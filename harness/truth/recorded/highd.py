@@ -12,8 +12,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from harness.errors import InputError
-from harness.inputs import number
+from harness.common.errors import InputError
+from harness.common.untrusted_files import number
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Lane, Road

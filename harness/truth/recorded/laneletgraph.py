@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.graphlimits import graph_problem
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.compute.arrays import FloatArray, IntArray, wrapped

@@ -19,8 +19,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from harness.errors import InputError
-from harness.inputs import MOST_TABLE_BYTES, unpacked
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_TABLE_BYTES, unpacked
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows
 from mmpf.compute.arrays import IntArray, StringArray
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.error_text import what_it_raised
+from harness.common.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from harness.writing.problems import what_it_raised
 from mmpf.registry import Registry, UnknownNameError
 from mmpf.road import Road
 

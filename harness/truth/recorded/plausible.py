@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.recorded.order import Stays
 from mmpf.compute.arrays import BoolArray, FloatArray
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.order import MOST_ROWS, Stays
 from harness.truth.recorded.rows import Rows

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.egos import EACH, EgoStay, plan_egos
 from harness.truth.recorded.formats import NOT_UNDERSTOOD, read_traffic

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import EVERYWHERE, STEP_S, Frame
 from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import completed

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.network import Network
 from harness.truth.sumo.fill import Placement
 from harness.truth.sumo.population import Vehicle, draw_vehicle

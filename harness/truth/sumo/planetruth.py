@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import Network

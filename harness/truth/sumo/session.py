@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
-from harness.errors import InputError, RunError, SumoError
+from harness.common.errors import InputError, RunError, SumoError
 from harness.truth.sumo.window import FIRST_ERROR, SumoWindow, open_window
 
 QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
-from harness.errors import InputError, RunError, SumoError
+from harness.common.errors import InputError, RunError, SumoError
 from harness.truth.frame import STEP_S, Frame, TruthSource
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.limits import check_xml, write_without_outputs

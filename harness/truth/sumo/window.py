@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from threading import Timer
 from typing import TYPE_CHECKING, Any
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 if TYPE_CHECKING:
     from traci.connection import Connection

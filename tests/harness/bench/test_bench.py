@@ -12,7 +12,7 @@ from harness.bench.measure import SETTLING_STEPS, Contender, Stepping, as_row, t
 from harness.bench.scene import bench_scene
 from harness.bench.written import plot
 from harness.cli import run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 

@@ -9,7 +9,7 @@ from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, GAP, STOPPED, DriveRequest, plan_drives
 from harness.commands.drive import make_drives
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.grid.worker import Finished
 from harness.runfolder.folder import read_table
 from harness.scoring.closedloop import COLLIDED

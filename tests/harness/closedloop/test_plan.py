@@ -3,7 +3,7 @@
 import pytest
 
 from harness.closedloop.plan import BRAKE, CROSS, FREE, GAP, DriveRequest, plan_drives, with_truth
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 
 def request(**changes):

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
 from harness.comparison.arms import Arms, Layout, lost_values, measure
-from harness.comparison.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
 from harness.comparison.pairing import pair
 from harness.comparison.verdicts import (
     BETTER,

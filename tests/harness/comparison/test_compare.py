@@ -11,8 +11,9 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from harness import exitcodes
 from harness.cli import run_command_line
+from harness.common import exit_codes
+from harness.common.errors import InputError
 from harness.comparison.compare import Comparison, compare
 from harness.comparison.single import compare_runs
 from harness.comparison.sources import open_source
@@ -28,7 +29,6 @@ from harness.comparison.verdicts import (
 )
 from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
 from harness.runfolder.tables import write_table
@@ -90,9 +90,9 @@ def test_what_was_not_named_beforehand_is_described_with_its_interval(tmp_path):
 def test_other_metrics_get_a_verdict_where_they_are_named(tmp_path, capsys):
     a = grid_folder(tmp_path / "a", mae__hidden__lon_m=wobbling(1.0))
     b = grid_folder(tmp_path / "b", mae__hidden__lon_m=wobbling(2.0, 1))
-    assert run_command_line(["compare", a, b, "--quiet"]) == exitcodes.DONE
-    assert run_command_line(["compare", a, b, "--quiet", "--primary", "mae.hidden.lon_m"]) == exitcodes.WORSE
-    assert run_command_line(["compare", a, b, "--primary", "mae.hidden.lon"]) == exitcodes.WRONG_INPUT
+    assert run_command_line(["compare", a, b, "--quiet"]) == exit_codes.DONE
+    assert run_command_line(["compare", a, b, "--quiet", "--primary", "mae.hidden.lon_m"]) == exit_codes.WORSE
+    assert run_command_line(["compare", a, b, "--primary", "mae.hidden.lon"]) == exit_codes.WRONG_INPUT
     assert "--primary mae.hidden.lon: no such metric" in capsys.readouterr().err
 
 
@@ -103,7 +103,7 @@ def test_a_catastrophe_is_worse_with_few_seeds_and_never_no_difference(seeds, tm
     lost = {"mot__hota": wobbling(65.0, 1), "hidden__hidden_cost_m": wobbling(5.0, 1)}
     a = grid_folder(tmp_path / "a", range(seeds), occlusion__same_id_percent=wobbling(98.0), **kept)
     b = grid_folder(tmp_path / "b", range(seeds), occlusion__same_id_percent=wobbling(2.0), **lost)
-    assert run_command_line(["compare", a, b]) == exitcodes.WORSE
+    assert run_command_line(["compare", a, b]) == exit_codes.WORSE
     told = capsys.readouterr().err
     assert "Worse: b is worse in HOTA" in told
     assert "no difference" not in told
@@ -113,11 +113,11 @@ def test_want_of_data_is_undecided_with_code_three_and_says_what_would_decide_it
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, 10))
     a = grid_folder(tmp_path / "a", range(4), mot__hota=lambda seed: 90.0 + 20.0 * noise[0, seed])
     b = grid_folder(tmp_path / "b", range(4), mot__hota=lambda seed: 89.0 + 20.0 * noise[1, seed])
-    assert run_command_line(["compare", a, b]) == exitcodes.UNDECIDED
+    assert run_command_line(["compare", a, b]) == exit_codes.UNDECIDED
     told = " ".join(capsys.readouterr().err.split())
     assert "Undecided" in told
     assert "more seeds would decide it" in told
-    assert run_command_line(["compare", a, b, "--quiet", "--allow-undecided"]) == exitcodes.DONE
+    assert run_command_line(["compare", a, b, "--quiet", "--allow-undecided"]) == exit_codes.DONE
 
 
 def test_the_time_of_a_step_is_judged_as_a_ratio_within_one_stress_test_only(tmp_path):
@@ -301,9 +301,9 @@ HOPELESS = {
 def test_what_is_hopeless_is_undecided_and_never_passes(change, tmp_path, capsys):
     a = grid_folder(tmp_path / "a")
     b = edited(a, change)
-    assert run_command_line(["compare", a, b]) == exitcodes.UNDECIDED
+    assert run_command_line(["compare", a, b]) == exit_codes.UNDECIDED
     assert "No worse" not in capsys.readouterr().err
-    assert run_command_line(["compare", a, b, "--json", "--quiet"]) == exitcodes.UNDECIDED
+    assert run_command_line(["compare", a, b, "--json", "--quiet"]) == exit_codes.UNDECIDED
     assert json.loads(capsys.readouterr().out)["reasons"]
 
 
@@ -318,24 +318,24 @@ def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):
     whole = str(tmp_path / "whole")
     lost = edited(whole, lambda table: table.assign(succeeded=table["model"] == "cvm"))
     gone = str(shutil.move(edited(a, lambda table: table), tmp_path / "gone"))
-    assert run_command_line(["compare", whole, whole, "--quiet"]) == exitcodes.DONE
+    assert run_command_line(["compare", whole, whole, "--quiet"]) == exit_codes.DONE
     for b in (lost, gone):
         comparison = compared(whole, b)
         assert comparison.outcome == "undecided"
         assert any("mmpf gmm" in reason for reason in comparison.reasons)
-    assert run_command_line(["compare", f"{whole}@mmpf cvm", gone, "--quiet"]) == exitcodes.DONE
+    assert run_command_line(["compare", f"{whole}@mmpf cvm", gone, "--quiet"]) == exit_codes.DONE
 
 
 def test_a_regression_is_one_even_where_other_metrics_lack_values(tmp_path):
     a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", mot__hota=lambda seed: 0.5)
     worse = edited(b, with_values(np.nan, "mae.hidden.lon_m"))
-    assert run_command_line(["compare", a, worse, "--quiet"]) == exitcodes.WORSE
+    assert run_command_line(["compare", a, worse, "--quiet"]) == exit_codes.WORSE
 
 
 def test_an_older_baseline_without_a_metric_does_not_stop_the_others(tmp_path):
     b = grid_folder(tmp_path / "b")
     older = edited(b, lambda table: table.drop(columns="mae.hidden.lon_m"))
-    assert run_command_line(["compare", older, b, "--quiet"]) == exitcodes.DONE
+    assert run_command_line(["compare", older, b, "--quiet"]) == exit_codes.DONE
 
 
 def nothing(folder: str) -> None:
@@ -374,7 +374,7 @@ def test_a_spoilt_grid_is_told_in_one_line(spoil, tmp_path, capsys):
     a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b")
     spoil(b)
     for pair in ((a, b), (b, a)):
-        assert run_command_line(["compare", *pair]) == exitcodes.WRONG_INPUT
+        assert run_command_line(["compare", *pair]) == exit_codes.WRONG_INPUT
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
@@ -382,7 +382,7 @@ def test_a_spoilt_grid_is_told_in_one_line(spoil, tmp_path, capsys):
 def test_spoilt_metrics_of_a_run_are_told_in_one_line(content, echo_runs, capsys):
     capsys.readouterr()
     (Path(echo_runs[1]) / "metrics.json").write_text(content)
-    assert run_command_line(["compare", *echo_runs[:2]]) == exitcodes.WRONG_INPUT
+    assert run_command_line(["compare", *echo_runs[:2]]) == exit_codes.WRONG_INPUT
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.comparison import single
 from harness.comparison.compare import compare
 from harness.comparison.evidence import evidence_of
@@ -16,7 +17,6 @@ from harness.comparison.sources import Source
 from harness.comparison.vehicles import closeness, hota_by_vehicle
 from harness.comparison.verdicts import Rules, compared_quantities
 from harness.comparison.why import failures
-from harness.errors import InputError
 from harness.grid.rows import flattened
 from harness.scoring.metrics import score_metrics
 from tests.golden import equals_golden

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.comparison import suite
 from harness.comparison.compare import Comparison, compare
 from harness.comparison.sources import Source, open_source
@@ -27,7 +28,6 @@ from harness.comparison.verdicts import (
 )
 from harness.comparison.why import CAUSES, KINDS, Failure, Why
 from harness.comparison.written import as_markdown, print_comparison
-from harness.errors import InputError
 from harness.scoring.closedloop import COLLIDED
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from tests.golden import equals_golden

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
-from harness.errors import InputError
 from harness.truth.network.network import shipped_networks
 
 

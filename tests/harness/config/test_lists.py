@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from harness.common.errors import InputError
 from harness.config.lists import names, numbers, seed_values
-from harness.errors import InputError
 
 
 def test_a_range_includes_both_ends():

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.decisions.belief import believe
 from harness.decisions.decide import decide, driver_of, most_decisive
 from harness.decisions.drivers.following import PARAMETERS
 from harness.decisions.drivers.protocol import Command, drivers
-from harness.errors import InputError
 from mmpf.motion.idm import idm_acceleration
 from mmpf.motion.protocol import Neighbour
 from mmpf.road import highway

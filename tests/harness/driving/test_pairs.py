@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.driving.following import following_windows
 from harness.driving.pairs import pair_windows, recording_of
-from harness.errors import InputError
 from harness.truth.recorded.source import open_recorded_traffic
 from tests.harness.training.recorded_pairs import FOLLOWER_LENGTH_M, LEADER_LENGTH_M, pair_rows, write_pairs
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv

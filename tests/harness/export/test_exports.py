@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 
 from harness.cli import EXIT_USER_ERROR, run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from harness.api import run
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.export import kitti
 from harness.export.formats import export_run
 from tests.harness.recorded_scene import write_recorded_scene

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from harness.cli import run_command_line
+from harness.common.numbers import rounded
 from harness.fidelity import calibration, comparison
 from harness.fidelity.candidate import AMPLITUDE_GAIN
 from harness.fidelity.comparison import distances
@@ -16,7 +17,6 @@ from harness.fidelity.measured import read_measured
 from harness.fidelity.samples import UNITS, Samples
 from harness.fidelity.simulate import Run
 from harness.truth.network.network import load_network
-from harness.writing.numbers import rounded
 
 FIELDS = (
     Path(os.environ.get("MMPF_REALDATA", Path(__file__).parents[3].parent / "shared" / "realdata")) / "us101_fields"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields, fields_from_frames, read_fields
 from harness.truth.frame import Frame
 

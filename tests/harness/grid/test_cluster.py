@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.grid.cluster import connect
 from tests.harness.grid.test_stress import table_of
 

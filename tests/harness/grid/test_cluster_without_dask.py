@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.grid import cluster
 from harness.grid.cluster import CONNECT_S, MEND, connect, run_cell, run_cells_on_cluster
 from harness.grid.grid import GridRequest, plan_grid

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.grid.grid import GridRequest, plan_grid
 
 

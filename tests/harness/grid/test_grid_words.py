@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.config.options import checked
-from harness.errors import InputError
 from harness.grid import grid as planning
 from harness.grid.cells import Cell, PlannedRun, distinct_trackers
 from harness.grid.expected import expected_s, work_s

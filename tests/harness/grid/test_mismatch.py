@@ -4,9 +4,9 @@ import pytest
 
 from harness.commands.from_options import with_values
 from harness.commands.stress import command
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
 from harness.config.options import checked
-from harness.errors import InputError
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.mismatch import AS_IS, costs, costs_markdown, leads
 from harness.grid.options import GridOptions, request_of

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.gridfolder import RUNS

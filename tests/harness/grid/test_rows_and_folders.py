@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.model import RunConfig
-from harness.errors import InputError
 from harness.grid.common_steps import with_ratios
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.gridfolder import check_same_grid, open_grid_folder

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 
 from harness.cli import run_command_line
+from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError, RunError, RunInterruptedError
 from harness.grid.grid import GridRequest
 from harness.grid.rows import flattened
 from harness.grid.stress import FinishedGrid, run_stress

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.grid import making, stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.grid import tuning_spaces
 from harness.grid.tuning_file import Outcome, write_outcome
 from harness.grid.tuning_search import Found, Scores, Trial, check_installed, ends_near, search

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.model import SensorConfig
-from harness.errors import InputError
 from harness.grid import tuning
 from harness.grid.pool import ONE_THREAD
 from harness.grid.tuning import HARD_TO_DETECT, Recording, follow, main

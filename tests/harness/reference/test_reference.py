@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from harness.commands.reference import made_as_listed
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.reference.differing import differences, made_here
 from harness.reference.making import make_reference
 from harness.reference.registry import FOLDER, Reference, reference_named, references

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
+from harness.common.numbers import as_json
 from harness.decisions.decide import driver_of
-from harness.errors import InputError
 from harness.report.decisiongallery import decision_figure, draw_decisions, worst_brakings
 from harness.report.finished import read_recorded_run
 from harness.report.page import write_run_page
@@ -18,7 +19,6 @@ from harness.runfolder.checks import rows_of
 from harness.runfolder.tables import write_table
 from harness.scoring import score_run
 from harness.scoring.asked import Driven
-from harness.writing.numbers import as_json
 from tests.harness.recorded_scene import write_recorded_scene
 
 BRAKING = {

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from harness.cli import EXIT_USER_ERROR, run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.report.folderpage import text_page, write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene

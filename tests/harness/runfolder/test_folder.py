@@ -10,7 +10,7 @@ import sys
 import pandas as pd
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.runfolder.ownership import LEDGER
 from harness.runfolder.tables import write_table

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.runfolder.folder import read_road, write_road
 from harness.truth.network.lanegraph import read_lane_graph
 from mmpf.road import Road, highway

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.export.csv_tables import export as export_csv
 from harness.export.fcd import export as export_fcd
 from harness.export.mot import folder_name

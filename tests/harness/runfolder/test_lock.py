@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.runfolder.lock import lock_beside, lock_within, remove_stale_locks
 
 HOLD = (

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.runfolder import ownership
 from harness.runfolder.ownership import EXPORT, LEDGER, RUN, STRESS
 

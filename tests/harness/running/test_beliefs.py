@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.running.follow import track
 from harness.running.open import as_believed
 from mmpf.scan import SensorModel

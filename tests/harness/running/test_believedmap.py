@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.running.believedmap import believed_map
 from harness.truth.network.lanegraph import read_lane_graph
 from mmpf.lanes.graph import NOWHERE

@@ -12,8 +12,8 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from harness.common.errors import RunError, RunInterruptedError
 from harness.config.layers import resolve_run_config
-from harness.errors import RunError, RunInterruptedError
 from harness.report.figures import draw_figures
 from harness.report.finished import read_recorded_run
 from harness.report.page import write_run_page

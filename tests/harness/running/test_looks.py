@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from harness.common.errors import RunError
 from harness.config.model import RunConfig
-from harness.errors import RunError
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at

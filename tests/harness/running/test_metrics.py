@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.numbers import as_json, without_nan
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, summarise_traffic, timing_table, traffic_table
-from harness.writing.numbers import as_json, without_nan
 from mmpf.road import highway
 
 

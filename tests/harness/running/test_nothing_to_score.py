@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.run import run

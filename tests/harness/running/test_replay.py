@@ -5,8 +5,8 @@ import json
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.runfolder import folder as runfolder
 from harness.running.looks import Looks
 from harness.running.replay import read_looks

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.scoring.asked import _times
 from harness.scoring.assignment import best_assignment, components
 from harness.scoring.clear import ClearScores, clear_of_parts

@@ -6,11 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring import score_run
-from harness.scoring.parts import ratio
-from harness.scoring.rows import _codes, _origins, read_run
-from harness.scoring.settings import ScoringSettings
-from harness.scoring.statistics import (
+from harness.common.bootstrap import (
     Interval,
     cluster_bootstrap,
     few_groups_ci,
@@ -18,6 +14,10 @@ from harness.scoring.statistics import (
     independent_ci,
     sums_by_label,
 )
+from harness.scoring import score_run
+from harness.scoring.parts import ratio
+from harness.scoring.rows import _codes, _origins, read_run
+from harness.scoring.settings import ScoringSettings
 from tests.harness.scoring.scenes import Scene
 
 NAN = float("nan")
@@ -113,7 +113,7 @@ def test_intervals_by_resampling_are_the_quantiles_of_means_of_groups_drawn_with
     weights = np.random.default_rng(4).multinomial(3, np.full(3, 1 / 3), size=500)
     means = (weights @ sums[:, 0]) / (weights @ counts[:, 0])
     for most in (2_000_000, 300):
-        monkeypatch.setattr("harness.scoring.statistics.MOST_WEIGHTS", most)
+        monkeypatch.setattr("harness.common.bootstrap.MOST_WEIGHTS", most)
         first, second = cluster_bootstrap(sums, counts, np.random.default_rng(4), 0.9, 500)
         assert (first.low, first.high) == pytest.approx(tuple(np.quantile(means, (0.05, 0.95))))
         assert np.isnan([second.low, second.high]).all()

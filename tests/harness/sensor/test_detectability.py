@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.sensor.detectability import drawn_factors
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.sensor.settings import SensorSettings
 

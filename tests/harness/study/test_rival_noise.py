@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.common.files import write_toml
 from harness.driving.cases import Cases
 from harness.study import noise_fit
 from harness.study.noise_fit import FACTORS, fit_noise, fit_study
 from harness.study.published import MODELS
 from harness.study.rival_noise import at_their_best, rivals
-from harness.writing.files import write_toml
 from mmpf.motion.kinematic import ProcessNoise, kinematic, process_noise
 from mmpf.motion.protocol import motion_models
 from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED

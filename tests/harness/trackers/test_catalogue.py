@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.trackers.catalogue import available_trackers, build_tracker
 from harness.trackers.conformance.checks import TrackerCheck, tracker_checks
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR

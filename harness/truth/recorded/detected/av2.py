@@ -15,8 +15,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.feather
 
-from harness.errors import InputError
-from harness.inputs import check_file
+from harness.common.errors import InputError
+from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
 from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes

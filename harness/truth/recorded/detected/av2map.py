@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.errors import InputError
-from harness.inputs import MOST_JSON_BYTES, check_file
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MOST_JSON_BYTES, check_file
 from harness.truth.recorded.detected.numbers import FARTHEST_M
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.compute.arrays import FloatArray

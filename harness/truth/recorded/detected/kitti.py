@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.recorded.detected.drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, numbers_of, words_of
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray

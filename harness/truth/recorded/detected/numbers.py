@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
-from harness.inputs import MB, check_file, number
+from harness.common.errors import InputError
+from harness.common.untrusted_files import MB, check_file, number
 from mmpf.compute.arrays import FloatArray
 
 MOST_BYTES = 256 * MB

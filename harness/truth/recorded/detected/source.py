@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.detected.drive import EGO, Drive, GivenBoxes, Labels, step_starts
 from harness.truth.recorded.detected.laidapart import laid_apart, road_of

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from harness.cli import run_command_line
+from harness.common.errors import InputError
 from harness.driving.filtering import follow
 from harness.driving.pairs import pair_windows
 from harness.driving.scores import mean_with_interval, score
-from harness.errors import InputError
 from harness.study.transfer import models as transfer_models
 from harness.study.transfer import transfer
 from harness.study.transfer.models import INPUTS, ON_NOTHING, ON_SUMO, TrainedModel, committed_models, input_rows

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR, ego_at
 from harness.trackers.protocol import TrackerSetting

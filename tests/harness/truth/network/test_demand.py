@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.demand import Equilibrium, demand_for_density
 
 densities = st.floats(5.0, 65.0)

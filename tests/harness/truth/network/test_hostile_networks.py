@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.limits import check_xml
 from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic

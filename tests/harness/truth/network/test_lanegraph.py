@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.lanegraph import read_lane_graph
 from mmpf.lanes.control import FREE, SIGNAL, YIELD
 from mmpf.lanes.graph import NOWHERE

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.network import available_networks, load_network
 from mmpf.road import NO_LANE
 

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.network import available_networks, default_demand, load_network, shipped_networks
 
 NAMES = ("curve", "interchange", "junction", "priority", "roundabout")

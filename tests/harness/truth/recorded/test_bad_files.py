@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.recorded.fcd import read_fcd
 from tests.harness.truth.recorded.layouts import (
     NGSIM_HEADER,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.fidelity.samples import recorded_samples
 from harness.runfolder import folder as runfolder
 from harness.running.run import run

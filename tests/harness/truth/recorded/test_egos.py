@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.recorded.egos import plan_egos
 from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.recorded.traffic import recorded_window

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError
-from harness.inputs import number
+from harness.common.errors import InputError
+from harness.common.untrusted_files import number
 from harness.truth.recorded.source import open_recorded_traffic
 from tests.harness.truth.recorded.layouts import (
     ngsim_rows,

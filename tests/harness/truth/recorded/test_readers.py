@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.options import declared
-from harness.errors import InputError
 from harness.grid.options import GridOptions, request_of
 from harness.truth.recorded.formats import files_of, network_of, recognise
 from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic

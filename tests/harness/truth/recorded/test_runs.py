@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.report.sentences import summary_sentences
 from harness.report.summary import print_summary
 from harness.runfolder import folder as runfolder

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.network.network import load_network
 from harness.truth.sumo.planereading import pulled
 from harness.truth.sumo.simulation import open_traffic

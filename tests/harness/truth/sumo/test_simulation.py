@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.truth.frame import Frame
 from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError, RunError
+from harness.common.errors import InputError, RunError
 from harness.truth.sumo import window
 from harness.truth.sumo.session import sumo_errors_in_words
 from harness.truth.sumo.window import Complaints, SumoWindow, check_window, has_screen

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.running.open import open_looks
 from harness.truth.recorded.detected.av2 import argoverse_logs, read_av2
 from harness.truth.recorded.detected.source import DriveTruth

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.running.open import open_looks
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.source import DriveTruth

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.cli import run_command_line
-from harness.errors import InputError
+from harness.common.errors import InputError
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.origin import NOTHING, origins
 from harness.truth.recorded.detected.source import DriveTruth, motion_of

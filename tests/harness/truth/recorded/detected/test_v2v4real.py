@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.errors import InputError
 from harness.running.open import open_looks
 from harness.truth.recorded.detected.source import DriveTruth
 from harness.truth.recorded.detected.v2v4real import read_v2v4real

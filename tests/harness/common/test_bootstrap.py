@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.scoring.statistics import bootstrap_ci, few_groups_ci
+from harness.common.bootstrap import bootstrap_ci, few_groups_ci
 
 
 def test_the_interval_of_a_mean_has_the_width_that_theory_gives():

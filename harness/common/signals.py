@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from harness import exitcodes
+from harness.common import exit_codes
 
 CODES = {
-    signal.SIGINT: exitcodes.INTERRUPTED,
-    signal.SIGTERM: exitcodes.TERMINATED,
-    signal.SIGHUP: exitcodes.HANGUP,
+    signal.SIGINT: exit_codes.INTERRUPTED,
+    signal.SIGTERM: exit_codes.TERMINATED,
+    signal.SIGHUP: exit_codes.HANGUP,
 }
 _received: list[signal.Signals] = []
 
@@ -54,7 +54,7 @@ def told_to_end() -> bool:
 
 def code_of_end() -> int:
     """Return the exit code of the signal that ended the command."""
-    return CODES[_received[-1]] if _received else exitcodes.INTERRUPTED
+    return CODES[_received[-1]] if _received else exit_codes.INTERRUPTED
 
 
 def ignore_ends() -> None:

@@ -1,7 +1,7 @@
 import io
 import sys
 
-from harness.writing.markdown import markdown_table, show_markdown
+from harness.common.markdown import markdown_table, show_markdown
 
 TEXT = "\n".join(["# Title", "", *markdown_table(["a", "b"], [["x", "1.5"]])])
 

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from harness import cli, exitcodes
+from harness import cli
 from harness.cli import run_command_line
-from harness.ends import code_of_end, ends_like_ctrl_c
+from harness.common import exit_codes
+from harness.common.signals import code_of_end, ends_like_ctrl_c
 
 READS_A_DATACLASS = """
 import sys
-from harness.ends import code_of_end, ends_like_ctrl_c
+from harness.common.signals import code_of_end, ends_like_ctrl_c
 
 with ends_like_ctrl_c():
     try:
@@ -62,7 +63,7 @@ def test_an_error_that_a_library_makes_of_a_signal_is_an_interrupt(monkeypatch, 
             raise ImportError("half a module") from None
 
     monkeypatch.setattr("harness.commands.nets.command", swallowing)
-    assert run_command_line(["nets"]) == exitcodes.TERMINATED
+    assert run_command_line(["nets"]) == exit_codes.TERMINATED
     assert capsys.readouterr().err == "interrupted\n"
 
 
@@ -71,7 +72,7 @@ def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():
     try:
         with ends_like_ctrl_c():
             os.kill(os.getpid(), signal.SIGHUP)
-        assert code_of_end() == exitcodes.INTERRUPTED
+        assert code_of_end() == exit_codes.INTERRUPTED
     finally:
         signal.signal(signal.SIGHUP, previous)
 
@@ -79,15 +80,15 @@ def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():
 def test_a_pipe_in_a_files_place_is_refused_before_anything_is_read(tmp_path, capsys):
     os.mkfifo(tmp_path / "pipe")
     for option in ("--net", "--replay", "--config"):
-        assert run_command_line(["run", option, str(tmp_path / "pipe")]) == exitcodes.WRONG_INPUT
-        assert run_command_line(["run", f"{option}={tmp_path / 'pipe'}"]) == exitcodes.WRONG_INPUT
+        assert run_command_line(["run", option, str(tmp_path / "pipe")]) == exit_codes.WRONG_INPUT
+        assert run_command_line(["run", f"{option}={tmp_path / 'pipe'}"]) == exit_codes.WRONG_INPUT
     assert capsys.readouterr().err.count("is a pipe") == 6
 
 
 def test_a_fault_of_the_program_is_one_line_and_on_demand_a_traceback(monkeypatch, capsys):
     monkeypatch.setattr("harness.commands.nets.command", lambda: {}["gone"])
-    assert run_command_line(["nets"]) == exitcodes.INTERNAL
+    assert run_command_line(["nets"]) == exit_codes.INTERNAL
     assert capsys.readouterr().err.count("\n") == 1
     monkeypatch.setenv(cli.TRACEBACK, "1")
-    assert run_command_line(["nets"]) == exitcodes.INTERNAL
+    assert run_command_line(["nets"]) == exit_codes.INTERNAL
     assert "Traceback" in capsys.readouterr().err

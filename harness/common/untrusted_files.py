@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from harness.errors import InputError
+from harness.common.errors import InputError
 
 MB = 1 << 20
 LONGEST_NAME_BYTES = 255

@@ -1,1 +1,0 @@
-"""Markdown, figures, numbers and progress; knows nothing of traffic or tracking."""
