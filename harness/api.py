@@ -48,7 +48,7 @@ class Run:
         import pandas as pd  # noqa: PLC0415
 
         from harness.grid.rows import flattened  # noqa: PLC0415
-        from harness.report.finished import read_metrics  # noqa: PLC0415
+        from harness.running.finished import read_metrics  # noqa: PLC0415
 
         flat = flattened(read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
@@ -244,7 +244,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         from harness.running.open import check_gui, open_looks, simulate  # noqa: PLC0415
 
         if values["video"] is not None:
-            from harness.export.video import check_film, write_video  # noqa: PLC0415
+            from harness.report.video import check_film, write_video  # noqa: PLC0415
 
             check_film(values["video"], values["force"])
         if values["gui"]:

@@ -86,10 +86,26 @@ def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> Fin
     # Only now: what is wrong with the input is told before anything heavy is imported.
     from harness.closedloop.drive import Execution, run_drives  # noqa: PLC0415
     from harness.grid.making import on_stderr  # noqa: PLC0415
-    from harness.report.drivepages import write_drive_pages  # noqa: PLC0415
 
     workers = values["workers"] or os.cpu_count() or 1
     how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
     finished = run_drives(request, values["out"], how, on_stderr(quiet, workers), command)
-    write_drive_pages(finished, quiet)
+    _write_pages(finished, quiet)
     return finished
+
+
+def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
+    """Write the pages of the collisions that the tables lead to, as far as they are not there, then the folder's."""
+    from harness.common.progress import progress_bar  # noqa: PLC0415
+    from harness.grid.gridfolder import KEPT  # noqa: PLC0415
+    from harness.report.folderpage import write_page  # noqa: PLC0415
+    from harness.report.page import PAGE, write_run_page  # noqa: PLC0415
+    from harness.runfolder import folder as runfolder  # noqa: PLC0415
+
+    folders = [finished.folder / KEPT / key for key in finished.shown]
+    with progress_bar("pages of the collisions", len(folders), quiet) as advance:
+        for folder in folders:
+            if (folder / runfolder.MANIFEST).is_file() and not (folder / PAGE).is_file():
+                write_run_page(folder)
+            advance()
+    write_page(finished.folder)

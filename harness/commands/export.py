@@ -52,7 +52,7 @@ def command(options: Options) -> None:
             folder, to, options["out"], force, lambda line: typer.echo(line, err=True), packed=options["gzip"]
         )
     if video is not None:
-        from harness.export.video import write_video  # noqa: PLC0415
+        from harness.report.video import write_video  # noqa: PLC0415
 
         files.append(write_video(folder, video, force))
     if options["json"]:

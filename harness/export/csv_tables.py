@@ -10,7 +10,7 @@ import pyarrow as pa
 from pandas.api.types import is_numeric_dtype
 from pyarrow import csv
 
-from harness.report.finished import RecordedRun
+from harness.running.finished import RecordedRun
 
 # A minus begins a formula too, unless a number follows it and nothing else.
 FORMULA = re.compile(r"[=+@\t\r]|-(?![\d.]+$)")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
+from harness.running.finished import RecordedRun
 from mmpf.compute.arrays import FloatArray, IntArray
 
 SEEN, HIDDEN = ("visible", "partial"), ("hidden",)

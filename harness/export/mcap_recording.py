@@ -21,12 +21,12 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
+from harness.common.palette import GREEN, ORANGE, PURPLE, VERMILION
 from harness.export.curves import Curves, curves_of
 from harness.export.lanes import lanes_of
 from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
-from harness.report.finished import RecordedRun
-from harness.report.scene import GREEN, ORANGE, PURPLE, VERMILION
 from harness.runfolder.tables import floats
+from harness.running.finished import RecordedRun
 from mmpf.compute.arrays import FloatArray
 
 FILE = "run.mcap"

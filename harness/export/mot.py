@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.export.sizes import track_sizes
-from harness.report.finished import RecordedRun
+from harness.running.finished import RecordedRun
 from harness.scoring.history import DetectionHistory, detection_history
 from harness.scoring.pairs import Pairs, near_pairs
 from harness.scoring.rows import RunRows, read_run

@@ -10,9 +10,9 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
+from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
 from harness.export.curves import Curves, curves_of
-from harness.report.finished import RecordedRun
-from harness.report.scene import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
+from harness.running.finished import RecordedRun
 from mmpf.compute.arrays import FloatArray
 
 FILE = "run.rrd"

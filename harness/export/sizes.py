@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from harness.report.finished import RecordedRun
 from harness.runfolder.tables import DETECTION_SIZES, floats
+from harness.running.finished import RecordedRun
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import FloatArray, IntArray

@@ -11,7 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.report.finished import BRAKING_COLUMNS, RecordedRun
+from harness.common.palette import PURPLE
 from harness.report.fromabove import (
     HALF_WINDOW_M,
     MARGIN_M,
@@ -22,9 +22,9 @@ from harness.report.fromabove import (
     draw_scale,
     rows_at,
 )
-from harness.report.scene import PURPLE
 from harness.report.strips import save_strips
 from harness.runfolder.tables import floats
+from harness.running.finished import BRAKING_COLUMNS, RecordedRun
 from harness.scoring.settings import ScoringSettings
 
 WORST = 5

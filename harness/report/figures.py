@@ -11,8 +11,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.common.palette import BLUE, GREEN, ORANGE, VERMILION
 from harness.common.plots import mark_new_egos, stretch_s, strip
-from harness.report.scene import BLUE, GREEN, ORANGE, VERMILION, Scene, scene_figure
+from harness.report.scene import Scene, scene_figure
 from harness.running.run import Pictured
 from mmpf.compute.arrays import FloatArray, IntArray
 

@@ -9,11 +9,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, PolyCollection
 
-from harness.report.finished import RecordedRun
+from harness.common.palette import ELLIPSE_SCALE, PURPLE
 from harness.report.scene import (
-    ELLIPSE_SCALE,
     OUT_OF_SIGHT,
-    PURPLE,
     SEEN_GROUND,
     SHADOW,
     VEHICLE_STYLES,
@@ -23,6 +21,7 @@ from harness.report.scene import (
     view_outline,
 )
 from harness.runfolder.tables import detections_of, floats, frame_of
+from harness.running.finished import RecordedRun
 from harness.sensor.observation import VISIBILITY_STATES
 from mmpf.road import Road
 from mmpf.scan import EgoPose

@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.report.finished import RecordedRun
 from harness.report.fromabove import (
     HALF_WINDOW_M,
     MARGIN_M,
@@ -27,6 +26,7 @@ from harness.report.fromabove import (
 from harness.report.strips import save_strips
 from harness.report.withheld import withheld_vehicles
 from harness.runfolder.tables import floats
+from harness.running.finished import RecordedRun
 from harness.scoring.settings import ScoringSettings
 
 WORST = 5

@@ -20,7 +20,6 @@ from harness.report.charts.run import error_charts, visibility_charts
 from harness.report.decisiongallery import GALLERY as DECISIONS
 from harness.report.decisiongallery import draw_decisions, worst_brakings
 from harness.report.figures import DIAGNOSTICS, OVER_TIME, SCENE
-from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.replay_data import Beside, replay_data
 from harness.report.sentences import decision_summary, headlines, summary_sentences
@@ -30,6 +29,7 @@ from harness.report.vehicles import vehicle_table
 from harness.report.withheld import withheld_words
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
+from harness.running.finished import RecordedRun, read_recorded_run
 
 PAGE = "report.html"
 MARK = b"his page is one file and needs no network"

@@ -22,12 +22,12 @@ from harness.report.figures import (
     error_by_visibility,
     error_over_time,
 )
-from harness.report.finished import RecordedRun, read_recorded_run
 from harness.report.gallery import strip_figure, worst_failures
 from harness.report.gridruns import plan_of
 from harness.runfolder import folder as runfolder
 from harness.runfolder import ownership
 from harness.runfolder.checks import sound_tables
+from harness.running.finished import RecordedRun, read_recorded_run
 
 PNG, SVG, PDF = KINDS = ("png", "svg", "pdf")
 # What would change from one drawing to the next: the date, and numbers that tell a file's parts apart.

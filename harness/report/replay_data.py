@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pandas as pd
 import shapely
 
-from harness.report.finished import RecordedRun
 from harness.runfolder.tables import floats
+from harness.running.finished import RecordedRun
 from harness.scoring.errors import OUTCOMES
 from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M

@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch, Polygon, Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
+from harness.common.palette import BLUE, ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
 from harness.runfolder.tables import floats
 from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
 from harness.sensor.shadows import sensor_position, shadow_polygons
@@ -29,8 +30,6 @@ from mmpf.scan import Detections, EgoPose
 from mmpf.tracks import HIDDEN as TRACK_HIDDEN
 from mmpf.tracks import TENTATIVE, Tracks
 
-# Okabe and Ito's colours, which colour-blind readers can tell apart.
-GREEN, ORANGE, VERMILION, BLUE, PURPLE = "#009E73", "#E69F00", "#D55E00", "#0072B2", "#882255"
 OUT_OF_SIGHT, SEEN_GROUND, SHADOW = "#efece6", "#ffffff", "#d9d9d9"
 VEHICLE_STYLES: dict[int, dict[str, Any]] = {
     VISIBLE: {"facecolor": GREEN, "edgecolor": "none"},
@@ -39,8 +38,6 @@ VEHICLE_STYLES: dict[int, dict[str, Any]] = {
     OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8},
 }
 VEHICLE_LABELS = {VISIBLE: "visible", PARTIAL: "partly hidden", HIDDEN: "hidden", OUT: "out of range"}
-# A two-dimensional normal distribution holds 95 % within this many standard deviations.
-ELLIPSE_SCALE = 2.4477
 UNCONFIRMED_ALPHA = 0.5
 MARGIN_M = 2.5
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.report.finished import RecordedRun
 from harness.report.fromabove import Subject
 from harness.runfolder.tables import floats
+from harness.running.finished import RecordedRun
 from harness.scoring.in_plain_view import DROPPED, NAME
 
 WORST = 4

@@ -20,8 +20,8 @@ from harness.common.errors import InputError
 from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
-from harness.report.finished import read_recorded_run
 from harness.runfolder.lock import LOCK
+from harness.running.finished import read_recorded_run
 from harness.scoring.settings import ScoringSettings
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
@@ -423,7 +423,7 @@ def test_a_format_whose_extra_is_missing_names_it(name, package, extra, folder, 
 @pytest.mark.slow
 def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra video is not installed")
-    from harness.export.video import HEIGHT, WIDTH, write_video  # noqa: PLC0415
+    from harness.report.video import HEIGHT, WIDTH, write_video  # noqa: PLC0415
 
     film = write_video(folder, tmp_path / "run.mp4")
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))

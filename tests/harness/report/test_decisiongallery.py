@@ -11,12 +11,12 @@ from harness.common.errors import InputError
 from harness.common.numbers import as_json
 from harness.decisions.decide import driver_of
 from harness.report.decisiongallery import decision_figure, draw_decisions, worst_brakings
-from harness.report.finished import read_recorded_run
 from harness.report.page import write_run_page
 from harness.report.sentences import decision_summary
 from harness.runfolder import folder as runfolder
 from harness.runfolder.checks import rows_of
 from harness.runfolder.tables import write_table
+from harness.running.finished import read_recorded_run
 from harness.scoring import score_run
 from harness.scoring.asked import Driven
 from tests.harness.recorded_scene import write_recorded_scene

@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.report.finished import read_recorded_run
 from harness.report.gallery import HALF_WINDOW_M, draw_gallery, strip_figure, worst_events
+from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import LAST_SEEN, SEEN_AGAIN, write_recorded_scene
 
 

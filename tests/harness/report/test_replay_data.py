@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from harness.report import replay_data as module
-from harness.report.finished import read_recorded_run
 from harness.report.replay_data import NO_ERROR_CM, pack, replay_data
+from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, write_recorded_scene
 
 

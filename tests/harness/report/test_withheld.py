@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.report.finished import read_recorded_run
 from harness.report.gallery import strip_figure, worst_failures
 from harness.report.page import write_run_page
 from harness.report.sentences import summary_sentences
@@ -16,6 +15,7 @@ from harness.report.summary import print_summary
 from harness.report.tables import mot_table
 from harness.report.withheld import Withheld, withheld_vehicles, withheld_words
 from harness.runfolder import folder as runfolder
+from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import write_recorded_scene
 
 ENTRY = {

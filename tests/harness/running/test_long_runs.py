@@ -15,13 +15,13 @@ import pytest
 from harness.common.errors import RunError, RunInterruptedError
 from harness.config.layers import resolve_run_config
 from harness.report.figures import draw_figures
-from harness.report.finished import read_recorded_run
 from harness.report.page import write_run_page
 from harness.runfolder import folder as runfolder
 from harness.runfolder import growing
 from harness.runfolder.growing import GrowingTables, sampled_rows
 from harness.runfolder.tables import ColumnRecorder, write_table
 from harness.running import keeping
+from harness.running.finished import read_recorded_run
 from harness.running.run import Drawing, run
 from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments

@@ -12,21 +12,10 @@ import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
 from harness.common.errors import InputError
-from harness.report.finished import RecordedRun, read_recorded_run
-from harness.report.scene import (
-    ELLIPSE_SCALE,
-    GREEN,
-    ORANGE,
-    OUT_OF_SIGHT,
-    PURPLE,
-    SEEN_GROUND,
-    SHADOW,
-    VERMILION,
-    corners,
-    shadow_outlines,
-    view_outline,
-)
+from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
+from harness.report.scene import OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, shadow_outlines, view_outline
 from harness.runfolder.tables import detections_of, floats, frame_of
+from harness.running.finished import RecordedRun, read_recorded_run
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 
