@@ -47,8 +47,8 @@ class Run:
         """
         import pandas as pd  # noqa: PLC0415
 
-        from harness.grid.rows import flattened  # noqa: PLC0415
         from harness.running.finished import read_metrics  # noqa: PLC0415
+        from harness.storage.grid_rows import flattened  # noqa: PLC0415
 
         flat = flattened(read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
@@ -99,7 +99,7 @@ class Run:
         return page
 
     def _table(self, name: str) -> pd.DataFrame:
-        from harness.runfolder.folder import read_table  # noqa: PLC0415
+        from harness.storage.run_folder import read_table  # noqa: PLC0415
 
         return read_table(self.folder, name, "folder", ())
 
@@ -117,7 +117,7 @@ class Grid:
     @cached_property
     def runs(self) -> pd.DataFrame:
         """One row per run, failed ones too: ``succeeded``, ``error``, its settings, and every metric by its name."""
-        from harness.runfolder.folder import read_table  # noqa: PLC0415
+        from harness.storage.run_folder import read_table  # noqa: PLC0415
 
         return read_table(self.folder, "runs.parquet", "folder", ())
 
@@ -169,7 +169,7 @@ def open_run(folder: Path | str) -> Run:
     Raises:
         InputError: It is no finished run's folder.
     """
-    from harness.runfolder.folder import read_manifest  # noqa: PLC0415
+    from harness.storage.run_folder import read_manifest  # noqa: PLC0415
 
     read_manifest(Path(folder), "folder")
     return Run(Path(folder))

@@ -16,14 +16,15 @@ from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
 from harness.grid.cells import Cell, Grid
-from harness.grid.gridfolder import FIGURES, KEPT, RUNS
 from harness.grid.kept import keeping
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, make_rows
 from harness.grid.pool import OnRow, run_cells
-from harness.grid.rows import Row, assemble, column_of
+from harness.grid.rows import assemble
 from harness.grid.stress import check_grid
-from harness.runfolder import ownership
 from harness.scoring.closedloop import COLLIDED, IMPACT, WITH
+from harness.storage import ownership
+from harness.storage.grid_folder import FIGURES, KEPT, RUNS
+from harness.storage.grid_rows import Row, column_of
 from harness.truth.network.network import load_network
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def _check_road(request: DriveRequest, grid: Grid) -> None:
 
 
 def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[str, Row]) -> FinishedDrives:
-    from harness.runfolder.tables import write_table  # noqa: PLC0415
+    from harness.storage.tables import write_table  # noqa: PLC0415
 
     table = assemble(grid, rows)
     failures = [

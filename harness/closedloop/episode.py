@@ -38,10 +38,10 @@ from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import Decision, decide_by, driver_of, with_doubt
 from harness.decisions.drivers.protocol import Driver
 from harness.decisions.yielding import Course
-from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.follow import StageTimes, follow
 from harness.running.looks import Looks
 from harness.running.open import as_believed, tracker_builder
+from harness.running.recorder import ColumnRecorder, RunTables
 from harness.running.unseen import UnseenOfTracks
 from harness.scoring.closedloop import (
     BY_COLLISION,

@@ -13,9 +13,9 @@ from harness.closedloop.plan import BIAS, CROSS, DARK, FREE, GAP, KIND, PROVOKED
 from harness.common.bootstrap import few_groups_ci
 from harness.common.effects import paired_effect
 from harness.common.markdown import markdown_table
-from harness.grid.rows import column_of
 from harness.scoring.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
 from harness.scoring.quantity import Quantity
+from harness.storage.grid_rows import column_of
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

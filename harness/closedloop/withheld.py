@@ -10,7 +10,8 @@ from harness.decisions.bodies import Bodies
 from harness.scoring.directions import along_and_across
 from harness.scoring.pairs import GATE_SIMILARITY, similarity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.observation import VISIBLE, Look
+from harness.sensor.observation import Look
+from harness.storage.schema import VISIBLE
 
 
 @dataclass

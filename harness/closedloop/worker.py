@@ -27,7 +27,7 @@ from harness.closedloop.traffic import Traffic
 from harness.common.errors import RunError
 from harness.decisions.decide import driver_of
 from harness.grid.cells import Cell
-from harness.grid.rows import Row, failed_row, finished_row
+from harness.grid.rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
 from harness.running.follow import track
 from harness.running.looks import Looks, Streams
@@ -36,6 +36,7 @@ from harness.scoring.closedloop import NO_CANDIDATE
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
+from harness.storage.grid_rows import Row
 from harness.truth.network.network import load_network
 from harness.truth.sumo.planetruth import PlaneTruth
 from harness.truth.sumo.simulation import SumoTruth, open_traffic

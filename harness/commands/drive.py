@@ -97,10 +97,10 @@ def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> Fin
 def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
     """Write the pages of the collisions that the tables lead to, as far as they are not there, then the folder's."""
     from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.grid.gridfolder import KEPT  # noqa: PLC0415
     from harness.report.folderpage import write_page  # noqa: PLC0415
     from harness.report.page import PAGE, write_run_page  # noqa: PLC0415
-    from harness.runfolder import folder as runfolder  # noqa: PLC0415
+    from harness.storage import run_folder as runfolder  # noqa: PLC0415
+    from harness.storage.grid_folder import KEPT  # noqa: PLC0415
 
     folders = [finished.folder / KEPT / key for key in finished.shown]
     with progress_bar("pages of the collisions", len(folders), quiet) as advance:

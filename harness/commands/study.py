@@ -148,10 +148,10 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
         write_ablation,
     )
     from harness.grid.grid import GridRequest  # noqa: PLC0415
-    from harness.grid.gridfolder import RUNS  # noqa: PLC0415
     from harness.grid.making import Telling  # noqa: PLC0415
     from harness.grid.pool import run_cells  # noqa: PLC0415
     from harness.grid.stress import run_stress  # noqa: PLC0415
+    from harness.storage.grid_folder import RUNS  # noqa: PLC0415
 
     def runs_of(request: GridRequest, out: Path) -> pd.DataFrame:
         run_stress(

@@ -28,10 +28,10 @@ from harness.comparison.verdicts import (
     name_of,
 )
 from harness.comparison.why import Why
-from harness.grid.rows import column_of
 from harness.scoring import existence, in_plain_view
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.scoring.quantity import Quantity
+from harness.storage.grid_rows import column_of
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

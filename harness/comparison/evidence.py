@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.runfolder import folder as runfolder
-from harness.runfolder.checks import sound_tables
 from harness.scoring.evidence import Evidence, gather
 from harness.scoring.settings import ScoringSettings
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import sound_tables
 
 COMPARE = "compare"
 PLACE = ("step", "lon_m", "lat_m")

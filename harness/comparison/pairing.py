@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.comparison.arms import Layout
-from harness.grid.cells import RECORDING
+from harness.storage.schema import RECORDING
 from mmpf.compute.arrays import IntArray
 
 if TYPE_CHECKING:

@@ -25,13 +25,13 @@ from harness.comparison.vehicles import (
 )
 from harness.comparison.verdicts import Measured, Rules, compared_quantities
 from harness.comparison.why import Why, failures
-from harness.grid.rows import column_of
-from harness.runfolder import folder as runfolder
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
 from harness.scoring.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.paired import KEYS, paired_errors
 from harness.scoring.quantity import Quantity
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_rows import column_of
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from harness.common.errors import InputError
 from harness.comparison.verdicts import compared_quantities
-from harness.grid.cells import MISMATCH, RECORDING
-from harness.grid.gridfolder import GRID, RUNS
-from harness.grid.rows import flattened
 from harness.grid.summary import labelled
-from harness.runfolder import folder as runfolder
 from harness.scoring.closedloop import COLLIDED
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import GRID, RUNS
+from harness.storage.grid_rows import flattened
+from harness.storage.schema import MISMATCH, RECORDING
 
 if TYPE_CHECKING:
     import pandas as pd

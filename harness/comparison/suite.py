@@ -10,11 +10,11 @@ from harness.common.errors import InputError
 from harness.common.files import replacing
 from harness.comparison.sources import STANDARD
 from harness.grid.grid import GridRequest
-from harness.grid.gridfolder import GRID, RUNS
 from harness.grid.making import TABLE, Telling
 from harness.grid.pool import run_cells
 from harness.grid.stress import FinishedGrid, run_stress
-from harness.runfolder import folder as runfolder
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import GRID, RUNS
 
 SUITES = {
     STANDARD: GridRequest(

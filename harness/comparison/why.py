@@ -23,7 +23,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.matching import find_track_rows
 from harness.scoring.sequence import select_in_sight
 from harness.scoring.settings import TIME_TOLERANCE_S
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import IntArray
 
 BIRTH, ASSOCIATION, MERGE, REIDENTIFICATION, DEATH = "birth", "association", "merge", "re-identification", "death"

@@ -21,8 +21,8 @@ from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file, chec
 from harness.config.consent import check_modules, check_sensor_of_folder
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
-from harness.runfolder import folder as runfolder
 from harness.sensor.profiles import is_built_in, sensor_settings
+from harness.storage import run_folder as runfolder
 from mmpf.settings import fields_of
 
 Table = dict[str, Any]

@@ -11,8 +11,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
+from harness.storage.tables import floats
 from harness.truth.recorded.fcd import types_file
 
 FILE = "fcd.xml"

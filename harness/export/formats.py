@@ -17,10 +17,10 @@ from pathlib import Path
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
 from harness.export.packing import check_replaceable_file, pack
-from harness.runfolder import ownership
-from harness.runfolder.checks import sound_tables
-from harness.runfolder.lock import lock_beside
 from harness.running.finished import RecordedRun, read_recorded_run
+from harness.storage import ownership
+from harness.storage.checks import sound_tables
+from harness.storage.lock import lock_beside
 from harness.truth.recorded.fcd import types_file
 from mmpf.registry import Registry, UnknownNameError
 

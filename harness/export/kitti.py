@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from harness.common.errors import InputError
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
+from harness.storage.tables import floats
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.detected.drive import Boxes, step_starts
 from harness.truth.recorded.detected.kitti import (

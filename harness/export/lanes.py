@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from shapely import LineString
 
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
+from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.road import Lane, Road
 

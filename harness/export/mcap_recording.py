@@ -25,8 +25,8 @@ from harness.common.palette import GREEN, ORANGE, PURPLE, VERMILION
 from harness.export.curves import Curves, curves_of
 from harness.export.lanes import lanes_of
 from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
+from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray
 
 FILE = "run.mcap"

@@ -23,9 +23,9 @@ from osi3.osi_sensordata_pb2 import SensorData
 from harness.export.lanes import NO_STRIP, lanes_of
 from harness.export.osi_lanes import OsiLanes, osi_lanes
 from harness.export.sizes import track_sizes
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.tables import floats
 from mmpf.compute.arrays import IntArray
 
 Columns = dict[str, list[Any]]

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from harness.runfolder.tables import DETECTION_SIZES, floats
 from harness.running.finished import RecordedRun
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import DETECTION_SIZES
+from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray, IntArray
 
 SIZE = list(DETECTION_SIZES[:2])

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.config.model import RunConfig, TrackerConfig, TrafficConfig
-
-NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
+from harness.storage.schema import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 
 CellTraffic = tuple[TrafficConfig, int, str | None]
 """Settings of traffic, its seed and its recording: cells that agree in them see the same vehicles."""

@@ -18,7 +18,7 @@ from harness.running.follow import track
 from harness.running.looks import Looks
 from harness.scoring import score_run
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.observation import HIDDEN, VISIBILITY_STATES
+from harness.storage.schema import HIDDEN, VISIBILITY_STATES
 from harness.trackers.catalogue import build_tracker
 
 if TYPE_CHECKING:

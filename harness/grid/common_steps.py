@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from harness.grid.rows import column_of
 from harness.scoring.quantity import Quantity
+from harness.storage.grid_rows import column_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,16 +12,17 @@ from harness.common.numbers import as_json
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
 from harness.grid.cells import Cell
-from harness.grid.gridfolder import KEPT
 from harness.grid.rerun import command_of
-from harness.grid.rows import Row
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
-from harness.runfolder.checks import rows_of
-from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.runfolder.tables import RunTables, write_table
 from harness.running.keeping import tables_of
+from harness.running.recorder import RunTables
 from harness.scoring import ScoredRun
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import rows_of
+from harness.storage.grid_folder import KEPT
+from harness.storage.grid_rows import Row
+from harness.storage.manifest import RunFacts, write_manifest
+from harness.storage.tables import write_table
 from mmpf.road import Road
 
 if TYPE_CHECKING:

@@ -17,12 +17,12 @@ from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
 from harness.grid.cells import Cell, Grid
 from harness.grid.expected import expected_s, work_s
-from harness.grid.gridfolder import GRID, RUNS, check_same_grid, open_grid_folder
 from harness.grid.pool import OnRow
-from harness.grid.rows import Row, read_rows, write_row
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
-from harness.runfolder.manifest import RunFacts, write_manifest
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import GRID, RUNS, check_same_grid, open_grid_folder
+from harness.storage.grid_rows import Row, read_rows, write_row
+from harness.storage.manifest import RunFacts, write_manifest
 
 SUMMARY, TABLE = "summary.json", "table.md"
 
@@ -65,7 +65,7 @@ class Making:
         grid: The grid.
         table: What was asked for, the content of ``grid.json``.
         command: What the user typed, for the manifest.
-        kind: What kind of folder it makes (``harness.runfolder.ownership``), which heads the progress bar too.
+        kind: What kind of folder it makes (``harness.storage.ownership``), which heads the progress bar too.
     """
 
     grid: Grid

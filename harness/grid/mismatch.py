@@ -11,9 +11,9 @@ import numpy as np
 from harness.common.bootstrap import few_groups_ci
 from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
-from harness.grid.cells import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
-from harness.grid.rows import column_of
 from harness.grid.worlds import AS_IS
+from harness.storage.grid_rows import column_of
+from harness.storage.schema import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from mmpf.compute.arrays import FloatArray
 from mmpf.settings import fields_of
 

@@ -17,9 +17,10 @@ from time import monotonic
 from typing import IO
 
 from harness.grid.cells import Cell, CellTraffic, PlannedRun
-from harness.grid.rows import Row, failed_row
+from harness.grid.rows import failed_row
 from harness.grid.waiting import WaitingCells
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
+from harness.storage.grid_rows import Row
 
 OnRow = Callable[[str, Row], None]
 WORKER = "harness.grid.worker"

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.common.bootstrap import few_groups_ci
-from harness.grid.cells import RECORDING
-from harness.grid.rows import column_of
 from harness.grid.summary import labelled, summed_by, sums_and_weights
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
+from harness.storage.grid_rows import column_of
+from harness.storage.schema import RECORDING
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import MISMATCH, RECORDING, Grid, distinct_trackers
+from harness.grid.cells import Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
-from harness.grid.gridfolder import FIGURES, RUNS
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
-from harness.grid.rows import Row, assemble
+from harness.grid.rows import assemble
 from harness.grid.summary import Break, Point, breaks, curve_points
+from harness.storage.grid_folder import FIGURES, RUNS
+from harness.storage.grid_rows import Row
+from harness.storage.schema import MISMATCH, RECORDING
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -135,7 +137,7 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
 
 def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
     """Write curves over the axes; of recorded traffic, one table over all files."""
-    from harness.runfolder.tables import write_table  # noqa: PLC0415
+    from harness.storage.tables import write_table  # noqa: PLC0415
 
     table = assemble(grid, rows)
     failures = [

@@ -10,9 +10,9 @@ import numpy as np
 
 from harness.common.bootstrap import few_groups_ci
 from harness.grid import common_steps
-from harness.grid.cells import NET
-from harness.grid.rows import column_of
 from harness.scoring.quantity import Quantity
+from harness.storage.grid_rows import column_of
+from harness.storage.schema import NET
 from mmpf.compute.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.common.markdown import markdown_table
-from harness.grid.cells import NET
 from harness.grid.coasting import COASTING
 from harness.grid.summary import (
     BREAK_METRIC,
@@ -26,6 +25,7 @@ from harness.grid.summary import (
     told_quantities,
 )
 from harness.scoring.quantity import Quantity
+from harness.storage.schema import NET
 
 if TYPE_CHECKING:
     from harness.grid.pooled import Mean

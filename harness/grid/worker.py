@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.kept import Outcome, keep_run
-from harness.grid.rows import Row, failed_row, finished_row
+from harness.grid.rows import failed_row, finished_row
 from harness.running.follow import StageTimes, track
 from harness.running.looks import Looks
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
@@ -30,6 +30,7 @@ from harness.running.remembered import RememberedTraffic
 from harness.running.unseen import UnseenKeeper
 from harness.scoring import score_run
 from harness.scoring.scarce import check_scored
+from harness.storage.grid_rows import Row
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.common.errors import InputError
-from harness.runfolder import folder as runfolder
+from harness.storage import run_folder as runfolder
 
 TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
 LATER = (", decisions.", ", conflicts.")

@@ -12,8 +12,8 @@ from harness.common.files import replacing, write_text
 from harness.reference.differing import processor_kind
 from harness.reference.registry import FOLDER, Reference
 from harness.reference.tree import changes, revision, sources_of, tracked
-from harness.runfolder import folder as runfolder
-from harness.runfolder.manifest import RunFacts, write_manifest
+from harness.storage import run_folder as runfolder
+from harness.storage.manifest import RunFacts, write_manifest
 
 MAKING = Path("results") / "making"
 KEPT = (".json", ".md", ".parquet", ".png", ".svg")

@@ -15,11 +15,11 @@ from harness.report.charts.comparison import comparison_charts
 from harness.report.folderpage import as_html, text_page, title_of
 from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
 from harness.report.replay_data import Beside
-from harness.runfolder.checks import sound_tables
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.scoring.errors import OUTCOMES, TRACKED
 from harness.scoring.settings import TIME_TOLERANCE_S
+from harness.storage.checks import sound_tables
+from harness.storage.tables import floats
 
 UNFOLLOWED, SWITCHED, FARTHER = range(3)
 """Kinds of marks: the other alone follows the vehicle; its identity was switched; it is followed from farther off."""

@@ -23,9 +23,9 @@ from harness.report.fromabove import (
     rows_at,
 )
 from harness.report.strips import save_strips
-from harness.runfolder.tables import floats
 from harness.running.finished import BRAKING_COLUMNS, RecordedRun
 from harness.scoring.settings import ScoringSettings
+from harness.storage.tables import floats
 
 WORST = 5
 GALLERY = "decision"

@@ -15,16 +15,16 @@ from markupsafe import Markup
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
-from harness.grid.cells import NET
 from harness.grid.tables import AXIS_LABELS
 from harness.report.charts.chart import Charts
 from harness.report.gridruns import runs_of
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
 from harness.report.tables import html_table
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
-from harness.runfolder.checks import sound_tables
 from harness.scoring.metrics import quantities
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import sound_tables
+from harness.storage.schema import NET
 
 PICTURES = (".png", ".svg")
 DOCUMENTS = ("grid.json", "config.toml", "manifest.json")

@@ -20,9 +20,10 @@ from harness.report.scene import (
     shadow_outlines,
     view_outline,
 )
-from harness.runfolder.tables import detections_of, floats, frame_of
 from harness.running.finished import RecordedRun
-from harness.sensor.observation import VISIBILITY_STATES
+from harness.running.recorder import detections_of, frame_of
+from harness.storage.schema import VISIBILITY_STATES
+from harness.storage.tables import floats
 from mmpf.road import Road
 from mmpf.scan import EgoPose
 

@@ -25,9 +25,9 @@ from harness.report.fromabove import (
 )
 from harness.report.strips import save_strips
 from harness.report.withheld import withheld_vehicles
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
 from harness.scoring.settings import ScoringSettings
+from harness.storage.tables import floats
 
 WORST = 5
 GALLERY = "gallery"

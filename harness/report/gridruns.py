@@ -14,18 +14,19 @@ from markupsafe import Markup
 
 from harness.common.errors import InputError
 from harness.comparison.verdicts import compared_quantities
-from harness.grid.cells import DENSITY, Grid, PlannedRun
+from harness.grid.cells import Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.gridfolder import GRID, KEPT, RUNS
 from harness.grid.rerun import command_of
-from harness.grid.rows import column_of
 from harness.grid.summary import sums_and_weights
 from harness.report.charts.chart import Charts
 from harness.report.charts.grid import grid_charts
 from harness.report.page import PAGE
 from harness.report.tables import html_table
-from harness.runfolder import folder as runfolder
 from harness.scoring.quantity import Quantity
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import GRID, KEPT, RUNS
+from harness.storage.grid_rows import column_of
+from harness.storage.schema import DENSITY
 from mmpf.compute.arrays import FloatArray
 
 BESIDE = "side-by-side.html"

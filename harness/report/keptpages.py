@@ -9,12 +9,12 @@ from harness.common.progress import progress_bar
 from harness.comparison.compare import compare
 from harness.comparison.sources import open_source
 from harness.grid.cells import Cell, PlannedRun
-from harness.grid.gridfolder import KEPT
 from harness.report.comparisonpage import comparison_page
 from harness.report.gridruns import BESIDE, plan_of
 from harness.report.page import PAGE, write_run_page
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import KEPT
 
 
 def write_kept_pages(folder: Path, quiet: bool) -> None:

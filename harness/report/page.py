@@ -27,9 +27,9 @@ from harness.report.strips import strips_in
 from harness.report.tables import error_table, hidden_table, mot_table
 from harness.report.vehicles import vehicle_table
 from harness.report.withheld import withheld_words
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
 from harness.running.finished import RecordedRun, read_recorded_run
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
 
 PAGE = "report.html"
 MARK = b"his page is one file and needs no network"

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
-from harness.grid.gridfolder import RUNS
 from harness.grid.summary import curve_points
 from harness.grid.tables import curves_figure
 from harness.report.figures import (
@@ -24,10 +23,11 @@ from harness.report.figures import (
 )
 from harness.report.gallery import strip_figure, worst_failures
 from harness.report.gridruns import plan_of
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
-from harness.runfolder.checks import sound_tables
 from harness.running.finished import RecordedRun, read_recorded_run
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import sound_tables
+from harness.storage.grid_folder import RUNS
 
 PNG, SVG, PDF = KINDS = ("png", "svg", "pdf")
 # What would change from one drawing to the next: the date, and numbers that tell a file's parts apart.

@@ -11,11 +11,11 @@ import numpy.typing as npt
 import pandas as pd
 import shapely
 
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
 from harness.scoring.errors import OUTCOMES
-from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import VISIBILITY_STATES
+from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.lanes.graph import LaneGraph
 from mmpf.road import Road

@@ -19,9 +19,10 @@ from matplotlib.patches import Ellipse, Patch, Polygon, Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from harness.common.palette import BLUE, ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
-from harness.runfolder.tables import floats
-from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
+from harness.sensor.observation import Observation
 from harness.sensor.shadows import sensor_position, shadow_polygons
+from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
+from harness.storage.tables import floats
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import LaneGraph

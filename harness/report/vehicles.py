@@ -10,9 +10,9 @@ import pandas as pd
 from markupsafe import Markup
 
 from harness.report.tables import html_table
-from harness.runfolder.tables import floats
 from harness.scoring.errors import OUTCOMES, TRACKED
 from harness.scoring.settings import ScoringSettings
+from harness.storage.tables import floats
 from mmpf.compute.arrays import BoolArray, FloatArray
 
 MOST_ROWS = 300

@@ -14,8 +14,9 @@ from PIL import Image, ImageDraw, ImageFont
 from harness.common.errors import InputError
 from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
 from harness.report.scene import OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, shadow_outlines, view_outline
-from harness.runfolder.tables import detections_of, floats, frame_of
 from harness.running.finished import RecordedRun, read_recorded_run
+from harness.running.recorder import detections_of, frame_of
+from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import EgoPose
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from harness.report.fromabove import Subject
-from harness.runfolder.tables import floats
 from harness.running.finished import RecordedRun
 from harness.scoring.in_plain_view import DROPPED, NAME
+from harness.storage.tables import floats
 
 WORST = 4
 AFTERWARDS_S = 0.5

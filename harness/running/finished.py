@@ -18,13 +18,13 @@ from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_TABLE_BYTES, ch
 from harness.config.consent import check_sensor_of_folder
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
-from harness.runfolder import folder as runfolder
-from harness.runfolder.checks import Until
-from harness.runfolder.tables import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, floats
 from harness.scoring.brakings import FATES, KINDS
-from harness.sensor.observation import VISIBILITY_STATES
 from harness.sensor.profiles import sensor_settings
 from harness.sensor.settings import SensorSettings
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import Until
+from harness.storage.schema import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, VISIBILITY_STATES
+from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road
 from mmpf.tracks import TRACK_STATES

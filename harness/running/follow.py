@@ -11,9 +11,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from harness.common.errors import RunError
-from harness.runfolder.tables import ColumnRecorder, RunTables
 from harness.running.looks import Looks, Streams
 from harness.running.memory import keep_freed_memory
+from harness.running.recorder import ColumnRecorder, RunTables
 from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
 from harness.trackers.wellformed import fault_of

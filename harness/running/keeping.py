@@ -10,14 +10,14 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from harness.runfolder import folder as runfolder
-from harness.runfolder.growing import GrowingTables, sampled_rows
-from harness.runfolder.tables import STRETCH_ROWS, ColumnRecorder, RunTables
 from harness.running.metrics import TrafficSums
+from harness.running.recorder import STRETCH_ROWS, ColumnRecorder, RunTables
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.scoring import RunScorer, ScoredRun, ScoredStretch
 from harness.scoring.scarce import check_scored
+from harness.storage import run_folder as runfolder
+from harness.storage.growing import GrowingTables, sampled_rows
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,6 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
-from harness.runfolder import folder as runfolder
 from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, Streams, look_at
@@ -23,6 +22,7 @@ from harness.sensor.altered_settings import AlteredSettings
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings
+from harness.storage import run_folder as runfolder
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource

@@ -8,16 +8,24 @@ import numpy as np
 import pandas as pd
 
 from harness.config.model import RunConfig
-from harness.runfolder import folder as runfolder
-from harness.runfolder.checks import sound_tables
-from harness.runfolder.tables import DETECTION_CORRELATION, DETECTION_NUMBERS, TRUTH_NUMBERS, detections_of, frame_of
 from harness.running.looks import Looks, timed_looks
+from harness.running.recorder import detections_of, frame_of
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import VISIBILITY_STATES, Observation
+from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
 from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
-from harness.truth.frame import DIRECTION_COLUMN, WALL_COLUMN, Frame
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import sound_tables
+from harness.storage.schema import (
+    DETECTION_CORRELATION,
+    DETECTION_NUMBERS,
+    DIRECTION_COLUMN,
+    TRUTH_NUMBERS,
+    VISIBILITY_STATES,
+    WALL_COLUMN,
+)
+from harness.truth.frame import Frame
 from mmpf.road import Road
 from mmpf.scan import Scan
 

@@ -22,9 +22,6 @@ from harness.common.progress import progress_bar, working
 from harness.common.signals import told_to_end
 from harness.config.layers import write_config
 from harness.config.model import RunConfig
-from harness.runfolder import folder as runfolder
-from harness.runfolder.checks import rows_of
-from harness.runfolder.manifest import RunFacts, write_manifest
 from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
 from harness.running.follow import StageTimes, follow
 from harness.running.keeping import RunKeeper
@@ -41,6 +38,9 @@ from harness.running.open import (
 )
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import Moment, MomentKeeper
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import rows_of
+from harness.storage.manifest import RunFacts, write_manifest
 from mmpf.road import Road
 from mmpf.scan import SensorModel
 

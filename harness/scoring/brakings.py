@@ -23,7 +23,7 @@ from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
 from harness.scoring.stretches import lasting_stretches, missed_stretches
 from harness.scoring.withheld import find_withheld
-from harness.sensor.observation import VISIBILITY_STATES
+from harness.storage.schema import VISIBILITY_STATES
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 MISSED, PHANTOM = range(2)

@@ -18,7 +18,7 @@ from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 NORMAL_95 = 1.959963984540054

@@ -12,7 +12,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.history import first_of_group
 from harness.scoring.parts import Basis
 from harness.scoring.settings import TIME_TOLERANCE_S
-from harness.sensor.observation import HIDDEN, VISIBLE
+from harness.storage.schema import HIDDEN, VISIBLE
 
 
 @dataclass(frozen=True)

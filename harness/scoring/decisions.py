@@ -26,7 +26,7 @@ from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.stretches import stretches
-from harness.sensor.observation import HIDDEN, OUT
+from harness.storage.schema import HIDDEN, OUT
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 KM = "decisions.km"

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from harness.truth.frame import DIRECTION_COLUMN
+from harness.storage.schema import DIRECTION_COLUMN
 from mmpf.compute.arrays import FloatArray, IntArray, turned
 
 # Farther than any two places of one step are apart.

@@ -13,7 +13,7 @@ from harness.scoring.matching import Matching
 from harness.scoring.pairs import similarity
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.observation import HIDDEN, OUT, VISIBILITY_STATES
+from harness.storage.schema import HIDDEN, OUT, VISIBILITY_STATES
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)

@@ -10,7 +10,7 @@ import pandas as pd
 from harness.scoring.matching import Matching, find_track_rows
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 

@@ -16,7 +16,7 @@ from harness.scoring.history import DetectionHistory
 from harness.scoring.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.observation import HIDDEN, OUT
+from harness.storage.schema import HIDDEN, OUT
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 

@@ -16,7 +16,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "gaps"

@@ -18,7 +18,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import tracks_in_sight
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import BoolArray, FloatArray
 
 COST, COST_N, IDENTITY_COST = "hidden.hidden_cost_m", "hidden.n", "hidden.identity_cost_m"

@@ -10,7 +10,7 @@ from harness.scoring.errors import HIJACKED, LOST, OUTCOMES, TRACKED, UNTRACKED
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis
 from harness.scoring.quantity import Quantity
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import IntArray
 
 TRACKED_PERCENT = "hidden_outcomes.tracked_percent"

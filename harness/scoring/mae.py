@@ -19,7 +19,7 @@ from harness.scoring.hidden_outcomes import count_outcomes, hidden_outcomes
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
-from harness.sensor.observation import HIDDEN, PARTIAL, VISIBLE
+from harness.storage.schema import HIDDEN, PARTIAL, VISIBLE
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 STATES = {"all": (VISIBLE, PARTIAL, HIDDEN), "visible": (VISIBLE,), "partial": (PARTIAL,), "hidden": (HIDDEN,)}

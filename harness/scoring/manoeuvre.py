@@ -19,7 +19,7 @@ from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.scoring.rows import RunRows, TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S
-from harness.sensor.observation import HIDDEN
+from harness.storage.schema import HIDDEN
 from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 
 MANOEUVRES = ("straight", "left", "right", "oncoming", "roundabout")

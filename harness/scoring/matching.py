@@ -12,7 +12,7 @@ from harness.scoring.history import DetectionHistory, last_row_where
 from harness.scoring.pairs import GATE_SIMILARITY, Pairs
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.observation import PARTIAL, VISIBLE
+from harness.storage.schema import PARTIAL, VISIBLE
 from mmpf.compute.arrays import BoolArray, IntArray
 
 

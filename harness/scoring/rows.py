@@ -10,8 +10,14 @@ import pandas as pd
 
 from harness.scoring.directions import nearest_row, read_directions
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.observation import VISIBILITY_STATES
-from harness.truth.frame import PARKED_COLUMN, PEDESTRIAN_COLUMN, ROUNDABOUT_COLUMN, WALL_COLUMN, WINDOW_COLUMNS
+from harness.storage.schema import (
+    PARKED_COLUMN,
+    PEDESTRIAN_COLUMN,
+    ROUNDABOUT_COLUMN,
+    VISIBILITY_STATES,
+    WALL_COLUMN,
+    WINDOW_COLUMNS,
+)
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 

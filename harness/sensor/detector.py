@@ -10,12 +10,13 @@ import numpy.typing as npt
 
 from harness.sensor.lanearea import mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
-from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation, Sensor
+from harness.sensor.observation import Observation, Sensor
 from harness.sensor.returns import CLUTTER_SPEED_MPS, flashing_returns, standing_returns, vehicle_returns
 from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
 from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_beside_walls
+from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.road import Road, wall_bodies

@@ -13,11 +13,12 @@ import numpy as np
 
 from harness.sensor.detector import DECIMALS, data_sheet, visibility_of
 from harness.sensor.noise import position_std
-from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE, Observation
+from harness.sensor.observation import Observation
 from harness.sensor.scene import in_reach, sight_to
 from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
 from harness.sensor.visibility import compile_kernels
+from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
 from harness.truth.recorded.detected.drive import GivenBoxes
 from harness.truth.recorded.detected.origin import NOTHING

@@ -13,9 +13,6 @@ from mmpf.compute.arrays import FloatArray, IntArray, StringArray
 from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 
-VISIBLE, PARTIAL, HIDDEN, OUT = range(4)
-VISIBILITY_STATES = ("visible", "partial", "hidden", "out")
-
 
 @dataclass(frozen=True)
 class Observation:

@@ -16,20 +16,6 @@ STEP_S = 0.1
 """Time between the frames of every source, seconds."""
 
 EVERYWHERE = (-np.inf, np.inf)
-# Columns of the truth table that hold a frame's window; absent where it is everywhere.
-WINDOW_COLUMNS = ("window_start_m", "window_end_m")
-# Column of the truth table that holds the directions that vehicles are scored along; absent where that is the road's.
-DIRECTION_COLUMN = "direction_rad"
-# Column of the truth table that says who is parked; absent where the source does not know.
-PARKED_COLUMN = "parked"
-# Column of the truth table that says who is on a roundabout; absent where the network has none, or none that is known.
-ROUNDABOUT_COLUMN = "on_roundabout"
-# Column of the truth table that says who is on foot; absent where the source knows of nobody who could be.
-PEDESTRIAN_COLUMN = "pedestrian"
-# Column of the truth table with the share of each vehicle that walls hide; absent where there are no walls.
-WALL_COLUMN = "wall_fraction"
-# Column of the truth table that holds the states of signals; absent where the road has none.
-SIGNALS_COLUMN = "signals"
 OPEN, CLOSED = "1", "0"
 
 

@@ -17,13 +17,13 @@ import pandas as pd
 from harness.common.numbers import as_json
 from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
-from harness.runfolder import folder as runfolder
-from harness.runfolder.checks import rows_of
-from harness.runfolder.manifest import RunFacts, write_manifest
-from harness.runfolder.tables import write_table
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.scoring import score_run
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import rows_of
+from harness.storage.manifest import RunFacts, write_manifest
+from harness.storage.tables import write_table
 from mmpf.road import Road, highway
 
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0

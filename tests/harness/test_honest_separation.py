@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 
 from harness.config.layers import resolve_run_config
-from harness.runfolder import folder as runfolder
-from harness.runfolder.tables import write_table
 from harness.running.run import run
-from harness.sensor.observation import VISIBILITY_STATES
+from harness.storage import run_folder as runfolder
+from harness.storage.schema import VISIBILITY_STATES
+from harness.storage.tables import write_table
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 

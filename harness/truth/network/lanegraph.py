@@ -11,10 +11,10 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
-from harness.truth.network.graphlimits import graph_problem
 from harness.truth.network.linkcontrol import read_control
 from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.lanes.limits import graph_problem
 
 # Whoever drives on roads; lanes of which rails, feet or bicycles alone have the use are none of the graph's.
 ROAD_VEHICLES = frozenset(

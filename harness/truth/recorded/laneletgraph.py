@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.truth.network.graphlimits import graph_problem
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.compute.arrays import FloatArray, IntArray, wrapped
 from mmpf.lanes.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
 from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.lanes.limits import graph_problem
 from mmpf.road import Road
 
 # On one road lanelets lead one way to within this angle, but for a small share of their length, as of a drawn hook.

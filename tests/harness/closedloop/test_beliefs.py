@@ -8,13 +8,14 @@ import pytest
 
 from harness.closedloop.beliefs import HumanPerception, TrackedPerception, biased, ego_of, true_bodies
 from harness.decisions.belief import believe
-from harness.runfolder.tables import ColumnRecorder
+from harness.running.recorder import ColumnRecorder
 from harness.scoring.believed import egos_of, tracked_bodies
 from harness.scoring.rows import read_run
 from harness.scoring.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import HIDDEN, VISIBLE, Look
+from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
+from harness.storage.schema import HIDDEN, VISIBLE
 from mmpf.road import highway
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 from tests.harness.closedloop.frames import frame_of

@@ -9,7 +9,8 @@ import pytest
 
 from harness.closedloop.beliefs import true_bodies
 from harness.closedloop.withheld import PlainSight
-from harness.sensor.observation import PARTIAL, VISIBLE, Look
+from harness.sensor.observation import Look
+from harness.storage.schema import PARTIAL, VISIBLE
 from tests.harness.closedloop.frames import frame_of
 
 

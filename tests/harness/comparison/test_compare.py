@@ -31,8 +31,8 @@ from harness.comparison.written import as_markdown
 from harness.config.layers import resolve_run_config
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
-from harness.runfolder.tables import write_table
 from harness.running.run import run
+from harness.storage.tables import write_table
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"

@@ -17,8 +17,8 @@ from harness.comparison.sources import Source
 from harness.comparison.vehicles import closeness, hota_by_vehicle
 from harness.comparison.verdicts import Rules, compared_quantities
 from harness.comparison.why import failures
-from harness.grid.rows import flattened
 from harness.scoring.metrics import score_metrics
+from harness.storage.grid_rows import flattened
 from tests.golden import equals_golden
 from tests.harness.comparison.test_vehicles import CARS, six_cars
 from tests.harness.recorded_scene import write_recorded_scene

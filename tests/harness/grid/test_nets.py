@@ -11,7 +11,6 @@ import pytest
 from harness.api import Grid, compare
 from harness.cli import run_command_line
 from harness.config.options import checked
-from harness.grid.cells import NET
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions, request_of
 from harness.grid.stress import run_stress
@@ -20,6 +19,7 @@ from harness.grid.tables import as_markdown
 from harness.grid.worker import Finished, work_on_cell
 from harness.report.folderpage import folder_page
 from harness.report.gridruns import plan_of
+from harness.storage.schema import NET
 from tests.harness.grid.test_summary import rows
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 

@@ -12,11 +12,11 @@ from harness.cli import run_command_line
 from harness.common.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.gridfolder import RUNS
 from harness.grid.pooled import pool_files
 from harness.grid.pooled_tables import pooled_markdown
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
+from harness.storage.grid_folder import RUNS
 from mmpf.compute.arrays import BoolArray
 from tests.harness.grid.test_stress import ECHO, InProcess
 from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv

@@ -13,11 +13,12 @@ from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.grid.common_steps import with_ratios
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.gridfolder import check_same_grid, open_grid_folder
 from harness.grid.rerun import command_of
-from harness.grid.rows import assemble, column_of, failed_row, flattened, read_rows, write_row
+from harness.grid.rows import assemble, failed_row
 from harness.grid.tuning_spaces import nested
-from harness.runfolder import ownership
+from harness.storage import ownership
+from harness.storage.grid_folder import check_same_grid, open_grid_folder
+from harness.storage.grid_rows import column_of, flattened, read_rows, write_row
 
 GRID = plan_grid(GridRequest(densities="20", seeds="2", trackers="pmbm", vary=("sensor.range_m=40,60",)))
 

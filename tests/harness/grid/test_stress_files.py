@@ -17,7 +17,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.making import Telling, on_stderr
 from harness.grid.rows import failed_row, finished_row
 from harness.grid.stress import run_stress
-from harness.runfolder import ownership
+from harness.storage import ownership
 
 REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
 METRICS = {"mot": {"hota": 80.0}, "occlusion": {"same_id": 30.0, "events": 40.0}, "run": {"left": "out"}}

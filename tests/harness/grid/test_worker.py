@@ -16,13 +16,13 @@ from harness.config.model import RunConfig
 from harness.grid import kept, worker
 from harness.grid.coasting import COASTING, against_coasting, coasting_errors
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.gridfolder import KEPT
 from harness.grid.rerun import command_of
-from harness.grid.rows import flattened
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Started, work_on_cell
-from harness.runfolder import ownership
 from harness.running.follow import track
 from harness.scoring import score_run
+from harness.storage import ownership
+from harness.storage.grid_folder import KEPT
+from harness.storage.grid_rows import flattened
 from harness.trackers.catalogue import build_tracker
 from tests.harness.grid.test_stress import BROKEN, ECHO
 from tests.harness.stand_ins import SteadyTraffic, looking_at

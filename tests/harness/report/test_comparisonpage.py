@@ -9,8 +9,8 @@ from harness.cli import run_command_line
 from harness.comparison.why import DEATH, LOSS, SWITCH, Failure, Why
 from harness.report.comparisonpage import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
 from harness.report.replay_data import Beside, replay_data
-from harness.runfolder import folder as runfolder
 from harness.running.finished import read_recorded_run
+from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, NEW_TRACK, STEPS, write_recorded_scene
 from tests.harness.report.test_replay_data import unpacked
 

@@ -13,12 +13,12 @@ from harness.decisions.decide import driver_of
 from harness.report.decisiongallery import decision_figure, draw_decisions, worst_brakings
 from harness.report.page import write_run_page
 from harness.report.sentences import decision_summary
-from harness.runfolder import folder as runfolder
-from harness.runfolder.checks import rows_of
-from harness.runfolder.tables import write_table
 from harness.running.finished import read_recorded_run
 from harness.scoring import score_run
 from harness.scoring.asked import Driven
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import rows_of
+from harness.storage.tables import write_table
 from tests.harness.recorded_scene import write_recorded_scene
 
 BRAKING = {

@@ -15,9 +15,9 @@ from harness.grid.rerun import command_of
 from harness.report.folderpage import as_html, write_page
 from harness.report.gridruns import BESIDE
 from harness.report.keptpages import write_kept_pages
-from harness.runfolder.tables import RunTables
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.running.recorder import RunTables
 from harness.scoring import score_run
 from mmpf.road import highway
 from tests.harness.recorded_scene import (

@@ -10,7 +10,7 @@ import pytest
 from harness.comparison.compare import compare
 from harness.comparison.sources import open_source
 from harness.report.comparisonpage import comparison_page
-from harness.runfolder import folder as runfolder
+from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, write_recorded_scene
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")

@@ -14,8 +14,8 @@ from harness.report.sentences import summary_sentences
 from harness.report.summary import print_summary
 from harness.report.tables import mot_table
 from harness.report.withheld import Withheld, withheld_vehicles, withheld_words
-from harness.runfolder import folder as runfolder
 from harness.running.finished import read_recorded_run
+from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import write_recorded_scene
 
 ENTRY = {

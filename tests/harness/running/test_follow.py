@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from harness.runfolder.tables import ColumnRecorder, RunTables, detections_of
 from harness.running.follow import follow, track
 from harness.running.looks import Streams, look_at
+from harness.running.recorder import ColumnRecorder, RunTables, detections_of
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting

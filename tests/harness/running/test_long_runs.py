@@ -16,13 +16,14 @@ from harness.common.errors import RunError, RunInterruptedError
 from harness.config.layers import resolve_run_config
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
-from harness.runfolder import folder as runfolder
-from harness.runfolder import growing
-from harness.runfolder.growing import GrowingTables, sampled_rows
-from harness.runfolder.tables import ColumnRecorder, write_table
 from harness.running import keeping
 from harness.running.finished import read_recorded_run
+from harness.running.recorder import ColumnRecorder
 from harness.running.run import Drawing, run
+from harness.storage import growing
+from harness.storage import run_folder as runfolder
+from harness.storage.growing import GrowingTables, sampled_rows
+from harness.storage.tables import write_table
 from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.stand_ins import SteadyTraffic, looking_at
@@ -122,7 +123,7 @@ def test_a_full_disk_keeps_the_stretches_that_there_was_room_for(tmp_path, short
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
         write_table(table, path)
 
-    monkeypatch.setattr("harness.runfolder.growing.write_table", write)
+    monkeypatch.setattr("harness.storage.growing.write_table", write)
     with pytest.raises(RunError, match="No space left on device; the finished steps"):
         run_on(tmp_path / "run")
     folder = tmp_path / "run.incomplete"

@@ -7,9 +7,9 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
-from harness.runfolder import folder as runfolder
 from harness.running.looks import Looks
 from harness.running.replay import read_looks
+from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import STEP_S, STEPS, write_recorded_scene
 
 

@@ -17,8 +17,8 @@ from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
-from harness.runfolder import folder as runfolder
 from harness.running.run import Drawing, FinishedRun, run
+from harness.storage import run_folder as runfolder
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
@@ -186,7 +186,7 @@ def fail_on(name: str, monkeypatch) -> None:
         with replacing(path) as temporary:
             yield temporary
 
-    for module in ("harness.common.files", "harness.runfolder.tables"):
+    for module in ("harness.common.files", "harness.storage.tables"):
         monkeypatch.setattr(f"{module}.replacing", until_full)
 
 

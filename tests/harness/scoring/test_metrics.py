@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.grid.rows import flattened
 from harness.scoring import metrics, score_run
 from harness.scoring.asked import Driven
 from harness.scoring.metrics import completed, quantities, register
 from harness.scoring.quantity import Quantity
+from harness.storage.grid_rows import flattened
 from mmpf.road import highway
 from tests.harness.scoring.scenes import traffic
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.sensor.profiles import sensor_profiles, sensor_settings
+from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from mmpf.road import Road, highway
 from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 

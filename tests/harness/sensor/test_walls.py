@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import HIDDEN, VISIBLE, Observation
+from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
+from harness.storage.schema import HIDDEN, VISIBLE
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray
 from mmpf.road import Road

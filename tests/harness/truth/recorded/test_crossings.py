@@ -8,8 +8,8 @@ import pytest
 from harness.common.errors import InputError
 from harness.config.layers import resolve_run_config
 from harness.fidelity.samples import recorded_samples
-from harness.runfolder import folder as runfolder
 from harness.running.run import run
+from harness.storage import run_folder as runfolder
 from harness.truth.recorded.formats import network_of, recognise
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf.compute.arrays import wrapped

@@ -4,27 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
-from harness.common.files import replacing
-from harness.sensor.observation import VISIBILITY_STATES, Look, Observation
-from harness.truth.frame import (
+from harness.sensor.observation import Look, Observation
+from harness.storage.schema import (
+    DETECTION_CORRELATION,
+    DETECTION_HEADINGS,
+    DETECTION_NUMBERS,
+    DETECTION_SIZES,
     DIRECTION_COLUMN,
-    EVERYWHERE,
     PARKED_COLUMN,
     PEDESTRIAN_COLUMN,
     ROUNDABOUT_COLUMN,
     SIGNALS_COLUMN,
+    TRACK_NUMBERS,
+    TRUTH_NUMBERS,
+    VISIBILITY_STATES,
     WALL_COLUMN,
     WINDOW_COLUMNS,
-    Frame,
 )
+from harness.storage.tables import floats
+from harness.truth.frame import EVERYWHERE, Frame
 from mmpf.compute.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES, Tracks
@@ -34,33 +37,6 @@ Columns = dict[str, npt.NDArray[np.generic]]
 TRACK_DECIMALS = 4
 STRETCH_ROWS = 300_000
 """Rows of the truth after which a run's next episode begins a new stretch."""
-
-TRUTH_NUMBERS = (
-    "lon_m",
-    "lat_m",
-    "heading_rad",
-    "speed_mps",
-    "lat_speed_mps",
-    "accel_mps2",
-    "lane",
-    "length_m",
-    "width_m",
-)
-DETECTION_NUMBERS = ("lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps")
-DETECTION_SIZES = ("length_m", "width_m", "std_length_m", "std_width_m")
-DETECTION_CORRELATION = "correlation"
-DETECTION_HEADINGS = ("heading_rad", "std_heading_rad", "flip_probability")
-TRACK_NUMBERS = (
-    "lon_m",
-    "lat_m",
-    "speed_mps",
-    "lat_speed_mps",
-    "accel_mps2",
-    "std_lon_m",
-    "std_lat_m",
-    "std_speed_mps",
-    "existence",
-)
 
 
 @dataclass(frozen=True)
@@ -131,18 +107,6 @@ class ColumnRecorder:
         self._forgotten, self._rows = self.steps, 0
         for columns in (self._truth, self._detections, self._tracks):
             columns.clear()
-
-
-def write_table(table: pd.DataFrame, path: Path) -> None:
-    """Write a table as parquet; the same table gives the same bytes."""
-    columns = {name: _arrow_column(table[name].to_numpy()) for name in table}
-    with replacing(path) as temporary:
-        pq.write_table(pa.table(columns), temporary, compression="zstd")
-
-
-def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:
-    # An empty column of names would otherwise have no type.
-    return pa.array(values, type=pa.string() if values.dtype == object else None)
 
 
 def _truth_columns(look: Look) -> Columns:
@@ -235,11 +199,6 @@ def _heading_columns(detections: Detections) -> Columns:
         return {}
     columns = headings.heading_rad, headings.std_rad, headings.flip_probability
     return dict(zip(DETECTION_HEADINGS, columns, strict=True))
-
-
-def floats(table: pd.DataFrame, column: str) -> FloatArray:
-    """Return a column of numbers."""
-    return table[column].to_numpy(dtype=np.float64)
 
 
 def detections_of(rows: pd.DataFrame) -> Detections:

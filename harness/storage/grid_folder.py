@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
 from harness.common.files import is_temporary
-from harness.runfolder import folder as runfolder
-from harness.runfolder import ownership
-from harness.runfolder.lock import LOCK, lock_within
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.storage.lock import LOCK, lock_within
 
 ROWS, RUNS, GRID, KEPT, FIGURES = "runs", "runs.parquet", "grid.json", "kept", "figures"
 

@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.runfolder import folder as runfolder
-from harness.runfolder.ownership import LEDGER
-from harness.runfolder.tables import write_table
+from harness.storage import run_folder as runfolder
+from harness.storage.ownership import LEDGER
+from harness.storage.tables import write_table
 
 
 def test_a_finished_folder_gets_its_name_only_at_the_end(tmp_path):
@@ -34,7 +34,7 @@ def test_an_unfinished_folder_says_so(tmp_path):
 
 def test_the_folder_of_a_killed_run_is_removed_by_the_next(tmp_path):
     script = (
-        "import os, pathlib, signal; from harness.runfolder import folder as runfolder;"
+        "import os, pathlib, signal; from harness.storage import run_folder as runfolder;"
         f"folder = runfolder.open_folder(pathlib.Path({str(tmp_path / 'run')!r}), 'x', force=False).path;"
         "(folder / runfolder.CONFIG).touch(); os.kill(os.getpid(), signal.SIGKILL)"
     )

@@ -22,10 +22,10 @@ import pyarrow as pa
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
-from harness.runfolder import ownership
-from harness.runfolder.checks import Until, check_kinds, check_order, check_rows, read_parquet
-from harness.runfolder.graphs import graph_of, graph_table, walls_of
-from harness.runfolder.lock import FolderLock, lock_beside, remove_stale_locks
+from harness.storage import ownership
+from harness.storage.checks import Until, check_kinds, check_order, check_rows, read_parquet
+from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
+from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from mmpf.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.runfolder.tables import ColumnRecorder, detections_of, frame_of
+from harness.running.recorder import ColumnRecorder, detections_of, frame_of
 from harness.sensor.observation import Look
 from harness.truth.frame import EVERYWHERE, Frame
 from mmpf.tracks import Tracks

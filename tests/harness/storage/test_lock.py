@@ -8,10 +8,10 @@ import sys
 import pytest
 
 from harness.common.errors import InputError
-from harness.runfolder.lock import lock_beside, lock_within, remove_stale_locks
+from harness.storage.lock import lock_beside, lock_within, remove_stale_locks
 
 HOLD = (
-    "import sys, time; from pathlib import Path; from harness.runfolder.lock import lock_beside;"
+    "import sys, time; from pathlib import Path; from harness.storage.lock import lock_beside;"
     "lock = lock_beside(Path(sys.argv[1]), 'out'); print('held', flush=True); time.sleep(60)"
 )
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from harness.common.errors import InputError
 from harness.common.files import is_temporary, write_text
-from harness.runfolder.lock import LOCK
+from harness.storage.lock import LOCK
 
 LEDGER = ".mmpf-harness.json"
 PROGRAM = "mmpf-harness"

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.files import replacing
-from harness.runfolder.tables import write_table
+from harness.storage.tables import write_table
 
 PART = ".part"
 

@@ -17,9 +17,9 @@ from harness.common.errors import InputError
 from harness.export.csv_tables import export as export_csv
 from harness.export.fcd import export as export_fcd
 from harness.export.mot import folder_name
-from harness.runfolder import checks
-from harness.runfolder.folder import read_table
 from harness.running.finished import read_recorded_run
+from harness.storage import checks
+from harness.storage.run_folder import read_table
 from tests.harness.recorded_scene import write_recorded_scene
 
 READERS = (["report", "{run}"], ["export", "{run}", "--to", "mot"], ["run", "--replay", "{run}", "--out", "{out}"])

@@ -6,8 +6,8 @@ import os
 import pytest
 
 from harness.common.errors import InputError
-from harness.runfolder import ownership
-from harness.runfolder.ownership import EXPORT, LEDGER, RUN, STRESS
+from harness.storage import ownership
+from harness.storage.ownership import EXPORT, LEDGER, RUN, STRESS
 
 
 @pytest.fixture
