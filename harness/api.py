@@ -264,7 +264,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
 
 
 def _run_config(values: Mapping[str, Any]) -> RunConfig:
-    from harness.config.layers import resolve_run_config  # noqa: PLC0415
+    from harness.running.resolve import resolve_run_config  # noqa: PLC0415
 
     chosen = {name: values[name] for name in keys_of_options()}
     chosen["replay"] = None if values["replay"] is None else str(values["replay"])

@@ -20,6 +20,7 @@ from rich.text import Text
 import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.common.errors import InputError
 from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, TrackerConfig
+from harness.running.resolve import with_usual_traffic
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.trackers.catalogue import available_trackers, tracker_options, tuned_options
 from harness.trackers.protocol import trackers
@@ -71,7 +72,7 @@ def all_settings(word: str = "") -> list[Setting]:
 
 
 def _everything() -> Iterator[Setting]:
-    run = list(_rows("", RunConfig(), "run"))
+    run = list(_rows("", with_usual_traffic(RunConfig()), "run"))
     yield from (row for row in run if not row.key.startswith(("sensor.", "tracker.")))
     for network in available_networks():
         yield _named("traffic.net", network.name, network.description, "network")

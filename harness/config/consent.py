@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from harness.common.errors import InputError
-from harness.config.model import SensorConfig
-from harness.sensor.profiles import has_all_figures, is_built_in
 
 # Where a configuration may name a module, and the option that names it in person.
 OPTIONS = {
@@ -54,24 +52,6 @@ def _at(table: Mapping[str, Any], key: str) -> object:
     for part in key.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
     return value
-
-
-def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -> None:
-    """Refuse a run's folder whose sensor would have to be imported.
-
-    Args:
-        sensor: The sensor as the folder's configuration has it.
-        folder: The folder, for the message.
-        parameter: Parameter that named it.
-
-    Raises:
-        InputError: The sensor is another package's, and its figures are not all there.
-    """
-    if not is_built_in(sensor.profile) and not has_all_figures(sensor.profile, sensor.overrides):
-        raise InputError(
-            f"`{parameter}`: the sensor of {folder} is {sensor.profile}, whose figures are not all in its config.toml, "
-            f"and importing it would run it; if you trust it, make the run again with `sensor` {sensor.profile}"
-        )
 
 
 def is_installed(name: str) -> bool:

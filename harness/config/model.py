@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from harness.sensor.altered_settings import AlteredSettings
-from harness.truth.network.demand import DEFAULT_DENSITY, DENSITY_RANGE
-from harness.truth.network.network import default_demand
+from harness.truth.network.demand import DENSITY_RANGE
 from mmpf.options import FilterOptions
 from mmpf.settings import WithoutTruthValues
 
@@ -84,11 +83,6 @@ class TrafficConfig(_Strict):
             if self.broken_down:
                 raise ValueError("recorded traffic is as it was; leave broken_down out")
             return self
-        if self.demand is None and self.density is None and not brings_its_own_demand(self.net):
-            demand = default_demand(self.net)
-            # The model is frozen for its users; during validation the default is still being filled in.
-            object.__setattr__(self, "demand", demand)
-            object.__setattr__(self, "density", DEFAULT_DENSITY if demand is None else None)
         return self
 
 

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.worlds import chosen_worlds
+from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_settings
 from harness.storage.run_folder import is_run_folder
 from harness.storage.schema import DEMAND, DENSITY, NET, RECORDING

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from harness.common.files import write_text
 from harness.common.numbers import as_json
-from harness.config.layers import write_config
 from harness.config.model import RunConfig
 from harness.grid.cells import Cell
 from harness.grid.rerun import command_of
 from harness.running.keeping import tables_of
 from harness.running.recorder import RunTables
+from harness.running.resolve import write_config
 from harness.scoring import ScoredRun
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder

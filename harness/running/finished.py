@@ -15,9 +15,9 @@ import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
-from harness.config.consent import check_sensor_of_folder
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
+from harness.running.resolve import check_sensor_of_folder
 from harness.scoring.brakings import FATES, KINDS
 from harness.sensor.profiles import sensor_settings
 from harness.sensor.settings import SensorSettings

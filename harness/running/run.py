@@ -20,7 +20,6 @@ from harness.common.files import write_text
 from harness.common.numbers import as_json
 from harness.common.progress import progress_bar, working
 from harness.common.signals import told_to_end
-from harness.config.layers import write_config
 from harness.config.model import RunConfig
 from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
 from harness.running.follow import StageTimes, follow
@@ -36,6 +35,7 @@ from harness.running.open import (
     open_looks,
     tracker_builder,
 )
+from harness.running.resolve import write_config
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import Moment, MomentKeeper
 from harness.storage import run_folder as runfolder

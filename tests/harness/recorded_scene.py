@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from harness.common.numbers import as_json
-from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.running.resolve import resolve_run_config, write_config
 from harness.scoring import score_run
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of

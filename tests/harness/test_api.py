@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 
 import harness
-from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
 from harness.config.options import RunOptions, checked, declared, keys_of_options, setting_words
 from harness.grid.options import GridOptions, request_of
+from harness.running.resolve import resolve_run_config
 from tests.harness.stand_ins import EchoTracker, echo_tracker
 
 

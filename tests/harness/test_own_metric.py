@@ -12,13 +12,13 @@ from harness.comparison.compare import compare
 from harness.comparison.sources import open_source
 from harness.comparison.verdicts import BETTER, WORSE, Rules
 from harness.comparison.written import as_markdown
-from harness.config.layers import resolve_run_config
 from harness.grid.ablation import ablated_quantities
 from harness.grid.grid import GridRequest
 from harness.grid.pooled import pooled_quantities
 from harness.grid.stress import run_stress
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.scoring import metrics
 from harness.scoring.metrics import register

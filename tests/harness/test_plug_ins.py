@@ -11,8 +11,8 @@ import pytest
 import harness
 from harness.cli import run_command_line
 from harness.common.errors import RunError
-from harness.config.layers import resolve_run_config
 from harness.export.formats import export_run
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.sensor.profiles import sensor_settings
 from harness.settings import all_settings

@@ -12,8 +12,8 @@ from pydantic.fields import FieldInfo
 
 from harness.cli import run_command_line
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
+from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.sensor.settings import SensorSettings
 from harness.settings import Setting, all_settings

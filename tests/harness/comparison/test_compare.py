@@ -28,9 +28,9 @@ from harness.comparison.verdicts import (
     compared_quantities,
 )
 from harness.comparison.written import as_markdown
-from harness.config.layers import resolve_run_config
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage.tables import write_table
 from tests.harness.stand_ins import SteadyTraffic, looking_at

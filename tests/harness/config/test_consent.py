@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config, write_config
 from harness.running.finished import read_recorded_run
+from harness.running.resolve import resolve_run_config, write_config
 from tests.harness.recorded_scene import write_recorded_scene
 
 MODULE = "came_along"

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config, write_config
 from harness.config.model import RunConfig
+from harness.running.resolve import resolve_run_config, write_config
 from harness.truth.network.network import shipped_networks
 
 

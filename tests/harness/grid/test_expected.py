@@ -3,10 +3,10 @@ from __future__ import annotations
 import pytest
 
 from harness.common.durations import rough_time, say_roughly
-from harness.config.layers import resolve_run_config
 from harness.grid.expected import expected_s
 from harness.grid.grid import GridRequest, plan_grid
 from harness.running.expected import expected_tracking_s, expected_traffic_s
+from harness.running.resolve import resolve_run_config
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.grid.rows import assemble, failed_row
 from harness.grid.tuning_spaces import nested
+from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder
 from harness.storage.grid_rows import column_of, flattened, read_rows, write_row
@@ -207,7 +208,7 @@ def test_the_command_of_a_run_says_what_is_not_a_default_and_always_its_traffic_
         "sensor": {"profile": "radar", "overrides": {"range_m": 40, "name_of": "some_word", "odd": "a-b", "no": "nan"}},
         "tracker": {"name": "pmbm", "options": {"x": {"y": [1, 2]}, "truth": True, "word": "true"}},
     }
-    assert [command_of(RunConfig.model_validate(each)) for each in ({}, replayed, content)] == [
+    assert [command_of(with_usual_traffic(RunConfig.model_validate(each))) for each in ({}, replayed, content)] == [
         "python -m harness run --seed 0 --demand us101-0805",
         "python -m harness run --seed 0 --replay x/y.csv --demand us101-0805 --model cvm --particles 7",
         "python -m harness run --seed 3 --net 'a b' --density 20.0 --duration 9.5 --sensor radar --set "

@@ -13,11 +13,11 @@ import pytest
 
 from harness.cli import run_command_line
 from harness.common.errors import InputError, RunError, RunInterruptedError
-from harness.config.layers import resolve_run_config
 from harness.grid.grid import GridRequest
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.open import OpenLooks
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage.grid_rows import flattened
 from tests.harness.full_disk import disk_full_from, moments

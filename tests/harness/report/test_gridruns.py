@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from harness.cli import run_command_line
-from harness.config.layers import resolve_run_config
 from harness.config.options import keys_of_options
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.kept import Outcome, keep_run
@@ -18,6 +17,7 @@ from harness.report.keptpages import write_kept_pages
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, timing_table, traffic_table
 from harness.running.recorder import RunTables
+from harness.running.resolve import resolve_run_config
 from harness.scoring import score_run
 from mmpf.road import highway
 from tests.harness.recorded_scene import (

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
 from harness.running.looks import Streams
+from harness.running.resolve import resolve_run_config
 
 
 def test_what_is_not_altered_leaves_no_trace_in_the_configuration():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.running.believedmap import believed_map
+from harness.running.resolve import resolve_run_config
 from harness.truth.network.lanegraph import read_lane_graph
 from mmpf.lanes.graph import NOWHERE
 from mmpf.road import Lane, Road, highway

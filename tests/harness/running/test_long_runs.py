@@ -13,12 +13,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from harness.common.errors import RunError, RunInterruptedError
-from harness.config.layers import resolve_run_config
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
 from harness.running import keeping
 from harness.running.finished import read_recorded_run
 from harness.running.recorder import ColumnRecorder
+from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.storage import growing
 from harness.storage import run_folder as runfolder

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.worker import Finished, work_on_cell
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.scoring.scarce import check_scored
 from tests.harness.stand_ins import SteadyTraffic, looking_at

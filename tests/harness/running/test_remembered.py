@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.config.layers import resolve_run_config
 from harness.running import remembered
 from harness.running.open import open_looks
 from harness.running.remembered import RememberedTraffic
+from harness.running.resolve import resolve_run_config
 
 
 def config(seed: int = 1, range_m: float = 60.0):

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.running.looks import Looks
 from harness.running.replay import read_looks
+from harness.running.resolve import resolve_run_config
 from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import STEP_S, STEPS, write_recorded_scene
 

@@ -13,10 +13,10 @@ import pytest
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import replacing
-from harness.config.layers import resolve_run_config
 from harness.config.model import RunConfig
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, FinishedRun, run
 from harness.storage import run_folder as runfolder
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.config.layers import resolve_run_config
 from harness.running.looks import Looks
 from harness.running.open import open_looks
+from harness.running.resolve import resolve_run_config
 from harness.storage.schema import HIDDEN, OUT, VISIBLE
 from tests.harness.truth.recorded.detected.made import GAP, PARKED_XY, STEPS, write_kitti
 

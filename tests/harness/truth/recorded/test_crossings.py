@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.fidelity.samples import recorded_samples
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.formats import network_of, recognise

@@ -10,7 +10,7 @@ from xml.dom import minidom
 import numpy as np
 import pytest
 
-from harness.config.layers import resolve_run_config
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.truth.recorded.formats import network_of, recognise
 from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic

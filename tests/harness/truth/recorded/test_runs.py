@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.report.sentences import summary_sentences
 from harness.report.summary import print_summary
+from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, write_ngsim_csv

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import config_from_table, resolve_run_config
+from harness.config.layers import config_from_table
+from harness.running.resolve import resolve_run_config
 from harness.truth.network.network import load_network
 from harness.truth.sumo.brokendown import clear_of, place_broken_down
 from harness.truth.sumo.fill import Placement

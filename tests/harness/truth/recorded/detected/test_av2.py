@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.running.open import open_looks
+from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import argoverse_logs, read_av2
 from harness.truth.recorded.detected.source import DriveTruth
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.running.open import open_looks
+from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.source import DriveTruth
 from mmpf.lanes.graph import NOWHERE

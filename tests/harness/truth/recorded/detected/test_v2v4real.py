@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.layers import resolve_run_config
 from harness.running.open import open_looks
+from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.source import DriveTruth
 from harness.truth.recorded.detected.v2v4real import read_v2v4real
 

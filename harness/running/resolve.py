@@ -1,0 +1,137 @@
+"""The configuration of a run, filled in from what it names: a network, a recording or an earlier run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from harness.common.errors import InputError
+from harness.common.files import write_text
+from harness.common.untrusted_files import checked_path
+from harness.config.consent import check_modules
+from harness.config.layers import config_from_table, leaves, merged, parameter_of, table_of_file
+from harness.config.model import RunConfig, SensorConfig, brings_its_own_demand
+from harness.sensor.profiles import has_all_figures, is_built_in, sensor_settings
+from harness.storage import run_folder as runfolder
+from harness.truth.network.demand import DEFAULT_DENSITY
+from harness.truth.network.network import default_demand
+
+
+def resolve_run_config(
+    config_file: Path | None = None, options: Mapping[str, object] | None = None, settings: Sequence[str] = ()
+) -> RunConfig:
+    """Return the checked configuration of a run.
+
+    Args:
+        config_file: TOML file of ``config``.
+        options: The run's options by name (``net``, ``duration``, ...); None where not given.
+        settings: The ``KEY=VALUE`` words of ``settings``.
+
+    Raises:
+        InputError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
+            traffic, a sensor or a folder that the recording does not have; or the file is no recorded traffic.
+    """
+    table = merged(config_file, options or {}, settings)
+    for name in ("traffic", "sensor", "tracker"):
+        if not isinstance(table.get(name, {}), dict):
+            raise InputError(f"`settings`: {name} is a table of settings, not a value; for example {name}.KEY=VALUE")
+    if not isinstance(table.get("traffic", {}).get("recording", {}), dict):
+        raise InputError("`settings`: traffic.recording is a table of settings; for example traffic.recording.ego=auto")
+    if config_file is not None:
+        check_modules(table_of_file(config_file), merged(None, options or {}, settings), config_file)
+    replay = table.get("replay")
+    if isinstance(replay, str):
+        path = checked_path(Path(replay), "replay").resolve()
+        part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
+        table |= part | {"replay": str(path)}
+    elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):
+        parameter = next(iter(traffic["recording"]))
+        raise InputError(f"`{parameter}`: simulated traffic has no such choice; add `replay`, recorded traffic")
+    return with_usual_traffic(config_from_table(table))
+
+
+def with_usual_traffic(config: RunConfig) -> RunConfig:
+    """Return a configuration with its network's default demand, or the usual density, where it asks for neither.
+
+    Raises:
+        InputError: There is no such network.
+    """
+    traffic = config.traffic
+    asked = traffic.demand is not None or traffic.density is not None or traffic.recording is not None
+    if asked or brings_its_own_demand(traffic.net):
+        return config
+    demand = default_demand(traffic.net)
+    usual = {"demand": demand, "density": DEFAULT_DENSITY if demand is None else None}
+    return config.model_copy(update={"traffic": traffic.model_copy(update=usual)})
+
+
+def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the traffic's table with the file's format and the network that it is driven on."""
+    from harness.truth.recorded.formats import network_of, recognise  # noqa: PLC0415
+
+    traffic = dict(asked.get("traffic", {}))
+    recording = {"ego": "auto"} | dict(traffic.get("recording", {}))
+    entry = recognise(path, recording.get("format"))
+    traffic["recording"] = recording | {"format": entry.name}
+    part = {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
+    return part if entry.sensor is None else part | _own_detections_part(entry.name, entry.sensor, asked, recording)
+
+
+def _own_detections_part(
+    name: str, sensor: str, asked: Mapping[str, Any], recording: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the sensor's table of a recording that brings its own detections; refuse what it leaves no choice of."""
+    if recording["ego"] not in ("auto", "each"):
+        raise InputError(f"`ego` {recording['ego']}: a {name} recording is seen from its own car; leave `ego` out")
+    profile = asked.get("sensor", {}).get("profile")
+    if profile not in (None, sensor):
+        raise InputError(f"`sensor` {profile}: a {name} recording brings its own detections; leave `sensor` out")
+    return {"sensor": dict(asked.get("sensor", {})) | {"profile": sensor}}
+
+
+def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return traffic, sensor and (unless asked otherwise) seed of the recording; refuse what contradicts them."""
+    runfolder.read_manifest(folder, "replay")
+    config = config_from_table(runfolder.read_config_table(folder, "replay"))
+    if asked.get("sensor", {}).get("profile") != config.sensor.profile:
+        check_sensor_of_folder(config.sensor, folder, "replay")
+    recorded = config.as_table()
+    part = {name: recorded[name] for name in ("traffic", "sensor")}
+    for key, value in leaves({name: asked[name] for name in part if name in asked}):
+        if value != dict(leaves(part)).get(key):
+            parameter = parameter_of(key) or key
+            raise InputError(f"`{parameter}`: a replay takes traffic and sensor from the recording; leave it out")
+    return part | {"seed": asked.get("seed", recorded["seed"])}
+
+
+def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -> None:
+    """Refuse a run's folder whose sensor would have to be imported.
+
+    Args:
+        sensor: The sensor as the folder's configuration has it.
+        folder: The folder, for the message.
+        parameter: Parameter that named it.
+
+    Raises:
+        InputError: The sensor is another package's, and its figures are not all there.
+    """
+    if not is_built_in(sensor.profile) and not has_all_figures(sensor.profile, sensor.overrides):
+        raise InputError(
+            f"`{parameter}`: the sensor of {folder} is {sensor.profile}, whose figures are not all in its config.toml, "
+            f"and importing it would run it; if you trust it, make the run again with `sensor` {sensor.profile}"
+        )
+
+
+def write_config(config: RunConfig, path: Path) -> None:
+    """Write a configuration so that ``config`` reads the same one back.
+
+    A sensor from outside is written out in full, so that who opens the folder needs no code of others.
+    """
+    table = config.as_table()
+    if not is_built_in(config.sensor.profile):
+        figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
+        table["sensor"] = {"profile": config.sensor.profile} | figures.model_dump(exclude_none=True)
+    write_text(path, tomli_w.dumps(table))
