@@ -215,9 +215,9 @@ def compare(
     """
     import pandas as pd  # noqa: PLC0415
 
-    from harness.comparison.compare import compare as compare_sources  # noqa: PLC0415
-    from harness.comparison.sources import open_source  # noqa: PLC0415
-    from harness.comparison.verdicts import PRIMARY, Rules  # noqa: PLC0415
+    from harness.analysis.compare import compare as compare_sources  # noqa: PLC0415
+    from harness.analysis.sources import open_source  # noqa: PLC0415
+    from harness.analysis.verdicts import PRIMARY, Rules  # noqa: PLC0415
 
     first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
     rules = Rules(tolerance, time_tolerance, PRIMARY if primary is None else tuple(primary))

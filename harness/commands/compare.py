@@ -13,8 +13,8 @@ from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.config.options import Option
 
 if TYPE_CHECKING:
-    from harness.comparison.sources import Source
-    from harness.comparison.verdicts import Rules
+    from harness.analysis.sources import Source
+    from harness.analysis.verdicts import Rules
 
 
 class Options(TypedDict):
@@ -79,19 +79,19 @@ def command(options: Options) -> int:
       python -m harness compare --suite standard --markdown comment.md
       python -m harness compare --suite standard --record
     """
-    from harness.comparison.compare import compare  # noqa: PLC0415
+    from harness.analysis.compare import compare  # noqa: PLC0415
 
     sides = _sides(options)
     if sides is None:
         return 0
     comparison = compare(*sides, _rules(options))
     if not options["quiet"]:
-        from harness.comparison.written import print_comparison  # noqa: PLC0415
+        from harness.analysis.comparison_text import print_comparison  # noqa: PLC0415
 
         print_comparison(comparison)
     markdown, html = options["markdown"], options["html"]
     if markdown is not None:
-        from harness.comparison.written import as_markdown  # noqa: PLC0415
+        from harness.analysis.comparison_text import as_markdown  # noqa: PLC0415
 
         _write(markdown, as_markdown(comparison), "markdown")
     if html is not None:
@@ -105,7 +105,7 @@ def command(options: Options) -> int:
 
 
 def _rules(options: Options) -> Rules:
-    from harness.comparison.verdicts import PRIMARY, Rules  # noqa: PLC0415
+    from harness.analysis.verdicts import PRIMARY, Rules  # noqa: PLC0415
     from harness.config.lists import names  # noqa: PLC0415
 
     primary = PRIMARY if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
@@ -124,9 +124,9 @@ def _write(path: Path, text: str, parameter: str) -> None:
 
 def _sides(options: Options) -> tuple[Source, Source] | None:
     """Return what is compared; None where a suite was run to be kept as the baseline."""
+    from harness.analysis.sources import open_source  # noqa: PLC0415
     from harness.common.errors import InputError, RunError  # noqa: PLC0415
-    from harness.comparison.sources import open_source  # noqa: PLC0415
-    from harness.comparison.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
+    from harness.lab.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
 
     given, baseline, suite = list(options["folders"] or ()), options["baseline"], options["suite"]
     if options["record"] and (suite is None or given):

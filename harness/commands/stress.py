@@ -61,7 +61,7 @@ def command(options: Options) -> None:
 
         show_markdown((finished.folder / "table.md").read_text(encoding="utf-8"), on_stderr=True)
     elif not quiet:
-        from harness.grid.tables import print_result  # noqa: PLC0415
+        from harness.analysis.tables import print_result  # noqa: PLC0415
 
         print_result(finished.title, finished.points, finished.breaks, finished.failures, str(finished.folder))
     if as_json:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.running.follow import track
 from harness.running.looks import Looks
 from harness.scoring import score_run
@@ -25,12 +26,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-COASTING = "oracle-kalman"
-
-
 def coasting_errors(looks: Looks, seed: int) -> pd.DataFrame:
     """Return the error table of coasting over looks that are kept."""
-    tables = track(looks, lambda setting: build_tracker(COASTING, setting, {}), seed)
+    tables = track(looks, lambda setting: build_tracker(COASTING_TRACKER, setting, {}), seed)
     return score_run(tables.truth, tables.detections, tables.tracks, seed).errors
 
 

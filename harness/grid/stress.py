@@ -10,6 +10,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.analysis.curves import Break, Point, breaks, curve_points
 from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
@@ -17,7 +18,6 @@ from harness.grid.cells import Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.rows import assemble
-from harness.grid.summary import Break, Point, breaks, curve_points
 from harness.storage.grid_folder import FIGURES, RUNS
 from harness.storage.grid_rows import Row
 from harness.storage.schema import MISMATCH, RECORDING
@@ -167,7 +167,7 @@ class _Told:
 
 
 def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:
-    from harness.grid.tables import as_markdown, curves_figure  # noqa: PLC0415
+    from harness.analysis.tables import as_markdown, curves_figure  # noqa: PLC0415
 
     points, broken = curve_points(table, grid.axes), breaks(table)
     for axis in dict.fromkeys(point.axis for point in points):
@@ -177,7 +177,7 @@ def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path
 
 
 def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
-    from harness.grid.mismatch import costs, costs_markdown, leads  # noqa: PLC0415
+    from harness.analysis.mismatch_cost import costs, costs_markdown, leads  # noqa: PLC0415
 
     found, ahead = costs(table), leads(table)
     numbers = {"mismatches": [asdict(cost) for cost in found], "leads": [asdict(each) for each in ahead]}
@@ -185,8 +185,8 @@ def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: 
 
 
 def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
-    from harness.grid.pooled import pool_files  # noqa: PLC0415
-    from harness.grid.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
+    from harness.analysis.pooled import pool_files  # noqa: PLC0415
+    from harness.analysis.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
 
     pooled = pool_files(table)
     save_figure(hidden_figure(pooled), figures / "hidden.png")

@@ -11,10 +11,10 @@ import difflib
 import re
 from collections.abc import Mapping
 
+from harness.analysis.mismatch_cost import AS_IS
 from harness.common.errors import InputError
 from harness.sensor.settings import SensorSettings
 
-AS_IS = "as is"
 ALL, USUAL = "all", "usual"
 Worlds = dict[str, tuple[str, ...]]
 

@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from harness.analysis.curves import sums_and_weights
+from harness.analysis.verdicts import compared_quantities
 from harness.common.errors import InputError
-from harness.comparison.verdicts import compared_quantities
 from harness.grid.cells import Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
-from harness.grid.summary import sums_and_weights
 from harness.report.charts.chart import Charts
 from harness.report.charts.grid import grid_charts
 from harness.report.page import PAGE

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from harness.analysis.compare import compare
+from harness.analysis.sources import open_source
 from harness.common.files import write_text
 from harness.common.progress import progress_bar
-from harness.comparison.compare import compare
-from harness.comparison.sources import open_source
 from harness.grid.cells import Cell, PlannedRun
 from harness.report.comparisonpage import comparison_page
 from harness.report.gridruns import BESIDE, plan_of

@@ -8,11 +8,11 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from harness.analysis.curves import curve_points
+from harness.analysis.tables import curves_figure
 from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
-from harness.grid.summary import curve_points
-from harness.grid.tables import curves_figure
 from harness.report.figures import (
     BY_VISIBILITY,
     DIAGNOSTICS,

@@ -8,13 +8,13 @@ import json
 import pandas as pd
 import pytest
 
-from harness.comparison.compare import compare
-from harness.comparison.sources import open_source
-from harness.comparison.verdicts import BETTER, WORSE, Rules
-from harness.comparison.written import as_markdown
+from harness.analysis.compare import compare
+from harness.analysis.comparison_text import as_markdown
+from harness.analysis.pooled import pooled_quantities
+from harness.analysis.sources import open_source
+from harness.analysis.verdicts import BETTER, WORSE, Rules
 from harness.grid.ablation import ablated_quantities
 from harness.grid.grid import GridRequest
-from harness.grid.pooled import pooled_quantities
 from harness.grid.stress import run_stress
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page

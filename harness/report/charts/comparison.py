@@ -6,17 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import (
-    BETTER,
-    NO_WORSE,
-    UNDECIDED,
-    UNTESTED,
-    WORSE,
-    Rules,
-    Verdict,
-    quantity_of,
-)
+from harness.analysis.compare import Comparison
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, quantity_of
 from harness.report.charts.chart import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, told
 
 COLOURS = (

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.grid.summary import (
+from harness.analysis.curves import (
     BREAK_METRIC,
     BREAK_PERCENT,
     Point,
@@ -17,7 +17,7 @@ from harness.grid.summary import (
     points_of,
     runs_at,
 )
-from harness.grid.tables import AXIS_LABELS
+from harness.analysis.tables import AXIS_LABELS
 from harness.report.charts.chart import HIT_AREA, SERIES, Chart, Charts, Spec, colour_by, spec_of, strength, told
 from harness.scoring.quantity import Quantity
 

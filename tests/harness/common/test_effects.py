@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from harness.analysis.vehicles import REACH_M
 from harness.common.effects import neighbours_effect, paired_effect, unpaired_effect
-from harness.comparison.vehicles import REACH_M
 
 ONE = np.zeros(8, dtype=np.int64)
 EACH = np.arange(8)

@@ -8,19 +8,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.curves import breaks, curve_points
+from harness.analysis.tables import as_markdown
 from harness.api import Grid, compare
 from harness.cli import run_command_line
 from harness.config.options import checked
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions, request_of
 from harness.grid.stress import run_stress
-from harness.grid.summary import breaks, curve_points
-from harness.grid.tables import as_markdown
 from harness.grid.worker import Finished, work_on_cell
 from harness.report.folderpage import folder_page
 from harness.report.gridruns import plan_of
 from harness.storage.schema import NET
-from tests.harness.grid.test_summary import rows
+from tests.harness.analysis.test_curves import rows
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"

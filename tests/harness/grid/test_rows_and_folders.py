@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.coasting_ratio import with_ratios
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
-from harness.grid.common_steps import with_ratios
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.grid.rows import assemble, failed_row

@@ -52,7 +52,7 @@ class InProcess:
 @pytest.fixture(autouse=True, scope="module")
 def _no_figures():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.grid.tables.curves_figure", lambda *arguments: _NoFigure())
+        patch.setattr("harness.analysis.tables.curves_figure", lambda *arguments: _NoFigure())
         yield
 
 

@@ -128,8 +128,8 @@ def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
 
 def test_a_grid_over_recordings_leaves_one_figure_and_pooled_numbers(tmp_path, drawn, monkeypatch):
     pooled = SimpleNamespace()
-    monkeypatch.setattr("harness.grid.pooled.pool_files", lambda table: pooled)
-    monkeypatch.setattr("harness.grid.pooled_tables.pooled_markdown", lambda *words: str(words[1]))
+    monkeypatch.setattr("harness.analysis.pooled.pool_files", lambda table: pooled)
+    monkeypatch.setattr("harness.analysis.pooled_tables.pooled_markdown", lambda *words: str(words[1]))
     monkeypatch.setattr(stress, "asdict", lambda what: {"pooled": what is pooled})
     told = stress._pooled(pd.DataFrame(), None, None, tmp_path, ["it broke"])
     assert (told.numbers, told.text, told.points) == ({"pooled": True}, "['it broke']", ())

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.grid import ablation, pooled, pooled_tables
+from harness.analysis import pooled, pooled_tables
+from harness.analysis.mismatch_cost import AS_IS, Cost, costs, costs_markdown, leads
+from harness.analysis.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
+from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
+from harness.grid import ablation
 from harness.grid.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
-from harness.grid.mismatch import AS_IS, Cost, costs, costs_markdown, leads
-from harness.grid.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
-from harness.grid.pooled_tables import hidden_figure, pooled_markdown
 from harness.grid.tuning_file import Outcome, write_outcome
 from harness.grid.tuning_search import Found, Scores, Trial
 from harness.grid.tuning_spaces import Range
@@ -22,7 +23,7 @@ from harness.grid.worlds import usual_worlds
 from harness.scoring.metrics import quantities
 from harness.sensor.profiles import sensor_settings
 from tests.golden import described, equals_golden
-from tests.harness.grid.test_pooled import row
+from tests.harness.analysis.test_pooled import row
 
 GOLDEN = Path(__file__).parent / "golden"
 POOLED = ("mot.hota", "mot.id_switches", "mae.visible.lon_m")

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.grid import summary, tables
-from harness.grid.summary import Point, breaks, curve_points
-from harness.grid.tables import as_markdown, curves_figure, print_result
+from harness.analysis import curves, tables
+from harness.analysis.curves import Point, breaks, curve_points
+from harness.analysis.tables import as_markdown, curves_figure, print_result
 from tests.golden import described, equals_golden
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -28,8 +28,8 @@ TRACKERS = (("mmpf", "cvm"), ("mmpf+model=idm", "idm"), ("echo", None))
 @pytest.fixture(autouse=True)
 def _few_quantities(monkeypatch):
     """Let tables be of a few quantities of each kind, so that another metric leaves the texts here as they are."""
-    known = {quantity.key: quantity for quantity in summary.told_quantities()}
-    for module in (summary, tables):
+    known = {quantity.key: quantity for quantity in curves.told_quantities()}
+    for module in (curves, tables):
         monkeypatch.setattr(module, "told_quantities", lambda: [known[key] for key in TOLD])
         monkeypatch.setattr(module, "curve_quantities", lambda: [known[key] for key in DRAWN])
 
@@ -115,14 +115,14 @@ def test_a_tracker_is_judged_only_at_densities_of_twenty_occlusions_over_all_see
     for each in rows:
         each["occlusion.events"] = 1
     (none,) = breaks(pd.DataFrame(rows))
-    assert none == summary.Break("echo", None, None, None, False)
+    assert none == curves.Break("echo", None, None, None, False)
 
 
 def test_a_share_crosses_one_half_between_the_densities_beside_it_as_far_as_both_have_events():
     densities = np.array([10.0, 20.0, 40.0])
     counts = np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
     shares = np.array([[0.0, 80.0, 40.0], [90.0, 0.0, 40.0], [90.0, 50.0, 50.0], [49.0, 90.0, 10.0]])
-    assert summary._crossings(densities, shares, counts).tolist() == [35.0, 40.0, np.inf, 10.0]
+    assert curves._crossings(densities, shares, counts).tolist() == [35.0, 40.0, np.inf, 10.0]
 
 
 @pytest.mark.parametrize("columns", ["60", "160"])
@@ -132,7 +132,7 @@ def test_the_screen_shows_the_same_in_short_wide_or_narrow(columns, capsys, monk
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
     points = curve_points(two_networks(), ["sensor.range_m"])
-    broken = [summary.Break("mmpf cvm", 33.3, (30.4, None), 45.0, False)]
+    broken = [curves.Break("mmpf cvm", 33.3, (30.4, None), 45.0, False)]
     print_result("Made up", points, broken, [f"seed {k}: it broke" for k in range(11)], "out/folder")
     equals_golden(capsys.readouterr().err, GOLDEN / f"screen-{columns}.txt")
 

@@ -12,9 +12,10 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
+from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.config.model import RunConfig
 from harness.grid import kept, worker
-from harness.grid.coasting import COASTING, against_coasting, coasting_errors
+from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Started, work_on_cell
@@ -28,7 +29,9 @@ from tests.harness.grid.test_stress import BROKEN, ECHO
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 OPEN = looking_at(SteadyTraffic(steps=8))
-REQUEST = GridRequest(densities="20", seeds="3:4", trackers=f"{ECHO},{BROKEN}:raising,{COASTING}", duration_s=1.0)
+REQUEST = GridRequest(
+    densities="20", seeds="3:4", trackers=f"{ECHO},{BROKEN}:raising,{COASTING_TRACKER}", duration_s=1.0
+)
 (CELL_OF_THREE,) = plan_grid(REQUEST).cells
 
 
@@ -65,7 +68,7 @@ def test_the_row_of_a_run_has_its_times_and_that_of_a_broken_one_its_reason(mess
 
 def test_each_tracker_is_held_against_coasting_over_the_same_looks(monkeypatch):
     monkeypatch.setattr(worker, "against_coasting", lambda own, coasting: {"alike": own.equals(coasting)})
-    cell = plan_grid(replace(REQUEST, trackers=f"{COASTING},{ECHO}")).cells[0]
+    cell = plan_grid(replace(REQUEST, trackers=f"{COASTING_TRACKER},{ECHO}")).cells[0]
     rows = [each.row for each in told_of(cell) if isinstance(each, Finished)]
     assert [row["against_coasting.alike"] for row in rows] == [True, False]
 

@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.why import DEATH, LOSS, SWITCH, Failure, Why
 from harness.cli import run_command_line
-from harness.comparison.why import DEATH, LOSS, SWITCH, Failure, Why
 from harness.report.comparisonpage import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
 from harness.report.replay_data import Beside, replay_data
 from harness.running.finished import read_recorded_run

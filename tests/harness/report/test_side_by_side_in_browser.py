@@ -7,8 +7,8 @@ import re
 import pandas as pd
 import pytest
 
-from harness.comparison.compare import compare
-from harness.comparison.sources import open_source
+from harness.analysis.compare import compare
+from harness.analysis.sources import open_source
 from harness.report.comparisonpage import comparison_page
 from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, write_recorded_scene

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import UNTESTED, WORSE, Rules, Verdict
+from harness.analysis.compare import Comparison
+from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.charts.chart import LIBRARY, charts_data, library
 from harness.report.charts.comparison import comparison_charts

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.comparison.single import _of_sides
-from harness.comparison.vehicles import (
+from harness.analysis.single import _of_sides
+from harness.analysis.vehicles import (
     REACH_M,
     ByVehicle,
     _hota_influence,

@@ -8,19 +8,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis import single
+from harness.analysis.compare import compare
+from harness.analysis.rescored import evidence_of
+from harness.analysis.single import compare_runs, notes_of
+from harness.analysis.sources import Source
+from harness.analysis.vehicles import closeness, hota_by_vehicle
+from harness.analysis.verdicts import Rules, compared_quantities
+from harness.analysis.why import failures
 from harness.common.errors import InputError
-from harness.comparison import single
-from harness.comparison.compare import compare
-from harness.comparison.evidence import evidence_of
-from harness.comparison.single import compare_runs, notes_of
-from harness.comparison.sources import Source
-from harness.comparison.vehicles import closeness, hota_by_vehicle
-from harness.comparison.verdicts import Rules, compared_quantities
-from harness.comparison.why import failures
 from harness.scoring.metrics import score_metrics
 from harness.storage.grid_rows import flattened
 from tests.golden import equals_golden
-from tests.harness.comparison.test_vehicles import CARS, six_cars
+from tests.harness.analysis.test_vehicles import CARS, six_cars
 from tests.harness.recorded_scene import write_recorded_scene
 
 GOLDEN = Path(__file__).parent / "golden"

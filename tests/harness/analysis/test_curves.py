@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.grid.summary import breaks, curve_points
-from harness.grid.tables import as_markdown, break_sentence
+from harness.analysis.curves import breaks, curve_points
+from harness.analysis.tables import as_markdown, break_sentence
 
 
 def rows(density: float, seed: int, same_id: float, events: float = 100.0, hidden=(1.0, 10.0), **other) -> dict:

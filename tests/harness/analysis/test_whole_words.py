@@ -10,12 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.common.errors import InputError
-from harness.comparison import suite
-from harness.comparison.compare import Comparison, compare
-from harness.comparison.sources import Source, open_source
-from harness.comparison.suite import KEPT, keep_as_baseline, run_suite
-from harness.comparison.verdicts import (
+from harness.analysis.compare import Comparison, compare
+from harness.analysis.comparison_text import as_markdown, print_comparison
+from harness.analysis.sources import Source, open_source
+from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
     PRIMARY,
@@ -26,12 +24,14 @@ from harness.comparison.verdicts import (
     Rules,
     compared_quantities,
 )
-from harness.comparison.why import CAUSES, KINDS, Failure, Why
-from harness.comparison.written import as_markdown, print_comparison
+from harness.analysis.why import CAUSES, KINDS, Failure, Why
+from harness.common.errors import InputError
+from harness.lab import suite
+from harness.lab.suite import KEPT, keep_as_baseline, run_suite
 from harness.scoring.closedloop import COLLIDED
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from tests.golden import equals_golden
-from tests.harness.comparison.test_written import comparison, verdict
+from tests.harness.analysis.test_comparison_text import comparison, verdict
 
 GOLDEN = Path(__file__).parent / "golden"
 NAN = float("nan")
@@ -322,7 +322,7 @@ RUN = {"net": "us101", "density": None, "demand": "light", "seed": 3, "tracker":
 
 
 def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.comparison.sources.runfolder.read_manifest", lambda folder, parameter: None)
+    monkeypatch.setattr("harness.analysis.sources.runfolder.read_manifest", lambda folder, parameter: None)
     metrics = tmp_path / "metrics.json"
     missing = f"`baseline`: {metrics} is missing or broken; make the run again"
     assert unopened(tmp_path) == missing

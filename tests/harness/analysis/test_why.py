@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.comparison.why import (
+from harness.analysis.why import (
     ASSOCIATION,
     BIRTH,
     DEATH,

@@ -11,23 +11,14 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from harness.analysis.compare import Comparison, compare
+from harness.analysis.comparison_text import as_markdown
+from harness.analysis.single import compare_runs
+from harness.analysis.sources import open_source
+from harness.analysis.verdicts import BETTER, NO_WORSE, PRIMARY, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
 from harness.cli import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError
-from harness.comparison.compare import Comparison, compare
-from harness.comparison.single import compare_runs
-from harness.comparison.sources import open_source
-from harness.comparison.verdicts import (
-    BETTER,
-    NO_WORSE,
-    PRIMARY,
-    UNDECIDED,
-    UNTESTED,
-    WORSE,
-    Rules,
-    compared_quantities,
-)
-from harness.comparison.written import as_markdown
 from harness.grid.grid import GridRequest
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
@@ -460,7 +451,7 @@ def test_single_runs_on_different_traffic_are_refused(echo_runs):
 def small_suite(monkeypatch) -> None:
     """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
     request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
-    monkeypatch.setattr("harness.comparison.suite.SUITES", {"standard": request})
+    monkeypatch.setattr("harness.lab.suite.SUITES", {"standard": request})
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
         def report(message) -> None:
@@ -470,8 +461,8 @@ def small_suite(monkeypatch) -> None:
         for cell in cells:
             work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
 
-    monkeypatch.setattr("harness.comparison.suite.run_cells", run_here)
-    monkeypatch.setattr("harness.grid.tables.curves_figure", lambda *arguments: Figure())
+    monkeypatch.setattr("harness.lab.suite.run_cells", run_here)
+    monkeypatch.setattr("harness.analysis.tables.curves_figure", lambda *arguments: Figure())
 
 
 def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):

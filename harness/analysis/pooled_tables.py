@@ -8,11 +8,11 @@ from dataclasses import astuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from harness.analysis.coasting_ratio import COASTING_TRACKER
+from harness.analysis.pooled import HiddenError, Pooled, pooled_quantities
+from harness.analysis.tables import COLOURS, value_cell
 from harness.common.markdown import markdown_table
 from harness.common.plots import label_ends
-from harness.grid.coasting import COASTING
-from harness.grid.pooled import HiddenError, Pooled, pooled_quantities
-from harness.grid.tables import COLOURS, value_cell
 
 TITLE = "Recorded traffic"
 
@@ -113,7 +113,9 @@ def hidden_figure(pooled: Pooled) -> Figure:
     axes.set_xlabel("time since the last detection, s")
     axes.set_ylabel("MAE of longitudinal position while followed, m")
     axes.set_title(
-        f"Hidden vehicles in recorded traffic, 95 % intervals over files; {COASTING} coasts", loc="left", fontsize=10
+        f"Hidden vehicles in recorded traffic, 95 % intervals over files; {COASTING_TRACKER} coasts",
+        loc="left",
+        fontsize=10,
     )
     axes.spines[["top", "right"]].set_visible(False)
     return figure

@@ -13,9 +13,8 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.common.markdown import markdown_table
-from harness.grid.coasting import COASTING
-from harness.grid.summary import (
+from harness.analysis.coasting_ratio import COASTING_TRACKER
+from harness.analysis.curves import (
     BREAK_METRIC,
     BREAK_PERCENT,
     Break,
@@ -24,11 +23,12 @@ from harness.grid.summary import (
     points_of,
     told_quantities,
 )
+from harness.common.markdown import markdown_table
 from harness.scoring.quantity import Quantity
 from harness.storage.schema import NET
 
 if TYPE_CHECKING:
-    from harness.grid.pooled import Mean
+    from harness.analysis.pooled import Mean
 
 
 NAMES = {NET: "network"}
@@ -136,7 +136,7 @@ HIDDEN_NOTE = (
 )
 FOLLOWED_NOTE = (
     "Errors while followed, each beside the share of vehicle-steps that it is over; and on the vehicle-steps that both "
-    f"the tracker and coasting ({COASTING}, told the true association) follow:"
+    f"the tracker and coasting ({COASTING_TRACKER}, told the true association) follow:"
 )
 REST_NOTE = "Identities, sets and time:"
 MANOEUVRE_NOTE = "By what vehicles do (docs/scores.md):"

@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
-from harness.comparison.arms import Arms, Layout, lost_values, measure
-from harness.comparison.pairing import pair
-from harness.comparison.verdicts import (
+from harness.analysis.arms import Arms, Layout, lost_values, measure
+from harness.analysis.pairing import pair
+from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
     STEP_TIME,
@@ -25,6 +24,7 @@ from harness.comparison.verdicts import (
     name_of,
     quantity_of,
 )
+from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
 from harness.scoring import closedloop
 from harness.scoring.quantity import Quantity
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness.comparison.arms import Arms, Layout, measure
-from harness.comparison.verdicts import PRIMARY, compared_quantities, judge
+from harness.analysis.arms import Arms, Layout, measure
+from harness.analysis.verdicts import PRIMARY, compared_quantities, judge
 
 BASELINE = Path(__file__).parents[3] / "results" / "reference" / "standard" / "runs.parquet"
 COST = "hidden.hidden_cost_m"

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.pooled import pool_files
+from harness.analysis.pooled_tables import pooled_markdown
 from harness.cli import run_command_line
 from harness.common.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.pooled import pool_files
-from harness.grid.pooled_tables import pooled_markdown
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
 from harness.storage.grid_folder import RUNS

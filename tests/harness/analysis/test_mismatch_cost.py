@@ -2,12 +2,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.mismatch_cost import AS_IS, costs, costs_markdown, leads
 from harness.commands.from_options import with_values
 from harness.commands.stress import command
 from harness.common.errors import InputError
 from harness.config.options import checked
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.mismatch import AS_IS, costs, costs_markdown, leads
 from harness.grid.options import GridOptions, request_of
 from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
 from harness.running.open import open_looks

@@ -7,16 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.grid import tables
-from harness.grid.summary import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, told_quantities
-from harness.grid.tables import (
-    DEFINITION,
-    as_markdown,
-    break_sentence,
-    curves_figure,
-    print_result,
-    value_cell,
-)
+from harness.analysis import tables
+from harness.analysis.curves import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, told_quantities
+from harness.analysis.tables import DEFINITION, as_markdown, break_sentence, curves_figure, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
 OF_SOME_ROADS = {quantity.key for quantity in told_quantities() if quantity.optional}

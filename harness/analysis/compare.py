@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.common.errors import InputError
-from harness.common.numbers import without_nan
-from harness.comparison.arms import Arms, measure
-from harness.comparison.pairing import pair
-from harness.comparison.single import FOLLOWED, compare_runs, notes_of
-from harness.comparison.sources import SETTING, Source
-from harness.comparison.verdicts import (
+from harness.analysis.arms import Arms, measure
+from harness.analysis.pairing import pair
+from harness.analysis.single import FOLLOWED, compare_runs, notes_of
+from harness.analysis.sources import SETTING, Source
+from harness.analysis.verdicts import (
     NO_WORSE,
     PRIMARY,
     STEP_TIME,
@@ -27,7 +25,9 @@ from harness.comparison.verdicts import (
     judge,
     name_of,
 )
-from harness.comparison.why import Why
+from harness.analysis.why import Why
+from harness.common.errors import InputError
+from harness.common.numbers import without_nan
 from harness.scoring import existence, in_plain_view
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.scoring.quantity import Quantity

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.analysis import coasting_ratio
 from harness.common.bootstrap import few_groups_ci
-from harness.grid import common_steps
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import NET
@@ -42,7 +42,7 @@ def told_quantities() -> list[Quantity]:
     from harness.scoring.metrics import quantities  # noqa: PLC0415
 
     told = [each for each in quantities(*FIRST) if each.curve or each.tabled]
-    return [*told, *common_steps.QUANTITIES, STEP_TIME]
+    return [*told, *coasting_ratio.QUANTITIES, STEP_TIME]
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
         table: The rows of ``runs.parquet``.
         varied: Keys of the axes other than network, density and demand.
     """
-    done = common_steps.with_ratios(labelled(table))
+    done = coasting_ratio.with_ratios(labelled(table))
     told = [each for each in told_quantities() if not each.optional or np.isfinite(column_of(done, each.key)).any()]
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.analysis.curves import labelled
+from harness.analysis.verdicts import compared_quantities
 from harness.common.errors import InputError
-from harness.comparison.verdicts import compared_quantities
-from harness.grid.summary import labelled
 from harness.scoring.closedloop import COLLIDED
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS

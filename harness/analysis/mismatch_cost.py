@@ -11,7 +11,6 @@ import numpy as np
 from harness.common.bootstrap import few_groups_ci
 from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
-from harness.grid.worlds import AS_IS
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from mmpf.compute.arrays import FloatArray
@@ -21,6 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NAN = float("nan")
+AS_IS = "as is"
+"""The world that nothing alters."""
 TRAFFIC_SETTINGS = {f"traffic.{key}" for key, _ in fields_of(TrafficConfig)}
 HOTA, SWITCHES, COVERAGE = "mot.hota", "mot.id_switches", "calibration.coverage95.lon"
 RECALL, WORST_TENTH = "in_plain_view.recall", "in_plain_view.worst_tenth"

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.comparison.arms import Arms, Layout, measure
-from harness.comparison.verdicts import (
+from harness.analysis.arms import Arms, Layout, measure
+from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
     PRIMARY,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.analysis.verdicts import Measured
 from harness.common.effects import paired_effect, unpaired_effect
-from harness.comparison.verdicts import Measured
 from harness.scoring.quantity import Quantity
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict
-from harness.comparison.why import CAUSES, KINDS, Failure, Why
-from harness.comparison.written import EXPLANATION, MOST_MOMENTS, as_markdown, conclusion, print_comparison
+from harness.analysis.compare import Comparison
+from harness.analysis.comparison_text import EXPLANATION, MOST_MOMENTS, as_markdown, conclusion, print_comparison
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict
+from harness.analysis.why import CAUSES, KINDS, Failure, Why
 
 HOTA, IDF1 = "mot.hota", "mot.idf1"
 NOTHING = math.nan

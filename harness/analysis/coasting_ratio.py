@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+COASTING_TRACKER = "oracle-kalman"
 PREFIX = "against_coasting."
 HIDDEN, TWO_TO_THREE_S = "hidden", "by_seconds_hidden.2"
 OWN, COASTING, STEPS = (f"{PREFIX}{HIDDEN}.{name}" for name in ("lon_m", "coasting_lon_m", "n"))

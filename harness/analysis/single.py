@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.common.effects import Effect, neighbours_effect
-from harness.common.errors import InputError
-from harness.comparison.arms import lost_values
-from harness.comparison.evidence import COMPARE, evidence_of
-from harness.comparison.sources import Source
-from harness.comparison.vehicles import (
+from harness.analysis.arms import lost_values
+from harness.analysis.rescored import COMPARE, evidence_of
+from harness.analysis.sources import Source
+from harness.analysis.vehicles import (
     ByVehicle,
     closeness,
     hidden_cost_by_vehicle,
@@ -23,8 +21,10 @@ from harness.comparison.vehicles import (
     same_identity_by_vehicle,
     worst_tenth_by_vehicle,
 )
-from harness.comparison.verdicts import Measured, Rules, compared_quantities
-from harness.comparison.why import Why, failures
+from harness.analysis.verdicts import Measured, Rules, compared_quantities
+from harness.analysis.why import Why, failures
+from harness.common.effects import Effect, neighbours_effect
+from harness.common.errors import InputError
 from harness.scoring.errors import scored_rows
 from harness.scoring.evidence import Evidence
 from harness.scoring.in_plain_view import RECALL, WORST_TENTH

@@ -8,19 +8,10 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.analysis.compare import Comparison
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict, name_of, quantity_of
+from harness.analysis.why import CAUSES, KINDS, Failure, Why, link_to, moment_of
 from harness.common.markdown import markdown_table
-from harness.comparison.compare import Comparison
-from harness.comparison.verdicts import (
-    BETTER,
-    NO_WORSE,
-    UNDECIDED,
-    UNTESTED,
-    WORSE,
-    Verdict,
-    name_of,
-    quantity_of,
-)
-from harness.comparison.why import CAUSES, KINDS, Failure, Why, link_to, moment_of
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")

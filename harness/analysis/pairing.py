@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.comparison.arms import Layout
+from harness.analysis.arms import Layout
 from harness.storage.schema import RECORDING
 from mmpf.compute.arrays import IntArray
 

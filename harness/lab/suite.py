@@ -6,9 +6,9 @@ import shutil
 import sys
 from pathlib import Path
 
+from harness.analysis.sources import STANDARD
 from harness.common.errors import InputError
 from harness.common.files import replacing
-from harness.comparison.sources import STANDARD
 from harness.grid.grid import GridRequest
 from harness.grid.making import TABLE, Telling
 from harness.grid.pool import run_cells

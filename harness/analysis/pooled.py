@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.analysis.curves import labelled, summed_by, sums_and_weights
 from harness.common.bootstrap import few_groups_ci
-from harness.grid.summary import labelled, summed_by, sums_and_weights
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import column_of

@@ -1,0 +1,1 @@
+"""Studies, fits and measurements of the maintainers; nothing of the product imports them."""
