@@ -50,11 +50,11 @@ def command(options: Options) -> None:
 
     from rich.console import Console  # noqa: PLC0415
 
-    from harness.bench.bench import BenchPlan, run_bench  # noqa: PLC0415
-    from harness.bench.written import plot, print_tables  # noqa: PLC0415
     from harness.common.files import save_figure, write_text  # noqa: PLC0415
     from harness.common.numbers import without_nan  # noqa: PLC0415
     from harness.common.progress import progress_bar  # noqa: PLC0415
+    from harness.lab.bench.bench import BenchPlan, run_bench  # noqa: PLC0415
+    from harness.lab.bench.written import plot, print_tables  # noqa: PLC0415
 
     out, quiet = options["out"], options["quiet"]
     plan = BenchPlan(

@@ -79,7 +79,7 @@ def command(options: Options) -> None:
     from harness.common.errors import InputError  # noqa: PLC0415
     from harness.common.progress import progress_bar  # noqa: PLC0415
     from harness.config.lists import seed_values  # noqa: PLC0415
-    from harness.fidelity.calibration import CalibrationRequest, calibrate  # noqa: PLC0415
+    from harness.lab.fidelity.calibration import CalibrationRequest, calibrate  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     net, write, out, quiet = options["net"], options["write"], options["out"], options["quiet"]

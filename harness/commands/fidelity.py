@@ -48,8 +48,8 @@ def command(options: Options) -> None:
     """
     from harness.common.progress import progress_bar  # noqa: PLC0415
     from harness.config.lists import names, seed_values  # noqa: PLC0415
-    from harness.fidelity.comparison import FidelityRequest, compare_traffic  # noqa: PLC0415
-    from harness.fidelity.report import print_fidelity, write_fidelity  # noqa: PLC0415
+    from harness.lab.fidelity.comparison import FidelityRequest, compare_traffic  # noqa: PLC0415
+    from harness.lab.fidelity.report import print_fidelity, write_fidelity  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     demand, out, quiet = options["demand"], options["out"], options["quiet"]

@@ -17,7 +17,7 @@ from harness.common.exit_codes import DONE, WORSE
 from harness.config.options import Option
 
 if TYPE_CHECKING:
-    from harness.reference.registry import Reference
+    from harness.lab.reference.registry import Reference
 
 
 class Options(TypedDict):
@@ -50,9 +50,9 @@ def command(options: Options) -> int:
       python -m harness reference trackers --workers 2
       python -m harness reference small --check
     """
-    from harness.reference.making import make_reference  # noqa: PLC0415
-    from harness.reference.registry import FOLDER, reference_named  # noqa: PLC0415
-    from harness.reference.tree import top_of_tree  # noqa: PLC0415
+    from harness.lab.reference.making import make_reference  # noqa: PLC0415
+    from harness.lab.reference.registry import FOLDER, reference_named  # noqa: PLC0415
+    from harness.lab.reference.tree import top_of_tree  # noqa: PLC0415
 
     root, name = top_of_tree(), options["name"]
     if name is None:
@@ -64,7 +64,7 @@ def command(options: Options) -> int:
         _execute(words, out, options["workers"], options["quiet"], root)
 
     if options["check"]:
-        from harness.reference.differing import differences, made_here, told  # noqa: PLC0415
+        from harness.lab.reference.differing import differences, made_here, told  # noqa: PLC0415
 
         committed = root / FOLDER / name
         with tempfile.TemporaryDirectory() as made:
@@ -121,7 +121,7 @@ def _function_of(name: str) -> Any:  # noqa: ANN401
 
 def _list(root: Path) -> None:
     """Print each reference with its state, what it is for and what it stands for."""
-    from harness.reference.registry import references  # noqa: PLC0415
+    from harness.lab.reference.registry import references  # noqa: PLC0415
 
     for reference in references(root).values():
         typer.echo(f"{reference.name}: {reference.about}\n  {state_of(reference, root)}\n  {reference.command}")
@@ -131,7 +131,7 @@ def state_of(reference: Reference, root: Path) -> str:
     """Return in words whether a reference is there and made as the list says."""
     import json  # noqa: PLC0415
 
-    from harness.reference.registry import FOLDER  # noqa: PLC0415
+    from harness.lab.reference.registry import FOLDER  # noqa: PLC0415
 
     folder = root / FOLDER / reference.name
     if not folder.is_dir():

@@ -17,8 +17,8 @@ from harness.config.options import Option
 ABLATION_S = 30.0
 
 if TYPE_CHECKING:
-    from harness.study.published import StudyPlan
-    from harness.study.transfer.transfer import TransferPlan
+    from harness.lab.study.published import StudyPlan
+    from harness.lab.study.transfer.transfer import TransferPlan
     from harness.truth.network.network import Network
 
 
@@ -79,8 +79,8 @@ def command(options: Options) -> None:
         _refuse(options, ("models", "model_file", "real_data"), "the ablation study")
         told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
     elif case == "transfer":
-        from harness.driving.realdata import real_data_folder  # noqa: PLC0415
-        from harness.study.transfer.transfer import TransferPlan  # noqa: PLC0415
+        from harness.lab.study.transfer.transfer import TransferPlan  # noqa: PLC0415
+        from harness.lab.windows.realdata import real_data_folder  # noqa: PLC0415
 
         _refuse(options, ("models", "model_file"), "the transfer study")
         transfer = TransferPlan(
@@ -94,7 +94,7 @@ def command(options: Options) -> None:
         )
         told = _make_transfer(transfer, load_network(net), folder, say, quiet)
     else:
-        from harness.study.published import StudyPlan  # noqa: PLC0415
+        from harness.lab.study.published import StudyPlan  # noqa: PLC0415
 
         _refuse(options, ("real_data",), "a study of simulated traffic")
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
@@ -139,7 +139,11 @@ def _refuse(options: Options, parameters: tuple[str, ...], study: str) -> None:
 def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
     import pandas as pd  # noqa: PLC0415
 
-    from harness.grid.ablation import (  # noqa: PLC0415
+    from harness.grid.grid import GridRequest  # noqa: PLC0415
+    from harness.grid.making import Telling  # noqa: PLC0415
+    from harness.grid.pool import run_cells  # noqa: PLC0415
+    from harness.grid.stress import run_stress  # noqa: PLC0415
+    from harness.lab.ablation import (  # noqa: PLC0415
         IDEAL_ABLATIONS,
         ablation_request,
         ablation_rows,
@@ -147,10 +151,6 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
         ideal_request,
         write_ablation,
     )
-    from harness.grid.grid import GridRequest  # noqa: PLC0415
-    from harness.grid.making import Telling  # noqa: PLC0415
-    from harness.grid.pool import run_cells  # noqa: PLC0415
-    from harness.grid.stress import run_stress  # noqa: PLC0415
     from harness.storage.grid_folder import RUNS  # noqa: PLC0415
 
     def runs_of(request: GridRequest, out: Path) -> pd.DataFrame:
@@ -177,8 +177,8 @@ def _make_transfer(
     plan: TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> _Told:
     from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.study.transfer.transfer import MODELS, TEST_SETS, make_transfer_study  # noqa: PLC0415
-    from harness.study.transfer.written import as_json, as_markdown, write_transfer  # noqa: PLC0415
+    from harness.lab.study.transfer.transfer import MODELS, TEST_SETS, make_transfer_study  # noqa: PLC0415
+    from harness.lab.study.transfer.written import as_json, as_markdown, write_transfer  # noqa: PLC0415
 
     before = "study transfer: recording, reading and fitting"
     with progress_bar("study transfer: predicting", MODELS * TEST_SETS, quiet, before) as advance:
@@ -189,8 +189,8 @@ def _make_transfer(
 
 def _make_published(plan: StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool) -> _Told:
     from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.study.published import MODELS, make_study  # noqa: PLC0415
-    from harness.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
+    from harness.lab.study.published import MODELS, make_study  # noqa: PLC0415
+    from harness.lab.study.written import as_json, as_markdown, write_study  # noqa: PLC0415
 
     runs = plan.runs if plan.study in MODELS else 1
     title = f"study {plan.study}"

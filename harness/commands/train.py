@@ -56,9 +56,9 @@ def command(options: Options) -> None:
     """
     from harness.common.errors import InputError  # noqa: PLC0415
     from harness.config.lists import seed_values  # noqa: PLC0415
-    from harness.driving.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
-    from harness.training.train import TrainingPlan, train  # noqa: PLC0415
-    from harness.training.turning_fit import ON_NETWORKS, TURNING, train_turning  # noqa: PLC0415
+    from harness.lab.fit.train import TrainingPlan, train  # noqa: PLC0415
+    from harness.lab.fit.turning_fit import ON_NETWORKS, TURNING, train_turning  # noqa: PLC0415
+    from harness.lab.windows.scenarios import FIRST_TRAINING_SEED  # noqa: PLC0415
     from harness.truth.network.network import load_network  # noqa: PLC0415
 
     case = options["case"]

@@ -13,9 +13,9 @@ from harness.analysis.comparison_text import as_markdown
 from harness.analysis.pooled import pooled_quantities
 from harness.analysis.sources import open_source
 from harness.analysis.verdicts import BETTER, WORSE, Rules
-from harness.grid.ablation import ablated_quantities
 from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
+from harness.lab.ablation import ablated_quantities
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
 from harness.running.resolve import resolve_run_config

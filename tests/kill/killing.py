@@ -19,10 +19,10 @@ from typing import Any
 
 import pandas as pd
 
-from harness.reference.making import MAKING
-from harness.reference.registry import FOLDER
-from harness.reference.registry import TABLES as TABLES_OF_REFERENCES
-from harness.reference.tree import SOURCES
+from harness.lab.reference.making import MAKING
+from harness.lab.reference.registry import FOLDER
+from harness.lab.reference.registry import TABLES as TABLES_OF_REFERENCES
+from harness.lab.reference.tree import SOURCES
 
 REPOSITORY = Path(__file__).parents[2]
 RUN = ("run", "--density", "10", "--duration", "2", "--particles", "20", "--seed", "3", "--quiet")

@@ -1,6 +1,6 @@
 """The learned driver: follows its leader by a Gaussian mixture, keeps habits of its own, and changes lanes at times.
 
-Beside the paper's short-term model, this one is taught to recover from its own mistakes (``mmpf.learning.recovery``),
+Beside the paper's short-term model, this one is taught to recover from its own mistakes (``harness.lab.fit.recovery``),
 puts out the acceleration alone, and gives each particle a driver: constants drawn once, from what the data says of a
 driver in the particle's situation. They carry the uncertainty that step-by-step noise would average away, and as they
 are resampled with the particle, the filter learns each vehicle's driver while it is seen.

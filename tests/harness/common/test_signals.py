@@ -48,7 +48,7 @@ def test_the_code_is_the_same_while_a_library_runs_code_that_it_wrote_itself(end
     ended = subprocess.run(
         [sys.executable, "-m", "told"],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         check=False,
     )

@@ -15,7 +15,7 @@ from harness.config.model import RunConfig
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.grid.rows import assemble, failed_row
-from harness.grid.tuning_spaces import nested
+from harness.lab.tuning.spaces import nested
 from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder

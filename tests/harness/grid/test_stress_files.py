@@ -45,7 +45,7 @@ def drawn(monkeypatch) -> list:
     noted: list = []
     monkeypatch.setattr(stress, "save_figure", lambda figure, path: noted.append((figure, path)))
     for place in ("tables.curves_figure", "pooled_tables.hidden_figure"):
-        monkeypatch.setattr(f"harness.grid.{place}", lambda *words: words)
+        monkeypatch.setattr(f"harness.analysis.{place}", lambda *words: words)
     return noted
 
 

@@ -12,11 +12,10 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.config.model import SensorConfig
-from harness.grid import tuning
 from harness.grid.pool import ONE_THREAD
-from harness.grid.tuning import HARD_TO_DETECT, Recording, follow, main
-from harness.grid.tuning_search import Found, Scores, Trial
-from harness.grid.tuning_spaces import SEARCH_SPACES, Range, default_options, nested
+from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main
+from harness.lab.tuning.spaces import SEARCH_SPACES, Range, default_options, nested
+from harness.lab.tuning.trials import Found, Scores, Trial
 from harness.running.follow import track
 from harness.scoring import score_run
 from harness.sensor.detectability import drawn_factors
@@ -31,9 +30,9 @@ RECORDINGS = [Recording(20.0, 100 + seed, 1.0, "lidar") for seed in range(3)]
 
 def test_help_tells_every_option(monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setattr(tuning, "SEARCH_SPACES", {"one": {}, "another": {}})
-    equals_golden(tuning._parser().format_help().split("\n\n", 1)[1], GOLDEN / "tuning-help.txt")
-    chosen = tuning._parser().parse_args(["--tracker", "pmbm"])
+    monkeypatch.setattr(search, "SEARCH_SPACES", {"one": {}, "another": {}})
+    equals_golden(search._parser().format_help().split("\n\n", 1)[1], GOLDEN / "tuning-help.txt")
+    chosen = search._parser().parse_args(["--tracker", "pmbm"])
     assert vars(chosen) == {
         "tracker": "pmbm", "seeds": "100:104", "duration": 12.0, "sensor": SensorConfig().profile, "trials": 64,
         "processes": 1, "write": False,
@@ -49,8 +48,8 @@ def asked(monkeypatch) -> dict:
         noted["followed"].append((tracker, recording))
         return Scores(50.0 + options.get("lon_noise", 0.0), 60.0)
 
-    monkeypatch.setattr(tuning, "follow", followed)
-    monkeypatch.setattr(tuning, "write_outcome", lambda outcome, path: noted["written"].append((outcome, path)))
+    monkeypatch.setattr(search, "follow", followed)
+    monkeypatch.setattr(search, "write_outcome", lambda outcome, path: noted["written"].append((outcome, path)))
     return noted
 
 
@@ -66,7 +65,7 @@ def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(monkeypatch,
         ]
         return Found(trials, {"lon_noise": Range(0.3, 3.0), "gate_std": Range(1.0, 3.0)})
 
-    monkeypatch.setattr(tuning, "tune", tune)
+    monkeypatch.setattr(search, "tune", tune)
     main(["--tracker", "oracle-kalman,pmbm", "--seeds", "101:103", "--trials", "3", "--duration", "5"])
     batches = [
         [
@@ -85,10 +84,10 @@ def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(monkeypatch,
 
 
 def test_every_trial_is_told_on_stderr_with_its_scores_options_and_time(asked, capsys, monkeypatch):
-    monkeypatch.setattr(tuning, "perf_counter", iter((10.0, 52.0)).__next__)
-    monkeypatch.setattr(tuning, "starts_of", lambda tracker: [{"lon_noise": 1.0}])
-    monkeypatch.setattr(tuning, "space_of", lambda tracker: {"lon_noise": Range(0.1, 1.0)})
-    found = tuning.tune("pmbm", [RECORDINGS[:2], RECORDINGS[2:]], 1)
+    monkeypatch.setattr(search, "perf_counter", iter((10.0, 52.0)).__next__)
+    monkeypatch.setattr(search, "starts_of", lambda tracker: [{"lon_noise": 1.0}])
+    monkeypatch.setattr(search, "space_of", lambda tracker: {"lon_noise": Range(0.1, 1.0)})
+    found = search.tune("pmbm", [RECORDINGS[:2], RECORDINGS[2:]], 1)
     assert asked["followed"] == [("pmbm", each) for each in RECORDINGS]
     (trial,) = found.trials
     assert capsys.readouterr().err == f'pmbm 55.50 {trial.scores} {{"lon_noise": 1.0}} 42 s\n'
@@ -110,8 +109,8 @@ def test_what_was_found_is_written_with_the_command_that_finds_it_again(asked):
     assert (outcome.tracker, len(outcome.found.trials)) == ("oracle-kalman", 2)
     assert outcome.found.trials[0].options == default_options("oracle-kalman")
     assert outcome.command == (
-        "python -m harness.grid.tuning --tracker oracle-kalman --seeds 100:104 --duration 12 --sensor radar --trials 2 "
-        "--write"
+        "python -m harness.lab.tuning.search --tracker oracle-kalman --seeds 100:104 --duration 12 "
+        "--sensor radar --trials 2 --write"
     )
     assert outcome.recordings == [
         {
@@ -150,7 +149,7 @@ def test_what_is_wrong_is_told_in_one_line(asked, words, problem, capsys):
     with pytest.raises(SystemExit) as refused:
         main(words)
     assert refused.value.code == 2
-    assert capsys.readouterr().err.splitlines()[-1] == f"python -m harness.grid.tuning: error: {problem}"
+    assert capsys.readouterr().err.splitlines()[-1] == f"python -m harness.lab.tuning.search: error: {problem}"
     assert asked["followed"] == []
 
 
@@ -158,7 +157,7 @@ def test_without_optuna_the_command_ends_before_anything_is_recorded(asked, caps
     def missing():
         raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'")
 
-    monkeypatch.setattr(tuning, "check_installed", missing)
+    monkeypatch.setattr(search, "check_installed", missing)
     with pytest.raises(SystemExit) as refused:
         main(["--tracker", "pmbm"])
     assert refused.value.code == 2
@@ -194,7 +193,7 @@ def test_trackers_are_dealt_out_to_processes_of_one_thread(processes, workers, m
     Executor.made = []
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "8")
-    monkeypatch.setattr(tuning, "ProcessPoolExecutor", Executor)
+    monkeypatch.setattr(search, "ProcessPoolExecutor", Executor)
     names = "pmbm,imm-gnn,oc-sort"
     main(["--tracker", names, "--trials", "1", "--seeds", "100:101", "--processes", str(processes)])
     assert [os.environ[name] for name in ONE_THREAD] == ["1"] * len(ONE_THREAD)
@@ -203,15 +202,15 @@ def test_trackers_are_dealt_out_to_processes_of_one_thread(processes, workers, m
 
 
 def test_a_recording_is_followed_by_the_tracker_with_its_options_and_none_of_its_tuned_ones(monkeypatch):
-    looks = looking_at(SteadyTraffic(steps=8, cars_per_lane=2))(tuning.RunConfig()).kept()
-    monkeypatch.setattr(tuning, "_looks", lambda recording: looks if recording == RECORDINGS[1] else None)
+    looks = looking_at(SteadyTraffic(steps=8, cars_per_lane=2))(search.RunConfig()).kept()
+    monkeypatch.setattr(search, "_looks", lambda recording: looks if recording == RECORDINGS[1] else None)
     scored: list = []
 
     def score(truth, detections, tracks, seed):
         scored.append((seed, score_run(truth, detections, tracks, seed), tracks))
         return scored[0][1]
 
-    monkeypatch.setattr(tuning, "score_run", score)
+    monkeypatch.setattr(search, "score_run", score)
     options = {"confirm_detections": 2, "doubtful.on": True}
     scores = follow("imm-gnn", options, RECORDINGS[1])
     build = partial(build_tracker, "imm-gnn", options=nested(options), tuned=False)
@@ -230,13 +229,13 @@ def test_a_recording_is_of_us101_at_its_density_seed_length_and_sensor(monkeypat
         def kept(self) -> str:
             return "kept"
 
-    monkeypatch.setattr(tuning, "open_looks", lambda config: opened.append(config) or Looks())
-    tuning._looks.cache_clear()
+    monkeypatch.setattr(search, "open_looks", lambda config: opened.append(config) or Looks())
+    search._looks.cache_clear()
     try:
-        assert [tuning._looks(Recording(45.0, 107, 12.5, "radar")) for _ in range(2)] == ["kept"] * 2
-        tuning._looks(Recording(10.0, 107, 12.5, "radar", broken_down=2, hard_share=0.4))
+        assert [search._looks(Recording(45.0, 107, 12.5, "radar")) for _ in range(2)] == ["kept"] * 2
+        search._looks(Recording(10.0, 107, 12.5, "radar", broken_down=2, hard_share=0.4))
     finally:
-        tuning._looks.cache_clear()
+        search._looks.cache_clear()
     config, broken = opened
     assert (config.traffic.broken_down, config.sensor.overrides) == (0, {})
     assert (broken.traffic.broken_down, broken.sensor.profile) == (2, "radar")

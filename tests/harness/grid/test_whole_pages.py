@@ -14,12 +14,12 @@ from harness.analysis import pooled, pooled_tables
 from harness.analysis.mismatch_cost import AS_IS, Cost, costs, costs_markdown, leads
 from harness.analysis.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
 from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
-from harness.grid import ablation
-from harness.grid.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
-from harness.grid.tuning_file import Outcome, write_outcome
-from harness.grid.tuning_search import Found, Scores, Trial
-from harness.grid.tuning_spaces import Range
 from harness.grid.worlds import usual_worlds
+from harness.lab import ablation
+from harness.lab.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
+from harness.lab.tuning.outcome_file import Outcome, write_outcome
+from harness.lab.tuning.spaces import Range
+from harness.lab.tuning.trials import Found, Scores, Trial
 from harness.scoring.metrics import quantities
 from harness.sensor.profiles import sensor_settings
 from tests.golden import described, equals_golden

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.fidelity.samples import recorded_samples
+from harness.lab.fidelity.samples import recorded_samples
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder

@@ -1,0 +1,249 @@
+"""What a comparison leaves behind: a table on the screen, ``fidelity.json``, ``fidelity.md`` and figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+from harness.common.errors import InputError
+from harness.common.files import save_figure, write_text
+from harness.common.markdown import markdown_table
+from harness.common.plots import strip
+from harness.lab.fidelity.comparison import Distance, Fidelity, Period
+from harness.lab.fidelity.fields import Fields
+from harness.lab.fidelity.lanes import LaneShare
+from harness.lab.fidelity.samples import UNITS
+from harness.lab.fidelity.statistics import QUARTERS, Target
+from mmpf.compute.arrays import FloatArray
+
+TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")
+DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
+LANE_HEADINGS = ("lane", "speed, simulated", "speed, recorded", "flow, simulated", "flow, recorded")
+# Okabe and Ito's blue and vermilion.
+SIMULATED, RECORDED = "#0072B2", "#D55E00"
+FASTEST_SHOWN_MPS = 20.0
+BINS = 40
+
+
+def write_fidelity(result: Fidelity, folder: Path) -> None:
+    """Write the result into a folder.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / "fidelity.json", json.dumps(result.as_json(), indent=2) + "\n")
+        write_text(folder / "fidelity.md", as_markdown(result))
+        for name, figure in draw_figures(result).items():
+            save_figure(figure, folder / f"{name}.png")
+    except OSError as error:
+        raise InputError(f"`out` {folder}: cannot be written: {error.strerror}") from error
+
+
+def as_markdown(result: Fidelity) -> str:
+    """Return the result as Markdown."""
+    lines = [
+        f"# How real the traffic on {result.network} is",
+        "",
+        f"{result.setting['minutes']:g} simulated minutes on each of {len(result.setting['seeds'])} seeds a period; "
+        f"the first minutes that the recording undercounts are left out on both sides. Measured: {result.source}.",
+        "",
+        *markdown_table(TARGET_HEADINGS, _target_rows(result)),
+        "",
+        summary(result),
+        "",
+    ]
+    if result.distances:
+        lines += [
+            "## Distributions",
+            "",
+            "Wasserstein distances between simulated and recorded vehicles; of the rate, the difference. The "
+            "recordings are short windows about single vehicles, from no particular part of the periods: "
+            + ", ".join(result.setting["recordings"])
+            + ".",
+            "",
+            *markdown_table(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
+            "",
+        ]
+    if result.lanes:
+        lines += [
+            "## Lanes",
+            "",
+            "Speed and flow of each main lane over the mean of all of them, so that it does not matter which part of "
+            "the periods a recording is of. Brackets: 95 % bootstrap over recordings. A recording that holds only "
+            "vehicles near a chosen one counts like the others, and tells little of flow.",
+            "",
+            *markdown_table(LANE_HEADINGS, [_lane_row(entry) for entry in result.lanes]),
+            "",
+        ]
+    if result.left_out:
+        lines += ["## Left out", "", *(f"- {reason}" for reason in result.left_out), ""]
+    return "\n".join(lines)
+
+
+def print_fidelity(result: Fidelity) -> None:
+    """Print the same on stderr."""
+    parts: list[Table | Text] = [_table("Simulated and measured traffic", TARGET_HEADINGS, _target_rows(result))]
+    if result.distances:
+        rows = [_distance_row(entry) for entry in result.distances]
+        parts.append(_table("Distances between distributions", DISTANCE_HEADINGS, rows))
+    parts += [Text(f"left out: {reason}") for reason in result.left_out]
+    Console(stderr=True, highlight=False).print(Group(*parts, Text(summary(result), style="bold")))
+
+
+def summary(result: Fidelity) -> str:
+    """Return in one sentence how many figures agree."""
+    listed = [target for period in result.periods for target in period.targets]
+    agree = f"{sum(target.met for target in listed)} of {len(listed)} figures agree"
+    return f"{agree} with the measured ones within what is allowed."
+
+
+def _target_rows(result: Fidelity) -> list[tuple[str, ...]]:
+    return [_target_row(period, target) for period in result.periods for target in period.targets]
+
+
+def _target_row(period: Period, target: Target) -> tuple[str, ...]:
+    unit = " points" if target.unit == "points" else " %"
+    return (
+        period.demand,
+        target.name,
+        _digits(target.simulated),
+        _digits(target.measured),
+        f"{target.error:+.1f}{unit}",
+        f"{target.tolerance:g}{unit}",
+        "yes" if target.met else "no",
+    )
+
+
+def _distance_row(entry: Distance) -> tuple[str, ...]:
+    return (
+        entry.quantity.replace("_", " "),
+        f"{entry.distance:.2f}",
+        entry.unit,
+        f"{entry.simulated_mean:.2f}",
+        f"{entry.measured_mean:.2f}",
+        str(entry.simulated_n),
+        str(entry.measured_n),
+    )
+
+
+def _lane_row(entry: LaneShare) -> tuple[str, ...]:
+    (speed_low, speed_high), (flow_low, flow_high) = entry.measured_speed_interval, entry.measured_flow_interval
+    return (
+        str(entry.lane),
+        f"{entry.simulated_speed:.2f}",
+        f"{entry.measured_speed:.2f} [{speed_low:.2f}, {speed_high:.2f}]",
+        f"{entry.simulated_flow:.2f}",
+        f"{entry.measured_flow:.2f} [{flow_low:.2f}, {flow_high:.2f}]",
+    )
+
+
+def _digits(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
+
+
+def _table(title: str, headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    table = Table(title=title, box=None, title_justify="left", padding=(0, 2, 0, 0))
+    for place, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if place < 2 else "right", no_wrap=place < 2)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def draw_figures(result: Fidelity) -> dict[str, Figure]:
+    """Return the figures by file name; those that lack recorded data are not among them."""
+    figures = {"speed_along_the_road": along_the_road(result.periods)}
+    for period in result.periods:
+        simulated, recorded = period.fields
+        if recorded is not None:
+            figures[f"speed_field_{period.demand}"] = speed_fields(period.demand, simulated, recorded)
+    if result.samples is not None:
+        simulated_samples, recorded_samples = result.samples
+        figures["distributions"] = distributions(simulated_samples.values, recorded_samples.values)
+    return figures
+
+
+def speed_fields(demand: str, simulated: Fields, recorded: Fields) -> Figure:
+    """Return both speed fields of a period side by side, on one colour scale."""
+    figure = Figure(figsize=(12.0, 4.0), dpi=120, layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, fields, title in zip(panels, (recorded, simulated), ("recorded", "simulated, one seed"), strict=True):
+        extent = (0.0, fields.duration_s / 60.0, 0.0, fields.speed_mps.shape[0] * fields.cell_m)
+        image = axes.imshow(
+            fields.speed_mps,
+            origin="lower",
+            aspect="auto",
+            extent=extent,
+            cmap="viridis",
+            vmin=0.0,
+            vmax=FASTEST_SHOWN_MPS,
+            interpolation="nearest",
+        )
+        axes.set_title(title, loc="left", fontsize=10)
+        axes.set_xlabel("time, minutes")
+    panels[0].set_ylabel("position along the road, m (traffic moves up)")
+    figure.colorbar(image, ax=list(panels), label="speed, m/s", extend="max")
+    figure.suptitle(f"{demand}: speed of all lanes over road and time", fontsize=11)
+    return figure
+
+
+def along_the_road(periods: Sequence[Period]) -> Figure:
+    """Return the mean speed of each quarter of the road, both sides, one panel a period."""
+    figure = Figure(figsize=(4.0 * len(periods), 3.6), dpi=120, layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(periods), sharey=True))
+    quarters = np.arange(1, QUARTERS + 1)
+    for axes, period in zip(panels, periods, strict=True):
+        measured = np.array(period.measured.quarter_speed_mps)
+        axes.fill_between(quarters, 0.9 * measured, 1.1 * measured, color=RECORDED, alpha=0.15, linewidth=0)
+        axes.plot(quarters, measured, color=RECORDED, marker="s", linewidth=1.8)
+        for seed in period.seeds:
+            axes.plot(quarters, seed.quarter_speed_mps, color=SIMULATED, linewidth=0.7, alpha=0.45)
+        axes.plot(quarters, period.simulated.quarter_speed_mps, color=SIMULATED, marker="o", linewidth=1.8)
+        axes.set_title(period.demand, loc="left", fontsize=10)
+        axes.set_xticks(quarters)
+        axes.set_xlabel("quarter of the road, 1 upstream")
+        strip(axes)
+    panels[0].set_ylabel("mean speed, m/s")
+    panels[0].set_ylim(bottom=0.0)
+    _label(panels[0], 0.30, "recorded, ± 10 %", RECORDED)
+    _label(panels[0], 0.20, "simulated, all seeds", SIMULATED)
+    _label(panels[0], 0.10, "simulated, each seed (thin)", SIMULATED)
+    return figure
+
+
+def distributions(simulated: dict[str, FloatArray], recorded: dict[str, FloatArray]) -> Figure:
+    """Return the distribution of every quantity, both sides, one panel each."""
+    figure = Figure(figsize=(13.0, 6.0), dpi=120, layout="constrained")
+    panels = figure.subplots(2, 4)
+    for axes, (quantity, unit) in zip(panels.flat, UNITS.items(), strict=True):
+        first, second = simulated[quantity], recorded[quantity]
+        axes.set_xlabel(f"{quantity.replace('_', ' ')}, {unit}")
+        axes.set_yticks([])
+        axes.spines[["top", "right", "left"]].set_visible(False)
+        if not len(first) or not len(second):
+            axes.annotate("no samples", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.4")
+            continue
+        low, high = np.quantile(np.concatenate([first, second]), [0.002, 0.998])
+        edges = np.linspace(low, high, BINS + 1)
+        for values, colour in ((first, SIMULATED), (second, RECORDED)):
+            axes.hist(values, bins=edges, density=True, histtype="step", color=colour, linewidth=1.6)
+    _label(panels[0, 0], 0.95, "simulated", SIMULATED, right=True)
+    _label(panels[0, 0], 0.85, "recorded", RECORDED, right=True)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share of samples")
+    return figure
+
+
+def _label(axes: Axes, height: float, text: str, colour: str, right: bool = False) -> None:
+    place, side = (0.98, "right") if right else (0.04, "left")
+    axes.annotate(text, (place, height), xycoords="axes fraction", color=colour, fontsize=9, ha=side, va="top")

@@ -1,0 +1,104 @@
+"""Simulated traffic laid on the cells of the recorded one, and what its vehicles do."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context, parent_process
+from multiprocessing.process import BaseProcess
+from threading import Thread
+
+from harness.common.durations import say_roughly
+from harness.lab.fidelity.fields import Fields, fields_from_frames
+from harness.lab.fidelity.samples import Sampler, Samples
+from harness.truth.network.network import Network
+from harness.truth.sumo.simulation import open_traffic
+
+SECONDS_PER_MINUTE = 7.0
+"""Processor time of a simulated minute of rush hour."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a simulated run leaves.
+
+    Attributes:
+        fields: Its fields.
+        samples: What its vehicles did.
+    """
+
+    fields: Fields
+    samples: Samples
+
+
+@dataclass(frozen=True)
+class RunJob:
+    """A run to be made, without an ego.
+
+    Attributes:
+        network: The network.
+        demand: Name of its demand.
+        duration_s: Simulated time.
+        seed: Seed of all randomness.
+    """
+
+    network: Network
+    demand: str
+    duration_s: float
+    seed: int
+
+    def run(self) -> Run:
+        """Make the run in this process."""
+        truth = open_traffic(self.network, demand=self.demand, duration_s=self.duration_s, seed=self.seed, ego=False)
+        sampler = Sampler(self.network.section_m, truth.step_s)
+        try:
+            fields = fields_from_frames(sampler.tap(truth.frames()), truth.step_s)
+        finally:
+            truth.close()
+        return Run(fields, sampler.samples())
+
+
+def say_roughly_all(
+    say: Callable[[str], object], runs: int, minutes: float, workers: int, together: int | None = None
+) -> None:
+    """Say how long so many runs will take.
+
+    Args:
+        say: Told the line.
+        runs: How many runs.
+        minutes: Simulated minutes of each.
+        workers: How many are made at a time.
+        together: How many may be made at a time; all if None.
+    """
+    at_a_time = max(1, min(together or runs, workers))
+    say_roughly(say, SECONDS_PER_MINUTE * minutes * runs / at_a_time, f"{runs} runs of {minutes:g} min")
+
+
+def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[Run]:
+    """Make runs in processes of their own, since a process holds one simulation; return them in order."""
+    count, context = min(workers, len(jobs)), get_context("spawn")
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
+        futures = [pool.submit(job.run) for job in jobs]
+        try:
+            for future in as_completed(futures):
+                future.result()
+                on_done()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        return [future.result() for future in futures]
+
+
+def _end_with_parent() -> None:
+    """Let this worker end when the process that started it is killed; the pool itself would wait for ever."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def wait_for(process: BaseProcess) -> None:
+        process.join()
+        os._exit(1)
+
+    Thread(target=wait_for, args=(parent,), daemon=True).start()

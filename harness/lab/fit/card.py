@@ -1,0 +1,120 @@
+"""Model cards: what a fitted model was made from, how good it is, and what it can't do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.common.files import save_figure, write_text
+from harness.common.markdown import markdown_table
+from harness.common.plots import strip
+from harness.lab.fit.mixture_em import SizeScore
+from harness.lab.windows.cases import following_cases
+from harness.lab.windows.filtering import follow
+from harness.lab.windows.following import Following
+from harness.lab.windows.scores import HORIZONS_S, score
+from mmpf.motion.protocol import MotionModel
+
+
+def write_card(
+    path: Path,
+    title: str,
+    facts: Mapping[str, str],
+    sizes: Sequence[SizeScore],
+    regimes: Sequence[RegimeError],
+    limits: Sequence[str],
+) -> None:
+    """Write a model card and, beside it, the picture of its BIC curve.
+
+    Args:
+        path: The card's file, ``.md``.
+        title: Name of the model.
+        facts: Named facts: data, seeds, components, log-likelihood.
+        sizes: Scores of the sizes that were tried.
+        regimes: Closed-loop errors by regime; may be empty.
+        limits: Known limits, one sentence each.
+    """
+    lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
+    if sizes:
+        best = min(sizes, key=lambda size: size.bic)
+        picture = path.with_name(f"{path.stem}_bic.png")
+        _draw_sizes(sizes, best, picture)
+        lines += ["## Number of components", "", f"Smallest BIC of the sweep: {best.components} components.", ""]
+        rows = [[str(size.components), f"{size.bic:.0f}", f"{size.log_likelihood:.3f}"] for size in sizes]
+        lines += markdown_table(["components", "BIC", "log-likelihood a sample"], rows)
+        lines += ["", f"![BIC]({picture.name})", ""]
+    if regimes:
+        heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
+        rows = [[entry.regime, str(entry.cases), *(f"{error:.2f}" for error in entry.lon_m)] for entry in regimes]
+        lines += ["## Position error by regime, complete occlusion, held-out seeds, m", ""]
+        lines += [*markdown_table(heads, rows), ""]
+    lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
+    write_text(path, "\n".join(lines))
+
+
+def _draw_sizes(sizes: Sequence[SizeScore], best: SizeScore, path: Path) -> None:
+    """Draw BIC over the number of components."""
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(5.0, 3.2), layout="constrained")
+    axis = figure.subplots()
+    axis.plot([size.components for size in sizes], [size.bic / 1000.0 for size in sizes], "o-", color="#0072B2")
+    axis.annotate(
+        f"smallest: {best.components}",
+        (best.components, best.bic / 1000.0),
+        textcoords="offset points",
+        xytext=(0, 12),
+        ha="center",
+        fontsize=9,
+    )
+    axis.set_xlabel("number of components")
+    axis.set_ylabel("BIC, thousands (smaller is better)")
+    axis.margins(y=0.15)
+    strip(axis)
+    save_figure(figure, path, dpi=110)
+
+
+STOP_AND_GO_BELOW_MPS = 3.0
+CASES, PARTICLES = 150, 100
+
+
+@dataclass(frozen=True)
+class RegimeError:
+    """Position errors of one traffic regime under complete occlusion.
+
+    Attributes:
+        regime: Name of the regime.
+        cases: Number of windows.
+        lon_m: Mean absolute error at 1, 2, 5 and 10 s.
+    """
+
+    regime: str
+    cases: int
+    lon_m: tuple[float, ...]
+
+
+def errors_by_regime(model: MotionModel, windows: Following, step_s: float, seed: int) -> list[RegimeError]:
+    """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
+    led = windows.has_leader
+    stop_and_go = led & (windows.speed_mps.min(axis=1) < STOP_AND_GO_BELOW_MPS)
+    regimes = {
+        "free": ~led,
+        "following": led & ~stop_and_go & ~windows.after_cut_in,
+        "stop-and-go": stop_and_go,
+        "cut-in": led & windows.after_cut_in,
+    }
+    return [
+        _errors(model, name, windows.take(np.flatnonzero(chosen)), step_s, seed) for name, chosen in regimes.items()
+    ]
+
+
+def _errors(model: MotionModel, regime: str, windows: Following, step_s: float, seed: int) -> RegimeError:
+    if not len(windows):
+        return RegimeError(regime, 0, (float("nan"),) * len(HORIZONS_S))
+    cases = following_cases(windows, CASES, step_s, np.random.default_rng(seed), led_only=False)
+    scores = score(follow(model, cases, PARTICLES, np.random.default_rng(seed)), cases)
+    steps = [round(horizon / step_s) - 1 for horizon in HORIZONS_S]
+    return RegimeError(regime, cases.count, tuple(float(scores.abs_error["lon_m"][step].mean()) for step in steps))

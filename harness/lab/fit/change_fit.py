@@ -1,0 +1,117 @@
+"""Fits the lane-change mixtures to windows around recorded lane changes.
+
+Recorded states lie on the few paths that recorded vehicles take, and a mixture fitted to those alone ties the lateral
+speed to the place on the path: a particle that is drawn apart from it in resampling is led back to a path that its
+vehicle is not on. Most samples are therefore moved off the path sideways, and go on as was recorded from there: with
+the same lateral acceleration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.lab.fit.mixture_em import fit_mixture
+from harness.lab.windows.changing import LaneChanges
+from harness.lab.windows.neighbours import Others
+from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, TRAINED_STEP_S, ChangeView, change_inputs
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+
+MISSING_GAP_SPREAD_M = 10.0
+MISSING_SPEED_SPREAD_MPS = 1.0
+LINE_SPREAD_M = 0.1
+LINE_COLUMNS = (9, 10)
+
+
+@dataclass(frozen=True)
+class LateralScatter:
+    """How far samples are moved off the recorded path, about as far as a filter's particles are apart.
+
+    Attributes:
+        share: Share of the samples that are moved.
+        lat_m: Standard deviation of the lateral position.
+        lat_speed_mps: Of the lateral speed.
+        lat_accel_mps2: Of the lateral acceleration.
+        log_size: Standard deviation of the logarithm of each sample's own factor to position and speed.
+    """
+
+    share: float = 0.7
+    lat_m: float = 0.15
+    lat_speed_mps: float = 0.15
+    lat_accel_mps2: float = 0.15
+    log_size: float = 0.5
+
+
+AS_RECORDED = LateralScatter(share=0.0)
+SCATTERED = LateralScatter()
+
+
+def fit_change(changes: LaneChanges, components: int, seed: int) -> ScaledGmm:
+    """Fit table I's mixture to all samples of the windows."""
+    x, y = change_samples(changes, np.random.default_rng(seed), SCATTERED)
+    return fit_mixture(x, y, components, seed)
+
+
+def change_samples(
+    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter
+) -> tuple[FloatArray, FloatArray]:
+    """Return inputs (n, 14) and outputs (n, 6) of table I.
+
+    A sample that is moved sideways keeps its recorded accelerations: its lateral speed after the step is off by as
+    much as before, its lateral advance by as much as that speed makes of it.
+
+    Gaps of missing neighbours scatter about 100 m and the two distances to the line scatter by 10 cm: constants and
+    copies among the inputs would leave the covariances singular.
+
+    Args:
+        changes: Windows around lane changes.
+        rng: Source of all scatter.
+        scatter: How far samples are moved off the recorded path.
+    """
+    now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
+    astray = _astray(scatter, now.shape[1:], rng)
+    flat = (now + astray).reshape(len(now), -1)
+    steps = now.shape[2]
+    half_width = np.repeat(0.5 * changes.lane_width_m, steps)
+    crossed = flat[LAT] > half_width
+    view = _view(changes, flat, crossed, rng)
+    x = change_inputs(flat, np.ones(flat.shape[1]), np.zeros(flat.shape[1]), half_width, view)
+    x[:, LINE_COLUMNS] += LINE_SPREAD_M * rng.standard_normal((len(x), 2))
+    moved = then - now
+    lat_advance = moved[LAT] + TRAINED_STEP_S * astray[LAT_SPEED]
+    next_lat_speed = then[LAT_SPEED] + astray[LAT_SPEED]
+    outputs = (lat_advance, moved[LON], next_lat_speed, then[SPEED], then[LAT_ACCEL], then[ACCEL])
+    return x, np.stack([column.ravel() for column in outputs], axis=1)
+
+
+def _astray(scatter: LateralScatter, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return how far each sample is moved, shape (6, *shape)."""
+    astray = np.zeros((STATE_SIZE, *shape))
+    moved = rng.random(shape) < scatter.share
+    size = moved * np.exp(scatter.log_size * rng.standard_normal(shape))
+    astray[LAT] = scatter.lat_m * size * rng.standard_normal(shape)
+    astray[LAT_SPEED] = scatter.lat_speed_mps * size * rng.standard_normal(shape)
+    astray[LAT_ACCEL] = scatter.lat_accel_mps2 * moved * rng.standard_normal(shape)
+    return astray
+
+
+def _view(changes: LaneChanges, flat: FloatArray, crossed: BoolArray, rng: np.random.Generator) -> ChangeView:
+    own_length = np.repeat(changes.length_m, changes.state.shape[2] - 1)
+
+    def seen(others: Others, ahead: float, lost: BoolArray) -> tuple[FloatArray, FloatArray]:
+        distance = ahead * (others.lon_m[:, :-1].ravel() - flat[LON])
+        gap = distance - 0.5 * (own_length + others.length_m[:, :-1].ravel())
+        relative = others.speed_mps[:, :-1].ravel() - flat[SPEED]
+        near = np.isfinite(gap) & (gap < FURTHEST_NEIGHBOUR_M) & ~lost
+        missing_gap = FURTHEST_NEIGHBOUR_M + MISSING_GAP_SPREAD_M * rng.standard_normal(len(gap))
+        missing_speed = MISSING_SPEED_SPREAD_MPS * rng.standard_normal(len(gap))
+        return np.where(near, gap, missing_gap), np.where(near, relative, missing_speed)
+
+    nowhere = np.zeros(len(crossed), dtype=np.bool_)
+    leader = seen(changes.leader, 1.0, nowhere)
+    follower = seen(changes.follower, -1.0, crossed)
+    target = seen(changes.target_leader, 1.0, nowhere)
+    return ChangeView(leader[0], follower[0], target[0], leader[1], follower[1], target[1])

@@ -1,0 +1,176 @@
+"""Fits everything that the learned driver consists of to windows of recorded car following."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from harness.lab.fit.mixture_em import fit_mixture
+from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
+from harness.lab.windows.following import Following
+from mmpf.compute.arrays import FloatArray, joined
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.driver import DriverModel, FreeDriver
+from mmpf.motion.learned.features import log_headway, situation
+from mmpf.motion.learned.lane_keeping import LaneKeeper
+from mmpf.motion.learned.short_driver import short_inputs
+
+FOLLOWING_SAMPLES = 300_000
+SHORT_SAMPLES = 1_200_000
+ROLLOUTS = 2000
+HABIT_COMPONENTS = 12
+HABIT_SITUATIONS_PER_WINDOW = 5
+STEADY_CLOSING_MPS = 1.5
+STEADY_ACCEL_MPS2 = 0.7
+ACCEL_BIAS_MPS2 = 0.012
+# In sight, particles take up changes more often than drivers do; see LaneKeeper.seen_changes_per_s.
+PROPOSED_CHANGES = 10.0
+
+
+def fit_driver(
+    windows: Following,
+    changes_per_s: float,
+    components: int,
+    seed: int,
+    step_s: float,
+    progress: Callable[[str], None],
+) -> DriverModel:
+    """Fit the learned driver.
+
+    Args:
+        windows: Training windows with and without leaders.
+        changes_per_s: How often drivers change lanes to one side.
+        components: Components of the following mixture.
+        seed: Seed of sampling and of the fits.
+        step_s: Time between steps.
+        progress: Told one line per stage.
+    """
+    following, habit = fit_follower(windows, components, seed, step_s, progress)
+    return DriverModel(
+        following=following,
+        habit=habit,
+        free=_fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s),
+        keeper=_fit_keeper(windows, changes_per_s, step_s),
+        accel_bias_mps2=ACCEL_BIAS_MPS2,
+    )
+
+
+def fit_follower(
+    windows: Following, components: int, seed: int, step_s: float, progress: Callable[[str], None]
+) -> tuple[ScaledGmm, ScaledGmm]:
+    """Fit the learned driver's following mixture and its drivers' habits.
+
+    The mixture is fitted to recovery samples, then once more with what it demonstrated itself.
+
+    Args:
+        windows: Training windows; those without a leader are left out.
+        components: Components of the following mixture.
+        seed: Seed of sampling and of the fits.
+        step_s: Time between steps.
+        progress: Told one line per stage.
+    """
+    rng = np.random.default_rng(seed)
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    habit = driver_habit(led)
+    records = following_records(led, habit, step_s)
+    progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
+    gains = RecoveryGains()
+    samples = recovery_samples(records, FOLLOWING_SAMPLES, gains, rng)
+    first = fit_mixture(samples.x, samples.y, components, seed)
+    progress("adding the states that the fitted model reaches, and fitting again")
+    demonstrated = demonstrated_samples(records, first, ROLLOUTS, gains, rng)
+    both = joined(samples, demonstrated)
+    following = fit_mixture(both.x, both.y, components, seed)
+    return following, _fit_habit(led, habit, seed, rng)
+
+
+def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:
+    """Fit the paper's short-term model, exactly its inputs and outputs, to unaltered samples."""
+    rng = np.random.default_rng(seed)
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    x, y = short_samples(led)
+    chosen = rng.choice(len(x), size=min(SHORT_SAMPLES, len(x)), replace=False)
+    return fit_mixture(x[chosen], y[chosen], components, seed)
+
+
+def short_samples(led: Following) -> tuple[FloatArray, FloatArray]:
+    """Return all samples of the paper's inputs (n, 5) and outputs (n, 4)."""
+    distance = led.gap_m + led.leader_length_m[:, None]
+    now, then = slice(None, -1), slice(1, None)
+    columns = (led.offset_m, distance, led.speed_mps, led.accel_mps2, led.leader_speed_mps)
+    x = short_inputs(*(column[:, now].ravel() for column in columns))
+    advance = np.diff(led.lon_m, axis=1).ravel()
+    outputs = (led.offset_m[:, then], led.speed_mps[:, then], led.accel_mps2[:, then])
+    offset, speed, accel = (column.ravel() for column in outputs)
+    return x, np.stack([offset, advance, speed, accel], axis=1)
+
+
+def driver_habit(led: Following) -> FloatArray:
+    """Return each window's driver's mean log time headway over all its windows' steady moments, shape (windows,)."""
+    closing = np.abs(led.speed_mps - led.leader_speed_mps)
+    steady = (closing < STEADY_CLOSING_MPS) & (np.abs(led.accel_mps2) < STEADY_ACCEL_MPS2)
+    weight = steady + 1e-3
+    drivers = int(led.vehicle.max()) + 1
+    headway = log_headway(led.gap_m, led.speed_mps)
+    total = np.bincount(led.vehicle, (weight * headway).sum(axis=1), drivers)
+    norm = np.bincount(led.vehicle, weight.sum(axis=1), drivers)
+    return np.asarray((total / np.maximum(norm, 1e-9))[led.vehicle])
+
+
+def situation_columns(led: Following) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return what a driver's situation is made of, in the order of ``situation``, each (windows, steps)."""
+    return led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2
+
+
+def following_records(led: Following, habit: FloatArray, step_s: float) -> FollowingRecords:
+    """Return what the recovery samples are drawn from."""
+    return FollowingRecords(*situation_columns(led), habit[:, None], step_s)
+
+
+def _fit_habit(led: Following, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
+    window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
+    step = rng.integers(led.lon_m.shape[1], size=len(window))
+    seen = situation(*(column[window, step] for column in situation_columns(led)))
+    return fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
+
+
+def _fit_free(free: Following, step_s: float) -> FreeDriver:
+    """Fit by least squares; a driver's desired speed is its mean speed at the window's end."""
+    settle = 20
+    desired = free.speed_mps[:, -settle:].mean(axis=1)
+    speed, accel = free.speed_mps[:, : -settle - 1], free.accel_mps2[:, : -settle - 1]
+    change = np.diff(free.accel_mps2[:, :-settle], axis=1) / step_s
+    missing = desired[:, None] - speed
+    design = np.stack([missing.ravel(), -accel.ravel()], axis=1)
+    (pull, lag), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
+    noise = np.std(change.ravel() - design @ np.array([pull, lag])) * step_s
+    start_accel, gained = free.accel_mps2[:, 0], desired - free.speed_mps[:, 0]
+    per_accel = float(start_accel @ gained / (start_accel @ start_accel))
+    spread = float(np.std(gained - per_accel * start_accel))
+    lag = float(np.clip(lag, 0.2, 1.0 / step_s))
+    return FreeDriver(lag, float(np.clip(pull / lag, 0.05, 2.0)), float(noise), per_accel, spread)
+
+
+def _fit_keeper(windows: Following, changes_per_s: float, step_s: float) -> LaneKeeper:
+    """Fit the pull to each window's mean place in the lane by least squares; what is left is the noise."""
+    place = windows.offset_m.mean(axis=1)
+    away, lat_speed = windows.offset_m[:, :-1] - place[:, None], windows.lat_speed_mps[:, :-1]
+    change = np.diff(windows.lat_speed_mps, axis=1) / step_s
+    design = np.stack([-away.ravel(), -lat_speed.ravel()], axis=1)
+    (attraction, damping), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
+    noise = _robust_std(change.ravel() - design @ np.array([attraction, damping])) * np.sqrt(step_s)
+    spread = _robust_std(windows.offset_m[:, -1] - windows.offset_m[:, 0]) / np.sqrt(2.0)
+    return LaneKeeper(
+        attraction_per_s2=float(np.clip(attraction, 0.01, 2.0)),
+        damping_per_s=float(np.clip(damping, 0.1, 5.0)),
+        speed_noise=float(noise),
+        offset_spread_m=float(spread),
+        changes_per_s=changes_per_s,
+        seen_changes_per_s=PROPOSED_CHANGES * changes_per_s,
+    )
+
+
+def _robust_std(values: FloatArray) -> float:
+    """Return the standard deviation of a normal distribution with the same mean absolute value."""
+    return float(np.abs(values).mean() * np.sqrt(np.pi / 2.0))

@@ -1,0 +1,172 @@
+"""Fits the rivals with the same data: IDM and its adaptive form, and every kinematic model's process noise.
+
+The size of the noise is found by one procedure for all: maximum likelihood of the state one second on. Each model runs
+without noise from recorded states for one second. Its errors in position and speed are taken for those of white noise
+driving the speed (CVM, CSAV, IDM) or the acceleration (CAM, CSAA), integrated over the second; the likelihood's maximum
+over the noise's spectral density is then ``mean(e' Q^-1 e) / 2`` with Q for unit density.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from harness.common.files import write_toml
+from harness.lab.windows.cases import Cases, following_cases
+from harness.lab.windows.following import Following
+from harness.lab.windows.scores import HORIZONS_S
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
+from mmpf.motion.kinematic import ProcessNoise, kinematic
+from mmpf.motion.protocol import MotionModel
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+
+WINDOWS = 300
+GENERATIONS = 25
+POPULATION = 8
+DRIVER_BOUNDS = ((20.0, 45.0), (0.5, 2.5), (0.3, 3.0), (0.5, 5.0), (1.0, 5.0))
+ADAPTATION_BOUNDS = ((0.5, 10.0), (-0.2, 1.0), (0.0, 1.0))
+NO_NOISE = ProcessNoise(0.0, 0.0)
+AHEAD_S = 1.0
+SPEED_DRIVEN = np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
+ACCEL_DRIVEN = np.array([[1.0 / 20.0, 1.0 / 8.0], [1.0 / 8.0, 1.0 / 3.0]])
+IDM_COMMENT = "Parameters of the intelligent driver model fitted to the training recordings."
+ADAPTIVE_COMMENT = "Parameters of the adaptive intelligent driver model fitted to the training recordings."
+NOISE_COMMENT = """\
+Root spectral density of the white noise that drives each model: acceleration (m/s^2 per root second)
+for cam, csaa and csav across the road, speed (m/s per root second) for all others.
+Found by maximum likelihood of the state one second on, over the tuning seeds."""
+
+Adaptive = tuple[IdmParameters, Adaptation]
+
+
+def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
+    """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length.
+
+    Args:
+        windows: Training windows; those without a leader are left out.
+        seed: Seed of the choice of windows and of the search.
+        step_s: Time between steps.
+    """
+    found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
+    return _driver(found)
+
+
+def fit_adaptive(windows: Following, seed: int, step_s: float) -> Adaptive:
+    """Fit the adaptive form in the same way."""
+    bounds = (*DRIVER_BOUNDS, *ADAPTATION_BOUNDS)
+    return _adaptive(
+        _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed, step_s)
+    )
+
+
+def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptive) -> dict[str, ProcessNoise]:
+    """Return the noise of each kinematic model.
+
+    Args:
+        traffic: Lane keeping and lane changes of the tuning seeds, each as often as it happens.
+        fitted: Parameters of ``idm-fitted``.
+        adaptive: Parameters of ``idm-adaptive``.
+    """
+    rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
+        (kinematic("cvm", NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (kinematic("cam", NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
+        (kinematic("csav", NO_NOISE), SPEED_DRIVEN, ACCEL_DRIVEN),
+        (kinematic("csaa", NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
+        (intelligent_driver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (intelligent_driver(fitted, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
+        (AdaptiveDriver(*adaptive, NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+    )
+    return {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
+
+
+def write_rivals(folder: Path, driver: IdmParameters, adaptive: Adaptive, noise: Mapping[str, ProcessNoise]) -> None:
+    """Write the three files that the models read, four digits of every number."""
+    fitted, adaptation = adaptive
+    write_toml(folder / "idm_fitted.toml", _four_digits(driver), IDM_COMMENT)
+    tables = {"driver": _four_digits(fitted), "adaptation": _four_digits(adaptation)}
+    write_toml(folder / "idm_adaptive.toml", tables, ADAPTIVE_COMMENT)
+    sizes = {name: _four_digits(size) for name, size in noise.items()}
+    write_toml(folder / "process_noise.toml", sizes, NOISE_COMMENT)
+
+
+def _four_digits(parameters: object) -> dict[str, float]:
+    return {name: float(f"{value:.4g}") for name, value in vars(parameters).items()}
+
+
+def _driver(values: FloatArray) -> IdmParameters:
+    speed, headway, accel, decel, gap = (float(value) for value in values[:5])
+    return IdmParameters(speed, headway, accel, decel, 4.0, gap)
+
+
+def _adaptive(values: FloatArray) -> Adaptive:
+    return _driver(values), Adaptation(*(float(value) for value in values[5:]))
+
+
+def _search(
+    model_of: Callable[[FloatArray], MotionModel],
+    bounds: Sequence[tuple[float, float]],
+    windows: Following,
+    seed: int,
+    step_s: float,
+) -> FloatArray:
+    from scipy.optimize import Bounds, differential_evolution  # noqa: PLC0415
+
+    cases = following_cases(windows, WINDOWS, step_s, np.random.default_rng(seed))
+
+    def error(values: FloatArray) -> float:
+        return _closed_loop_error(model_of(values), cases)
+
+    lowest, highest = np.transpose(bounds)
+    found = differential_evolution(
+        error,
+        Bounds(lowest, highest),
+        maxiter=GENERATIONS,
+        popsize=POPULATION,
+        rng=np.random.default_rng(seed),
+        polish=False,
+    )
+    return np.asarray(found.x)
+
+
+def _closed_loop_error(model: MotionModel, cases: Cases) -> float:
+    rng = np.random.default_rng(0)
+    state = cases.truth[0]
+    latents = model.draw_latents(state, rng)
+    scored = {round(horizon / cases.step_s): horizon for horizon in HORIZONS_S}
+    error = 0.0
+    for step in range(1, cases.steps):
+        around = cases.surroundings(state, step - 1, True)
+        state, latents = model.propagate(state, latents, around, cases.step_s, rng)
+        if step in scored:
+            error += float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step]
+    return error
+
+
+def _most_likely(
+    model: MotionModel, lon_shape: FloatArray, lat_shape: FloatArray, traffic: Sequence[Cases]
+) -> ProcessNoise:
+    away = np.concatenate([_errors(model, cases) for cases in traffic], axis=1)
+    return ProcessNoise(_density(away[:2], lon_shape), _density(away[2:], lat_shape))
+
+
+def _errors(model: MotionModel, cases: Cases) -> FloatArray:
+    """Return errors in longitudinal position and speed, lateral position and speed, of all seconds: shape (4, n)."""
+    ahead = round(AHEAD_S / cases.step_s)
+    starts = range(0, cases.steps - ahead, ahead)
+    return np.concatenate([_errors_from(model, cases, start, start + ahead) for start in starts], axis=1)
+
+
+def _errors_from(model: MotionModel, cases: Cases, start: int, end: int) -> FloatArray:
+    rng = np.random.default_rng(0)
+    state = cases.truth[start]
+    latents = model.draw_latents(state, rng)
+    for step in range(start, end):
+        state, latents = model.propagate(state, latents, cases.surroundings(state, step, True), cases.step_s, rng)
+    return np.asarray((state - cases.truth[end])[[LON, SPEED, LAT, LAT_SPEED]])
+
+
+def _density(errors: FloatArray, shape: FloatArray) -> float:
+    return float(np.sqrt(np.einsum("in,ij,jn->n", errors, np.linalg.inv(shape), errors).mean() / 2.0))

@@ -1,0 +1,263 @@
+"""Training from traffic to model files and cards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.common.durations import say_roughly
+from harness.common.errors import InputError
+from harness.lab.fit.card import errors_by_regime, write_card
+from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
+from harness.lab.fit.driver_fit import (
+    PROPOSED_CHANGES,
+    driver_habit,
+    fit_driver,
+    fit_short,
+    following_records,
+    short_samples,
+)
+from harness.lab.fit.mixture_em import SizeScore, sweep_sizes
+from harness.lab.fit.recovery import RecoveryGains, recovery_samples
+from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
+from harness.lab.windows.cases import cases_of, lane_change_cases
+from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
+from harness.lab.windows.following import STEPS, Following, load_following
+from harness.lab.windows.recording import load_all
+from harness.lab.windows.scenarios import (
+    FIRST_TUNING_SEED,
+    TRAINING_DURATION_S,
+    TUNING_DURATION_S,
+    record_scenarios,
+    scenarios,
+)
+from harness.truth.frame import STEP_S
+from harness.truth.network.network import Network
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.driver import LearnedDriver, save_driver
+from mmpf.motion.learned.lane_changer import CHANGE
+from mmpf.motion.learned.short_driver import SHORT, short_term_driver
+
+LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
+PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
+TUNING_RECORDINGS = 8
+SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60, 90)}
+SWEEP_SAMPLES = 15_000
+SWEEP_ITERATIONS = 30
+HELD_OUT_SAMPLES = 20_000
+# Processor time of a recording, and of the fits.
+RECORDING_S, FITTING_S = 25.0, 600.0
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """What is to be trained.
+
+    Attributes:
+        case: ``lane-keeping`` or ``lane-change``.
+        components: Components of the mixture; none for the paper's number.
+        first_seed: First seed of the training traffic.
+        recordings: Number of training recordings.
+        seed: Seed of sampling and fits.
+        sweep: Whether other numbers of components are scored by BIC.
+        cache: Folder of the recordings; none for the usual one.
+        out: Folder of the model files and cards.
+    """
+
+    case: str
+    components: int | None
+    first_seed: int
+    recordings: int
+    seed: int
+    sweep: bool
+    cache: Path | None
+    out: Path
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return self.components or PAPER_COMPONENTS[self.case]
+
+
+def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
+    """Record what is not recorded yet, fit, score on held-out seeds, and write model files and cards.
+
+    Args:
+        plan: What to do.
+        network: Where the traffic runs.
+        say: Told one line per stage.
+
+    Returns:
+        The model files.
+
+    Raises:
+        InputError: An unknown case, or too little traffic.
+    """
+    if plan.case not in PAPER_COMPONENTS:
+        raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING}, {LANE_CHANGE} or turning")
+    for_training = scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S)
+    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S)
+    recordings = len(for_training) + len(for_tuning)
+    what = f"{recordings} recordings, less if they are there already, and the fits"
+    say_roughly(say, RECORDING_S * recordings + FITTING_S, what)
+    training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
+    plan.out.mkdir(parents=True, exist_ok=True)
+    if plan.case == LANE_CHANGE:
+        changes, held_changes = (load_changes(paths, network.road) for paths in (training, tuning))
+        return _train_change(plan, network.name, changes, held_changes, say)
+    windows, held_out = (load_following(paths, network.road) for paths in (training, tuning))
+    _fit_rivals(plan, windows, held_out, load_changes(tuning, network.road), say)
+    changes_per_s = changes_to_one_side_per_s(load_all(training), STEP_S)
+    return _train_keeping(plan, network.name, windows, changes_per_s, held_out, say)
+
+
+def _fit_rivals(
+    plan: TrainingPlan, windows: Following, held_out: Following, held_changes: LaneChanges, say: Say
+) -> None:
+    """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
+    say("fitting the rivals' parameters and noise")
+    driver = fit_idm(windows, plan.seed, STEP_S)
+    every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
+    adaptive = fit_adaptive(windows, plan.seed, STEP_S)
+    noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver, adaptive)
+    write_rivals(plan.out, driver, adaptive, noise)
+
+
+def _train_keeping(
+    plan: TrainingPlan, net: str, windows: Following, changes_per_s: float, held_out: Following, say: Say
+) -> list[Path]:
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    if len(led) < plan.size:
+        raise InputError(f"`seeds`: {len(led)} windows of car following are too few to train on; give more seeds")
+    own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
+    say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
+    driver = fit_driver(windows, changes_per_s, plan.size, plan.seed, STEP_S, say)
+    save_driver(own, driver)
+    say("fitting the paper's short-term model")
+    mixture = fit_short(windows, plan.size, plan.seed)
+    SHORT.save(short, mixture)
+    say("scoring on held-out seeds")
+    rng = np.random.default_rng(plan.seed)
+    held_led = held_out.take(np.flatnonzero(held_out.has_leader))
+    short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
+    records = following_records(held_led, driver_habit(held_led), STEP_S)
+    asked = recovery_samples(records, HELD_OUT_SAMPLES, RecoveryGains(), rng)
+    sizes = ([], []) if not plan.sweep else _keeping_sweeps(plan, led, say, rng)
+    facts = _facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
+    own_fit = f"{driver.following.log_density(asked.x, asked.y).mean():.3f} nats (acceleration, recovery samples)"
+    write_card(
+        own.with_suffix(".md"),
+        "Learned driver for lane keeping (`gmm`, ours)",
+        {
+            **facts,
+            "Lane changes": f"{changes_per_s:.4f} per second to each side, counted in the training traffic; particles "
+            f"of drivers in sight take them up {PROPOSED_CHANGES:g} times as often",
+            "One-step log-likelihood on held-out seeds": own_fit,
+        },
+        sizes[0],
+        errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, STEP_S, plan.seed),
+        KEEPING_LIMITS,
+    )
+    short_fit = f"{mixture.log_density(short_x, short_y).mean():.3f} nats (four outputs)"
+    write_card(
+        short.with_suffix(".md"),
+        "Short-term model for lane keeping (`gmm-short`, as in the paper)",
+        {**facts, "One-step log-likelihood on held-out seeds": short_fit},
+        sizes[1],
+        errors_by_regime(short_term_driver(mixture), held_out, STEP_S, plan.seed),
+        SHORT_LIMITS,
+    )
+    return [own, short]
+
+
+def _train_change(plan: TrainingPlan, net: str, changes: LaneChanges, held_out: LaneChanges, say: Say) -> list[Path]:
+    samples = len(changes) * (STEPS - 1)
+    if samples < plan.size:
+        raise InputError(f"`seeds`: {len(changes)} lane changes are too few to train on; give more seeds")
+    say(f"{len(changes)} lane changes, {samples} samples")
+    path = plan.out / "lane_change.npz"
+    mixture = fit_change(changes, plan.size, plan.seed)
+    CHANGE.save(path, mixture)
+    rng = np.random.default_rng(plan.seed)
+    sizes: Sequence[SizeScore] = []
+    if plan.sweep:
+        x, y = _some(*change_samples(changes, rng, SCATTERED), SWEEP_SAMPLES, rng)
+        sizes = sweep_sizes(x, y, SWEPT[LANE_CHANGE], plan.seed, say)
+    facts = {
+        **_facts(plan, net, samples, samples),
+        "Beside the recorded paths": f"{100 * SCATTERED.share:.0f} % of the samples moved sideways off the recorded "
+        f"path, by {SCATTERED.lat_m} m, {SCATTERED.lat_speed_mps} m/s and {SCATTERED.lat_accel_mps2} m/s², and going "
+        "on with the recorded acceleration",
+        "One-step log-likelihood on held-out seeds": f"{_held_out_fit(mixture, held_out, SCATTERED, rng)}, as it was "
+        f"trained (six outputs); {_held_out_fit(mixture, held_out, AS_RECORDED, rng)}, on the recorded paths",
+    }
+    write_card(path.with_suffix(".md"), CHANGE_TITLE, facts, sizes, [], CHANGE_LIMITS)
+    return [path]
+
+
+def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralScatter, rng: np.random.Generator) -> str:
+    held = mixture.log_density(*change_samples(held_out, rng, scatter))
+    return f"median {np.median(held):.2f}, mean {held.mean():.2f} nats"
+
+
+def _keeping_sweeps(
+    plan: TrainingPlan, led: Following, say: Say, rng: np.random.Generator
+) -> tuple[list[SizeScore], list[SizeScore]]:
+    records = following_records(led, driver_habit(led), STEP_S)
+    own = recovery_samples(records, SWEEP_SAMPLES, RecoveryGains(), rng)
+    short_x, short_y = _some(*short_samples(led), SWEEP_SAMPLES, rng)
+    swept = SWEPT[LANE_KEEPING]
+    return (
+        sweep_sizes(own.x, own.y, swept, plan.seed, say, SWEEP_ITERATIONS),
+        sweep_sizes(short_x, short_y, swept, plan.seed, say, SWEEP_ITERATIONS),
+    )
+
+
+def _facts(plan: TrainingPlan, net: str, samples: int, used: int) -> dict[str, str]:
+    last = plan.first_seed + plan.recordings - 1
+    return {
+        "Command": f"`python -m harness train --net {net} --case {plan.case} --components {plan.size} "
+        f"--seeds {plan.first_seed}:{last + 1} --seed {plan.seed}{'' if plan.sweep else ' --no-sweep'}`",
+        "Data": f"SUMO, {plan.recordings} recordings of {TRAINING_DURATION_S:g} s, 8 to 57 vehicles per km and lane",
+        "Seeds": f"trained on {plan.first_seed} to {last}; held out {FIRST_TUNING_SEED} to "
+        f"{FIRST_TUNING_SEED + TUNING_RECORDINGS - 1}",
+        "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
+        "Components": f"{plan.size} (the paper's setting is {PAPER_COMPONENTS[plan.case]}, "
+        "kept for comparison and speed), full covariances",
+        "Fit": "k-means start and EM on 60 000 samples, refined by EM on up to 1.2 million; seed "
+        f"{plan.seed}, regularisation 1e-6 of standardised variables",
+        "Sweep": f"{SWEEP_SAMPLES} samples, {SWEEP_ITERATIONS} EM iterations",
+    }
+
+
+def _some(x: FloatArray, y: FloatArray, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    chosen = rng.choice(len(x), size=min(count, len(x)), replace=False)
+    return x[chosen], y[chosen]
+
+
+KEEPING_LIMITS = (
+    "Trained on SUMO's drivers; a leader further than 100 m ahead counts as none.",
+    "The way back to the recorded trajectory is taught with gains chosen by hand (0.05 per s², 0.4 per s, 1.5 per s).",
+    "The spread of a driver's constant deviation in acceleration was chosen on the tuning seeds.",
+    "Knows no traffic lights, no standing obstacles that are not vehicles, and no look-ahead beyond the leader.",
+)
+SHORT_LIMITS = (
+    "One step ahead is all that it was fitted to: errors feed back, and its particles are too alike after seconds.",
+    "Lateral position counts from the middle of the own lane, so that the model carries over to other roads.",
+    "Without a leader it is given the furthest leader of the training data at its own speed.",
+)
+CHANGE_TITLE = "Short-term model for lane changes (`gmm-lane-change`, as in the paper)"
+CHANGE_LIMITS = (
+    "SUMO's lateral accelerations take few distinct values, so densities are peaked: rare samples off the peaks pull "
+    "the mean log-likelihood far below the median.",
+    "Meant for vehicles that are known to be within five seconds of a lane change; it does not say when one begins.",
+    "Once over the line the follower in the target lane is not among the inputs.",
+    "Longitudinal position, an input of the paper's table, is held to the training road's range elsewhere.",
+    "How far samples are moved off the recorded path was chosen by hand and checked on the tuning seeds.",
+)

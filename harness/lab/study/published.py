@@ -1,0 +1,137 @@
+"""The two studies with their traffic and models put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.common.errors import InputError
+from harness.lab.study.expected import say_roughly_predicted
+from harness.lab.study.rival_noise import at_their_best
+from harness.lab.study.study import COMPLETE, PARTIAL, StudyResult, run_study
+from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
+from harness.lab.windows.changing import load_changes
+from harness.lab.windows.filtering import MeasurementNoise
+from harness.lab.windows.following import load_following
+from harness.lab.windows.scenarios import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
+from harness.truth.frame import STEP_S
+from harness.truth.network.network import Network
+from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, without_lane_changes
+from mmpf.motion.protocol import MotionModel, motion_models
+
+LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
+MODELS = {
+    LANE_KEEPING: ("gmm", "gmm-short", "idm", "idm-fitted", "idm-adaptive", "cvm", "cam", "csav", "csaa"),
+    LANE_CHANGE: ("gmm", "gmm-lane-change", "cvm", "cam", "csav", "csaa"),
+}
+OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """What a study is to be made of.
+
+    Attributes:
+        study: ``lane-keeping`` or ``lane-change``.
+        models: Names of the models; none for the study's own choice.
+        model_file: The user's own fitted model in place of the committed ``gmm``.
+        cases: Number of cases.
+        particles: Particles per case.
+        seed: Seed of the choice of cases, the measurements and the particles.
+        first_traffic_seed: First seed of the recorded traffic.
+        recordings: Number of recordings.
+        cache: Folder of the recordings; none for the usual one.
+    """
+
+    study: str
+    models: Sequence[str] = ()
+    model_file: Path | None = None
+    cases: int = 240
+    particles: int = 1000
+    seed: int = 0
+    first_traffic_seed: int = 0
+    recordings: int = 16
+    cache: Path | None = None
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """Names of the models in the study's order."""
+        return tuple(self.models) or MODELS[self.study]
+
+    @property
+    def runs(self) -> int:
+        """How many times ``progress`` will be called."""
+        return len(self.model_names) * len(OCCLUSIONS[self.study])
+
+    def setting(self, network: Network, cases: int) -> dict[str, Any]:
+        """Return the setting in numbers, for the results."""
+        return {
+            "network": network.name,
+            "densities_veh_per_km_lane": list(DENSITIES_VEH_PER_KM_LANE),
+            "traffic_seeds": f"{self.first_traffic_seed} to {self.first_traffic_seed + self.recordings - 1}",
+            "cases": cases,
+            "particles": self.particles,
+            "seed": self.seed,
+            "measurement_noise_under_partial_occlusion": asdict(MeasurementNoise()),
+            "start": "true state",
+            "traffic_around": "true (as in the paper)",
+        }
+
+
+def make_study(
+    plan: StudyPlan, network: Network, say: Callable[[str], None], progress: Callable[[], None]
+) -> tuple[StudyResult, dict[str, Any]]:
+    """Record the traffic where needed and run the study.
+
+    Args:
+        plan: What to do.
+        network: Where the traffic runs.
+        say: Told one line per recording.
+        progress: Called after each model and occlusion.
+
+    Returns:
+        Numbers and the setting.
+
+    Raises:
+        InputError: An unknown study or model.
+    """
+    if plan.study not in MODELS:
+        raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
+    models = {name: _model(plan, name) for name in plan.model_names}
+    say_roughly_predicted(say, plan.recordings, plan.runs * plan.cases * plan.particles)
+    cases = cases_of_plan(plan, network, say)
+    result = run_study(
+        plan.study,
+        cases,
+        {occlusion: _under(occlusion, plan.study, models) for occlusion in OCCLUSIONS[plan.study]},
+        particles=plan.particles,
+        seed=plan.seed,
+        progress=progress,
+    )
+    return result, plan.setting(network, cases.count)
+
+
+def _under(occlusion: str, study: str, models: dict[str, MotionModel]) -> dict[str, MotionModel]:
+    return at_their_best(models, study) if occlusion == PARTIAL else models
+
+
+def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
+    """Return a study's cases; their traffic is recorded where it is not yet."""
+    wanted = scenarios(plan.first_traffic_seed, plan.recordings, REPORTING_DURATION_S)
+    paths = record_scenarios(network, wanted, plan.cache, say)
+    rng = np.random.default_rng([plan.seed, 0])
+    if plan.study == LANE_KEEPING:
+        return following_cases(load_following(paths, network.road), plan.cases, STEP_S, rng)
+    return lane_change_cases(load_changes(paths, network.road), plan.cases, STEP_S, rng)
+
+
+def _model(plan: StudyPlan, name: str) -> MotionModel:
+    """Return a model as the study needs it: the paper's cases tell a vehicle that keeps its lane that it does."""
+    model = load_learned_driver(plan.model_file) if plan.model_file and name == "gmm" else motion_models[name]()
+    if plan.study == LANE_KEEPING and isinstance(model, LearnedDriver):
+        return without_lane_changes(model)
+    return model

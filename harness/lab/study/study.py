@@ -1,0 +1,139 @@
+"""Runs every model over a study's cases and turns the scores into the rows that are reported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.lab.windows.cases import Cases
+from harness.lab.windows.filtering import Cloud, MeasurementNoise, follow, measure
+from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, mean_with_interval, score
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.motion.protocol import MotionModel
+from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+
+PARTIAL, COMPLETE = "partial", "complete"
+LABELS = {"gmm": "ours", "gmm-short": "as in the paper", "gmm-lane-change": "as in the paper"}
+SHOWN_PARTICLES = 60
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """All of a study's numbers.
+
+    Attributes:
+        study: Name of the study.
+        scores: By occlusion and model.
+        examples: Particles of the example case, by occlusion and model: longitudinal and lateral position and
+            speeds, shape (steps - 1, 4, shown).
+        example_truth: True states of the example case, shape (steps, 6).
+        step_s: Time between steps.
+        rows: What ``results.json`` holds under ``results``.
+    """
+
+    study: str
+    scores: Mapping[tuple[str, str], Scores]
+    examples: Mapping[tuple[str, str], FloatArray]
+    example_truth: FloatArray
+    step_s: float
+    rows: Sequence[Mapping[str, Any]]
+
+    def occlusions(self) -> list[str]:
+        """Return the occlusions studied, in order."""
+        return list(dict.fromkeys(occlusion for occlusion, _ in self.scores))
+
+    def models(self) -> list[str]:
+        """Return the models studied, in order."""
+        return list(dict.fromkeys(model for _, model in self.scores))
+
+
+def run_study(
+    study: str,
+    cases: Cases,
+    models: Mapping[str, Mapping[str, MotionModel]],
+    *,
+    particles: int,
+    seed: int,
+    progress: Callable[[], None],
+) -> StudyResult:
+    """Follow every case with every model under every occlusion; all models get the same measurements.
+
+    Args:
+        study: Name of the study.
+        cases: The cases.
+        models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
+        particles: Particles per case.
+        seed: Seed of measurements and particles.
+        progress: Called after each model and occlusion.
+    """
+    noise = MeasurementNoise()
+    measurements = measure(cases, noise, np.random.default_rng([seed, 1]))
+    shown = _most_eventful(cases)
+    scores: dict[tuple[str, str], Scores] = {}
+    examples: dict[tuple[str, str], FloatArray] = {}
+    for occlusion, of_it in models.items():
+        seen = (measurements, noise) if occlusion == PARTIAL else (None, None)
+        for name, model in of_it.items():
+            clouds = follow(model, cases, particles, np.random.default_rng([seed, 2]), *seen)
+            kept: list[FloatArray] = []
+            scores[occlusion, name] = score(_keeping_example(clouds, shown, kept), cases)
+            examples[occlusion, name] = np.stack(kept)
+            progress()
+    rows = [row for key, value in scores.items() for row in _rows(study, *key, value, cases.step_s)]
+    return StudyResult(study, scores, examples, cases.truth[:, :, shown], cases.step_s, rows)
+
+
+def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float) -> list[dict[str, Any]]:
+    """Return one row for each horizon and one, without a horizon, for the mean over all steps."""
+    steps = {horizon: round(horizon / step_s) for horizon in HORIZONS_S}
+    at_horizon = [score_row(scores, k - 1, horizon) for horizon, k in steps.items() if k <= len(scores.crps_m)]
+    head = {"study": study, "occlusion": occlusion, "model": model, "label": LABELS.get(model, "rival")}
+    return [{**head, **row} for row in [*at_horizon, score_row(scores, slice(None), None)]]
+
+
+def score_row(
+    scores: Scores, steps: int | slice, horizon_s: float | None, vehicle: IntArray | None = None
+) -> dict[str, Any]:
+    """Return the numbers of one horizon, or of the mean over several steps.
+
+    Args:
+        scores: Errors, coverage and sharpness.
+        steps: Which steps, counted from the first one after the start.
+        horizon_s: What is written for the horizon.
+        vehicle: Vehicle of each case where several are of one, shape (m,).
+    """
+    rng = np.random.default_rng(0)
+
+    def by_case(values: FloatArray) -> FloatArray:
+        return np.asarray(np.atleast_2d(values[steps]).mean(axis=0))
+
+    row: dict[str, Any] = {"horizon_s": horizon_s}
+    for name in QUANTITIES:
+        mean, interval = mean_with_interval(by_case(scores.abs_error[name]), rng, vehicle)
+        row[name] = mean
+        row[f"{name}_ci95"] = list(interval)
+    for name in ("lon_m", "speed_mps"):
+        row[f"coverage95_{name}"] = float(scores.covered[name][steps].mean())
+        row[f"spread_{name}"] = float(scores.spread[name][steps].mean())
+    row["crps_lon_m"] = float(scores.crps_m[steps].mean())
+    row["n"] = scores.crps_m.shape[1]
+    return row
+
+
+def _keeping_example(clouds: Iterator[Cloud], case: int, kept: list[FloatArray]) -> Iterator[Cloud]:
+    for cloud in clouds:
+        weight = cloud.weight[case]
+        chosen = np.searchsorted(np.cumsum(weight), (np.arange(SHOWN_PARTICLES) + 0.5) / SHOWN_PARTICLES)
+        chosen = np.minimum(chosen, len(weight) - 1)
+        kept.append(cloud.state[[LON, LAT, SPEED, LAT_SPEED], case][:, chosen])
+        yield cloud
+
+
+def _most_eventful(cases: Cases) -> int:
+    """Return the case that both speeds up and slows down most."""
+    change = np.diff(cases.truth[:, SPEED], axis=0)
+    gained, lost = np.maximum(change, 0.0).sum(axis=0), np.maximum(-change, 0.0).sum(axis=0)
+    return int(np.argmax(np.minimum(gained, lost)))

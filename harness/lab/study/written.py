@@ -1,0 +1,93 @@
+"""A study's folder: results as JSON and as a table for people, and the pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from harness.common.files import write_results
+from harness.common.markdown import markdown_table
+from harness.common.numbers import rounded
+from harness.lab.study.figures import draw_study
+from harness.lab.study.study import StudyResult
+
+Row = Mapping[str, Any]
+DECIMALS = 5
+QUANTITIES = {"lon_m": "position, m", "speed_mps": "speed, m/s"}
+LATERAL_QUANTITIES = {"lat_m": "lateral position, m", "lat_speed_mps": "lateral speed, m/s"}
+
+
+def write_study(result: StudyResult, setting: Mapping[str, Any], folder: Path) -> None:
+    """Write ``results.json``, ``results.md`` and the pictures into a folder, which is made if missing."""
+    write_results(folder, as_json(result, setting), as_markdown(result, setting))
+    draw_study(result, folder)
+
+
+def as_json(result: StudyResult, setting: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what ``--json`` prints."""
+    return {"setting": dict(setting), "results": rounded(result.rows, DECIMALS)}
+
+
+def as_markdown(result: StudyResult, setting: Mapping[str, Any]) -> str:
+    """Return the tables as Markdown."""
+    parts = [f"# Study: {result.study}", ""]
+    for occlusion in result.occlusions():
+        rows = [row for row in result.rows if row["occlusion"] == occlusion]
+        parts += [f"## {occlusion.capitalize()} occlusion", "", sentence(rows), ""]
+        parts += [*_tables(rows, result.study == "lane-change"), ""]
+        parts += [f"![errors]({result.study}-{occlusion}-errors.png)", ""]
+        parts += [f"![particles]({result.study}-{occlusion}-particles.png)", ""]
+    return "\n".join([*parts, "## Setting", "", setting_line(setting), ""])
+
+
+def sentence(rows: Sequence[Row]) -> str:
+    """Return in one sentence how far off each model is at the longest horizon, the closest first."""
+    horizon_s = max(row["horizon_s"] for row in rows if row["horizon_s"] is not None)
+    last = sorted((row for row in rows if row["horizon_s"] == horizon_s), key=lambda row: row["lon_m"])
+    first, *others = (f"{row['model']} {row['lon_m']:.2f} m" for row in last)
+    then = f", then {', '.join(others)}" if others else ""
+    return f"After {horizon_s:g} s the mean error of the position along the road is smallest with {first}{then}."
+
+
+def setting_line(setting: Mapping[str, Any]) -> str:
+    """Return the setting in one sentence."""
+    return "; ".join(f"{name.replace('_', ' ')}: {_plain(value)}" for name, value in setting.items()) + "."
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {part}" for name, part in value.items())
+    return ", ".join(f"{part:g}" for part in value) if isinstance(value, list) else str(value)
+
+
+def _tables(rows: Sequence[Row], lateral: bool) -> list[str]:
+    by_key = {(row["model"], row["horizon_s"]): row for row in rows}
+    horizons = list(dict.fromkeys(row["horizon_s"] for row in rows))
+    heads = ["mean" if horizon is None else f"{horizon:g} s" for horizon in horizons]
+
+    def table(heading: str, cell: Callable[[Row], str]) -> list[str]:
+        lines = [
+            [by_key[model, horizon] for horizon in horizons] for model in dict.fromkeys(row["model"] for row in rows)
+        ]
+        return markdown_table([heading, *heads], ([_named(line[0]), *map(cell, line)] for line in lines))
+
+    lines: list[str] = []
+    for quantity, label in (QUANTITIES | (LATERAL_QUANTITIES if lateral else {})).items():
+        lines += [*table(f"MAE of {label}", partial(error_cell, quantity=quantity)), ""]
+    return [*lines, *table("position: coverage of the 95 % interval; CRPS, m", _sharpness)]
+
+
+def _named(row: Row) -> str:
+    return row["model"] if row["label"] == "rival" else f"**{row['model']}** ({row['label']})"
+
+
+def error_cell(row: Row, quantity: str) -> str:
+    """Return a row's mean error with its interval."""
+    low, high = row[f"{quantity}_ci95"]
+    return f"{row[quantity]:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def _sharpness(row: Row) -> str:
+    return f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}"

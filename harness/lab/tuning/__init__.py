@@ -1,0 +1,1 @@
+"""The search for each tracker's settings on tuning seeds."""

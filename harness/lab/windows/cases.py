@@ -1,0 +1,160 @@
+"""What a study is made over: true trajectories, and what models may know of the traffic around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.lab.windows.changing import LaneChanges
+from harness.lab.windows.following import Following
+from harness.lab.windows.neighbours import Others
+from mmpf.compute.arrays import FloatArray
+from mmpf.motion.protocol import Neighbour, Surroundings
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+
+LookAround = Callable[[FloatArray, int, bool], Surroundings]
+
+
+@dataclass(frozen=True)
+class Cases:
+    """True trajectories of m vehicles over the same number of steps.
+
+    Attributes:
+        truth: States as in ``mmpf.state``, shape (steps, 6, m).
+        surroundings: Given particle states of shape (6, m * p), a step and whether the vehicles count as unseen,
+            returns what the particles know. It takes traffic from truth: the studies test the models alone.
+        step_s: Time between steps.
+    """
+
+    truth: FloatArray
+    surroundings: LookAround
+    step_s: float
+
+    @property
+    def steps(self) -> int:
+        """Number of states of each trajectory."""
+        return len(self.truth)
+
+    @property
+    def count(self) -> int:
+        """Number of vehicles."""
+        return int(self.truth.shape[2])
+
+
+def following_cases(
+    windows: Following, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
+) -> Cases:
+    """Choose windows, at most one of each vehicle, for the lane-keeping study.
+
+    Args:
+        windows: Held-out windows.
+        count: How many to choose; fewer if there are fewer.
+        step_s: Time between steps.
+        rng: Source of randomness.
+        led_only: Whether windows without a leader are left out.
+    """
+    order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
+    _, first = np.unique(windows.vehicle[order], return_index=True)
+    return cases_of(windows.take(order[np.sort(first)[:count]]), step_s)
+
+
+def cases_of(windows: Following, step_s: float) -> Cases:
+    """Return every window as a case."""
+    states = [_states_at(windows, step) for step in range(windows.lon_m.shape[1])]
+    return Cases(np.stack(states), partial(_behind_leaders, windows), step_s)
+
+
+def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:
+    """Choose windows around lane changes; lateral positions count from the original lane, positive to the target lane.
+
+    Args:
+        changes: Held-out windows.
+        count: How many to choose; fewer if there are fewer.
+        step_s: Time between steps.
+        rng: Source of randomness.
+    """
+    chosen = changes.take(np.sort(rng.permutation(len(changes))[:count]))
+    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen), step_s)
+
+
+def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden: bool) -> Surroundings:
+    """Return what particles know, each by the lane that it is in itself."""
+    particles = state.shape[1] // len(changes)
+    width, own_length = np.repeat(changes.lane_width_m, particles), np.repeat(changes.length_m, particles)
+    crossed = state[LAT] > 0.5 * width
+    leader = _neighbour(changes.leader, state, step, own_length, 1.0)
+    follower = _neighbour(changes.follower, state, step, own_length, -1.0)
+    target_leader = _neighbour(changes.target_leader, state, step, own_length, 1.0)
+    nobody = _nobody(state, own_length)
+    centre = np.where(crossed, width, 0.0)
+    return Surroundings(
+        length_m=own_length,
+        lane_right_m=centre - 0.5 * width,
+        lane_left_m=centre + 0.5 * width,
+        has_left_lane=~crossed,
+        has_right_lane=crossed,
+        leader=_where(crossed, target_leader, leader),
+        left_leader=_where(crossed, nobody, target_leader),
+        left_follower=_where(crossed, nobody, follower),
+        right_leader=_where(crossed, leader, nobody),
+        right_follower=nobody,
+        flow_speed_mps=np.full(len(crossed), np.nan),
+        is_hidden=np.full(len(crossed), hidden),
+        road_speed_mps=np.full(len(crossed), np.inf),
+    )
+
+
+def _neighbour(others: Others, state: FloatArray, step: int, own_length: FloatArray, ahead: float) -> Neighbour:
+    particles = state.shape[1] // len(others.lon_m)
+    lon, speed, accel, length = (
+        np.repeat(column[:, step], particles)
+        for column in (others.lon_m, others.speed_mps, others.accel_mps2, others.length_m)
+    )
+    exists = np.isfinite(lon)
+    gap = ahead * (lon - state[LON]) - 0.5 * (own_length + length)
+    return _where(exists, Neighbour(exists, gap, speed, accel, length), _nobody(state, own_length))
+
+
+def _nobody(state: FloatArray, own_length: FloatArray) -> Neighbour:
+    count = state.shape[1]
+    return Neighbour(np.zeros(count, dtype=np.bool_), np.full(count, np.inf), state[SPEED], np.zeros(count), own_length)
+
+
+def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> Neighbour:
+    columns = (column.name for column in fields(Neighbour))
+    return Neighbour(*(np.where(condition, getattr(yes, name), getattr(no, name)) for name in columns))
+
+
+def _states_at(windows: Following, step: int) -> FloatArray:
+    """Return the true states at a step, shape (6, windows): lateral from the lane's middle, its acceleration zero."""
+    state = np.empty((STATE_SIZE, len(windows)))
+    state[LON], state[LAT] = windows.lon_m[:, step], windows.offset_m[:, step]
+    state[SPEED], state[LAT_SPEED] = windows.speed_mps[:, step], windows.lat_speed_mps[:, step]
+    state[ACCEL], state[LAT_ACCEL] = windows.accel_mps2[:, step], 0.0
+    return state
+
+
+def _behind_leaders(windows: Following, state: FloatArray, step: int, hidden: bool) -> Surroundings:
+    """Return what particles know behind the true leaders of a step, the particles of each window side by side."""
+    particles = state.shape[1] // len(windows)
+    own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)
+    nobody, no_lane = _nobody(state, own_length), np.zeros(state.shape[1], dtype=np.bool_)
+    return Surroundings(
+        length_m=own_length,
+        lane_right_m=-half_width,
+        lane_left_m=half_width,
+        has_left_lane=no_lane,
+        has_right_lane=no_lane,
+        leader=_neighbour(windows.leader, state, step, own_length, 1.0),
+        left_leader=nobody,
+        left_follower=nobody,
+        right_leader=nobody,
+        right_follower=nobody,
+        flow_speed_mps=np.full(len(no_lane), np.nan),
+        is_hidden=np.full(len(no_lane), hidden),
+        road_speed_mps=np.full(len(no_lane), np.inf),
+    )

@@ -1,0 +1,143 @@
+"""Windows of a recording around a lane change: five seconds before and after, as the paper takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from harness.lab.windows.neighbours import Others, order_by_lane, others_at, row_ahead, row_behind
+from harness.lab.windows.recording import Recording, load_all
+from harness.truth.frame import STEP_S
+from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.road import NO_LANE, Road
+from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+
+HALF_WINDOW_S = 5.0
+
+
+@dataclass(frozen=True)
+class LaneChanges:
+    """Windows around lane changes, lateral from the original lane's middle and positive towards the target lane.
+
+    Attributes:
+        state: States as in ``mmpf.state``, shape (6, windows, steps).
+        length_m: Vehicle length, shape (windows,).
+        lane_width_m: Mean width of original and target lane, shape (windows,).
+        leader: Leader in the original lane.
+        follower: Follower in the target lane.
+        target_leader: Leader in the target lane.
+    """
+
+    state: FloatArray
+    length_m: FloatArray
+    lane_width_m: FloatArray
+    leader: Others
+    follower: Others
+    target_leader: Others
+
+    def __len__(self) -> int:
+        return len(self.length_m)
+
+    def take(self, chosen: IntArray) -> LaneChanges:
+        """Return some of the windows."""
+        return _made_of([self], lambda columns, axis: columns[0].take(chosen, axis))
+
+
+def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
+    """Cut out every change between two neighbouring main lanes that is the only one within five seconds around it.
+
+    Args:
+        recording: Recorded traffic.
+        road: Where the lanes are.
+        step_s: Time between steps.
+    """
+    half = round(HALF_WINDOW_S / step_s)
+    by_vehicle = np.lexsort((recording.step, recording.vehicle))
+    rows = by_vehicle[_single_changes(recording, by_vehicle, half)[:, None] + np.arange(-half, half + 1)]
+    strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
+    original, target = recording.lane[rows[:, half - 1]], recording.lane[rows[:, half]]
+    known = np.array([int(a) in strip and int(b) in strip for a, b in zip(original, target, strict=True)], dtype=bool)
+    rows, original, target = rows[known], original[known], target[known]
+    first, second = _lines(strip, original), _lines(strip, target)
+    direction = np.sign(second.mean(axis=1) - first.mean(axis=1))
+    ordering = order_by_lane(recording)
+    step, lon = recording.step[rows], recording.lon_m[rows]
+    on_original, on_target = original[:, None], target[:, None]
+    return LaneChanges(
+        state=_mirrored_states(recording, rows, direction, first.mean(axis=1), step_s),
+        length_m=recording.length_m[rows[:, 0]],
+        lane_width_m=np.abs(second.mean(axis=1) - first.mean(axis=1)),
+        leader=others_at(recording, row_ahead(ordering, step, on_original, lon)),
+        follower=others_at(recording, row_behind(ordering, step, on_target, lon)),
+        target_leader=others_at(recording, row_ahead(ordering, step, on_target, lon)),
+    )
+
+
+def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
+    """Cut recordings that lie in files into windows around lane changes."""
+    return _made_of([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)], np.concatenate)
+
+
+def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
+    """Return how often a driver on a lane of the road changes to the one side, and as often to the other, per second.
+
+    Args:
+        recordings: Recorded traffic.
+        step_s: Time between steps.
+    """
+    changes, steps = 0, 0
+    for recording in recordings:
+        by_vehicle = np.lexsort((recording.step, recording.vehicle))
+        lane, vehicle = recording.lane[by_vehicle], recording.vehicle[by_vehicle]
+        driven_on = (vehicle[1:] == vehicle[:-1]) & (lane[1:] != NO_LANE) & (lane[:-1] != NO_LANE)
+        changes += int((driven_on & (lane[1:] != lane[:-1])).sum())
+        steps += int(driven_on.sum())
+    return changes / (2.0 * steps * step_s) if steps else 0.0
+
+
+def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
+    """Return windows whose every column is made of the parts' columns, given which of its axes runs over windows."""
+
+    def others(name: str) -> Others:
+        sides = [getattr(part, name) for part in parts]
+        return Others(*(make([getattr(side, column.name) for side in sides], 0) for column in fields(Others)))
+
+    return LaneChanges(
+        make([part.state for part in parts], 1),
+        make([part.length_m for part in parts], 0),
+        make([part.lane_width_m for part in parts], 0),
+        *(others(name) for name in ("leader", "follower", "target_leader")),
+    )
+
+
+def _single_changes(recording: Recording, by_vehicle: IntArray, half: int) -> IntArray:
+    """Return places in the sorted rows where a lane differs from the step before, and none other does nearby."""
+    lane, vehicle, step = (column[by_vehicle] for column in (recording.lane, recording.vehicle, recording.step))
+    n = len(lane)
+    changed = np.concatenate([[False], (lane[1:] != lane[:-1]) & (vehicle[1:] == vehicle[:-1])])
+    place = np.flatnonzero(changed)
+    place = place[(place >= half) & (place < n - half)]
+    running = np.concatenate([[0], np.cumsum(changed)])
+    alone = running[place + half + 1] - running[place - half + 1] == 1
+    whole = (vehicle[place - half] == vehicle[place + half]) & (step[place + half] - step[place - half] == 2 * half)
+    on_road = (lane[place] != NO_LANE) & (lane[place - 1] != NO_LANE)
+    return np.asarray(place[alone & whole & on_road])
+
+
+def _lines(strip: dict[int, tuple[float, float]], lane: IntArray) -> FloatArray:
+    return np.array([strip[int(number)] for number in lane]).reshape(-1, 2)
+
+
+def _mirrored_states(
+    recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray, step_s: float
+) -> FloatArray:
+    state = np.empty((STATE_SIZE, *rows.shape))
+    state[LON], state[SPEED] = recording.lon_m[rows], recording.speed_mps[rows]
+    state[ACCEL] = recording.accel_mps2[rows]
+    state[LAT] = direction[:, None] * (recording.lat_m[rows] - origin_m[:, None])
+    state[LAT_SPEED] = direction[:, None] * recording.lat_speed_mps[rows]
+    state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / step_s
+    return state

@@ -1,0 +1,105 @@
+"""A particle filter per case, all cases at once: prediction by a motion model, update by very noisy measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.lab.windows.cases import Cases
+from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
+from mmpf.cloud.moments import effective_sizes
+from mmpf.cloud.resampling import resample_smoothly
+from mmpf.compute.arrays import FloatArray
+from mmpf.joint_options import JointResampling
+from mmpf.motion.protocol import MotionModel
+from mmpf.state import LAT, LON, SPEED
+
+MEASURED = (LON, LAT, SPEED)
+RESAMPLING = JointResampling()
+
+
+@dataclass(frozen=True)
+class MeasurementNoise:
+    """Standard deviations of the measurements under partial occlusion; about ten times a lidar's in plain view.
+
+    Attributes:
+        lon_m: Longitudinal position.
+        lat_m: Lateral position.
+        speed_mps: Longitudinal speed.
+    """
+
+    lon_m: float = 2.0
+    lat_m: float = 0.6
+    speed_mps: float = 2.0
+
+    def as_column(self) -> FloatArray:
+        """Return the deviations in the order of ``MEASURED``, shape (3, 1)."""
+        return np.array([[self.lon_m], [self.lat_m], [self.speed_mps]])
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Particles of all cases after one step.
+
+    Attributes:
+        step: The step's number.
+        state: States, shape (6, m, p).
+        weight: Weights that sum to one in each case, shape (m, p).
+    """
+
+    step: int
+    state: FloatArray
+    weight: FloatArray
+
+
+def measure(cases: Cases, noise: MeasurementNoise, rng: np.random.Generator) -> FloatArray:
+    """Draw the measurements of all steps, shape (steps, 3, m); the same ones are given to every model."""
+    true = cases.truth[:, list(MEASURED), :]
+    return np.asarray(true + noise.as_column() * rng.standard_normal(true.shape))
+
+
+def follow(
+    model: MotionModel,
+    cases: Cases,
+    particles: int,
+    rng: np.random.Generator,
+    measurements: FloatArray | None = None,
+    noise: MeasurementNoise | None = None,
+) -> Iterator[Cloud]:
+    """Yield the particles after every step, starting from the true initial state.
+
+    Args:
+        model: Predicts.
+        cases: What to follow.
+        particles: Particles per case.
+        rng: Source of randomness.
+        measurements: As from ``measure``; None for complete occlusion, in which nothing is measured after the start.
+        noise: Noise of the measurements.
+    """
+    state = np.repeat(cases.truth[0], particles, axis=1)
+    belief = _belief(state, model.draw_latents(state, rng), np.zeros(state.shape[1]), cases.count)
+    hidden = measurements is None
+    for step in range(1, cases.steps):
+        around = cases.surroundings(belief.cloud.state, step - 1, hidden)
+        state, latents = model.propagate(belief.cloud.state, belief.cloud.latents, around, cases.step_s, rng)
+        log_weight = belief.cloud.log_weight.reshape(cases.count, particles)
+        if measurements is not None and noise is not None:
+            away = state[list(MEASURED)].reshape(3, cases.count, particles) - measurements[step][:, :, None]
+            log_weight = log_weight - 0.5 * ((away / noise.as_column()[:, :, None]) ** 2).sum(axis=0)
+        weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
+        weight /= weight.sum(axis=1, keepdims=True)
+        yield Cloud(step, state.reshape(6, cases.count, particles), weight)
+        belief = _belief(state, latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
+        if measurements is not None:
+            depleted = effective_sizes(belief) < RESAMPLING.effective_share * particles
+            width = np.full(cases.count, RESAMPLING.kernel_width)
+            belief = resample_smoothly(belief, depleted, particles, width, rng)
+
+
+def _belief(state: FloatArray, latents: FloatArray, log_weight: FloatArray, cases: int) -> Mixture:
+    """Return the particles as the tracker's belief with a component for each case."""
+    component = np.repeat(np.arange(cases), state.shape[1] // cases)
+    cloud = ParticleCloud(state, log_weight, log_weight, component, np.zeros(len(component)), latents)
+    return Mixture(cloud, Components.newborn(np.arange(cases), np.ones(cases)))

@@ -1,0 +1,170 @@
+"""Windows of a recording in which a vehicle follows one leader, or nobody, in one lane: training and study cases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from harness.lab.windows.neighbours import NOBODY, Others, clear_gap_m, order_by_lane, others_at, row_ahead
+from harness.lab.windows.recording import Recording, load_all
+from harness.truth.frame import STEP_S
+from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.road import NO_LANE, Road
+
+STEPS = 101
+"""States of a window of 10 s."""
+LANE_CHANGE_MARGIN_S = 5.0
+FURTHEST_LEADER_M = 100.0
+CUT_IN_LEAST_M = 2.0
+
+
+@dataclass(frozen=True)
+class Following:
+    """Windows of equal length of one vehicle each; arrays of shape (windows, steps) unless said.
+
+    Attributes:
+        lon_m: Longitudinal position of the vehicle's centre.
+        offset_m: Lateral position from the middle of its lane.
+        speed_mps: Longitudinal speed.
+        lat_speed_mps: Lateral speed.
+        accel_mps2: Longitudinal acceleration.
+        length_m: Vehicle length, shape (windows,).
+        lane_width_m: Width of its lane, shape (windows,).
+        leader_lon_m: Longitudinal position of the leader's centre; nan without a leader.
+        leader_speed_mps: The leader's speed; nan without a leader.
+        leader_accel_mps2: The leader's acceleration; nan without a leader.
+        leader_length_m: The leader's length, shape (windows,); nan without a leader.
+        vehicle: A number that windows of the same vehicle share, shape (windows,).
+        after_cut_in: Whether the window begins with a new leader, nearer than the last, shape (windows,).
+    """
+
+    lon_m: FloatArray
+    offset_m: FloatArray
+    speed_mps: FloatArray
+    lat_speed_mps: FloatArray
+    accel_mps2: FloatArray
+    length_m: FloatArray
+    lane_width_m: FloatArray
+    leader_lon_m: FloatArray
+    leader_speed_mps: FloatArray
+    leader_accel_mps2: FloatArray
+    leader_length_m: FloatArray
+    vehicle: IntArray
+    after_cut_in: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.length_m)
+
+    @property
+    def has_leader(self) -> BoolArray:
+        """Whether each window has a leader, shape (windows,)."""
+        return np.isfinite(self.leader_length_m)
+
+    @property
+    def leader(self) -> Others:
+        """The leaders."""
+        length_m = np.broadcast_to(self.leader_length_m[:, None], self.leader_lon_m.shape)
+        return Others(self.leader_lon_m, self.leader_speed_mps, self.leader_accel_mps2, length_m)
+
+    @property
+    def gap_m(self) -> FloatArray:
+        """Clear distance to the leader, shape (windows, steps)."""
+        half_lengths = 0.5 * (self.length_m + self.leader_length_m)[:, None]
+        return self.leader_lon_m - self.lon_m - half_lengths
+
+    def take(self, chosen: IntArray) -> Following:
+        """Return some of the windows."""
+        return Following(**{column.name: getattr(self, column.name)[chosen] for column in fields(self)})
+
+
+def following_windows(recording: Recording, road: Road, steps: int, step_s: float) -> Following:
+    """Cut a recording into windows without lane changes nearby, whose leader stays the same.
+
+    A window's vehicle changes no lane within the window nor in the five seconds before and after it; a leader further
+    than 100 m ahead counts as none, and windows in which one comes or goes are left out.
+
+    Args:
+        recording: Recorded traffic.
+        road: Where the lanes are.
+        steps: Length of a window in steps.
+        step_s: Time between steps.
+    """
+    by_vehicle = np.lexsort((recording.step, recording.vehicle))
+    leader = _leader_rows(recording)[by_vehicle]
+    step, vehicle, lane = (column[by_vehicle] for column in (recording.step, recording.vehicle, recording.lane))
+    leader_vehicle = np.where(leader == NOBODY, NOBODY, recording.vehicle[leader])
+    settled = _no_change_within(lane, vehicle, margin=round(LANE_CHANGE_MARGIN_S / step_s)) & (lane != NO_LANE)
+    same_as_before = (
+        _unchanged(vehicle) & _unchanged(leader_vehicle) & _unchanged(lane) & (np.diff(step, prepend=-9) == 1)
+    )
+    start = _window_starts(settled, same_as_before, steps)
+    rows = start[:, None] + np.arange(steps)
+    gap = clear_gap_m(recording, by_vehicle, leader)
+    nearer = np.concatenate([[False], gap[1:] < gap[:-1] - CUT_IN_LEAST_M])
+    new_leader = ~_unchanged(leader_vehicle) & _unchanged(vehicle) & _unchanged(lane) & nearer
+    return _gather(recording, road, by_vehicle[rows], leader[rows], new_leader[start])
+
+
+def load_following(paths: Sequence[Path], road: Road) -> Following:
+    """Cut recordings that lie in files into windows of 10 s."""
+    return join([following_windows(recording, road, STEPS, STEP_S) for recording in load_all(paths)])
+
+
+def join(parts: Sequence[Following]) -> Following:
+    """Put the windows of several recordings together; vehicles of different recordings stay apart."""
+    columns = {c.name: np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(Following)}
+    first = np.cumsum([0, *[int(part.vehicle.max(initial=-1)) + 1 for part in parts[:-1]]])
+    columns["vehicle"] = np.concatenate([part.vehicle + shift for part, shift in zip(parts, first, strict=True)])
+    return Following(**columns)
+
+
+def _leader_rows(recording: Recording) -> IntArray:
+    ahead = row_ahead(order_by_lane(recording), recording.step, recording.lane, recording.lon_m)
+    near = clear_gap_m(recording, np.arange(len(recording)), ahead) < FURTHEST_LEADER_M
+    return np.where(near, ahead, NOBODY)
+
+
+def _unchanged(column: IntArray) -> BoolArray:
+    return np.concatenate([[False], column[1:] == column[:-1]])
+
+
+def _no_change_within(lane: IntArray, vehicle: IntArray, margin: int) -> BoolArray:
+    changes = np.concatenate([[False], (lane[1:] != lane[:-1]) & (vehicle[1:] == vehicle[:-1])])
+    running = np.concatenate([[0], np.cumsum(changes)])
+    n = len(lane)
+    low = np.clip(np.arange(n) - margin, 0, n)
+    high = np.clip(np.arange(n) + margin + 1, 0, n)
+    return np.asarray(running[high] == running[low])
+
+
+def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) -> IntArray:
+    goes_on = settled & same_as_before & np.concatenate([[False], settled[:-1]])
+    run_start = np.flatnonzero(~goes_on)
+    run_length = np.diff(np.append(run_start, len(settled)))
+    windows = np.where(settled[run_start], run_length // steps, 0)
+    offset = np.arange(windows.sum()) - np.repeat(np.cumsum(windows) - windows, windows)
+    return np.asarray(np.repeat(run_start, windows) + offset * steps)
+
+
+def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> Following:
+    strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
+    lines = np.array([strip.get(int(number), (np.nan, np.nan)) for number in recording.lane[own[:, 0]]]).reshape(-1, 2)
+    leaders = others_at(recording, leader)
+    return Following(
+        lon_m=recording.lon_m[own],
+        offset_m=recording.lat_m[own] - lines.mean(axis=1)[:, None],
+        speed_mps=recording.speed_mps[own],
+        lat_speed_mps=recording.lat_speed_mps[own],
+        accel_mps2=recording.accel_mps2[own],
+        length_m=recording.length_m[own[:, 0]],
+        lane_width_m=lines[:, 1] - lines[:, 0],
+        leader_lon_m=leaders.lon_m,
+        leader_speed_mps=leaders.speed_mps,
+        leader_accel_mps2=leaders.accel_mps2,
+        leader_length_m=leaders.length_m[:, 0],
+        vehicle=recording.vehicle[own[:, 0]],
+        after_cut_in=after_cut_in,
+    )

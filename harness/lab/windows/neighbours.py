@@ -1,0 +1,83 @@
+"""Who drives ahead of and behind each row of a recording, in its own lane and in the lanes beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from harness.lab.windows.recording import Recording
+from mmpf.compute.arrays import FloatArray, IntArray
+
+NOBODY = -1
+_STEP_KEY = 1.0e7
+_LANE_KEY = 1.0e5
+_LONGEST_ROAD_M = 0.5 * _LANE_KEY
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """Rows of a recording sorted by step, lane and position, for fast look-ups.
+
+    Attributes:
+        key: Sorted keys, shape (rows,).
+        row: Row behind each key, shape (rows,).
+    """
+
+    key: FloatArray
+    row: IntArray
+
+
+@dataclass(frozen=True)
+class Others:
+    """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
+
+    lon_m: FloatArray
+    speed_mps: FloatArray
+    accel_mps2: FloatArray
+    length_m: FloatArray
+
+
+def order_by_lane(recording: Recording) -> Ordering:
+    """Sort the recording's rows by step, lane and longitudinal position."""
+    key = _key(recording.step, recording.lane, recording.lon_m)
+    row = np.argsort(key, kind="stable")
+    return Ordering(key[row], row)
+
+
+def row_ahead(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
+    """Return the row of the nearest vehicle strictly ahead of each place, ``NOBODY`` where there is none."""
+    place = np.searchsorted(ordering.key, _key(step, lane, lon_m), side="right")
+    return _row_if_same_lane(ordering, place, step, lane)
+
+
+def row_behind(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
+    """Return the row of the nearest vehicle strictly behind each place, ``NOBODY`` where there is none."""
+    place = np.searchsorted(ordering.key, _key(step, lane, lon_m), side="left") - 1
+    return _row_if_same_lane(ordering, place, step, lane)
+
+
+def clear_gap_m(recording: Recording, behind: IntArray, ahead: IntArray) -> FloatArray:
+    """Return the bumper-to-bumper distance between the vehicles of two sets of rows; infinite where one is missing."""
+    missing = (behind == NOBODY) | (ahead == NOBODY)
+    half_lengths = 0.5 * (recording.length_m[behind] + recording.length_m[ahead])
+    return np.where(missing, np.inf, recording.lon_m[ahead] - recording.lon_m[behind] - half_lengths)
+
+
+def others_at(recording: Recording, rows: IntArray) -> Others:
+    """Return the vehicles of some rows of a recording; nan where a row is ``NOBODY``."""
+    columns = (getattr(recording, column.name) for column in fields(Others))
+    return Others(*(np.where(rows == NOBODY, np.nan, column[rows]) for column in columns))
+
+
+def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:
+    return np.asarray(step * _STEP_KEY + lane * _LANE_KEY + lon_m + _LONGEST_ROAD_M * 0.5)
+
+
+def _row_if_same_lane(ordering: Ordering, place: IntArray, step: IntArray, lane: IntArray) -> IntArray:
+    within = (place >= 0) & (place < len(ordering.key))
+    inside = np.clip(place, 0, len(ordering.key) - 1)
+    lane_start = step * _STEP_KEY + lane * _LANE_KEY
+    key = ordering.key[inside]
+    same_lane = (key >= lane_start) & (key < lane_start + _LANE_KEY)
+    return np.where(within & same_lane, ordering.row[inside], NOBODY)

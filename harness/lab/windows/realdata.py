@@ -1,0 +1,59 @@
+"""Where recordings of real roads lie: not part of the project, beside it or where the user says."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from harness.common.errors import InputError
+
+VARIABLE = "MMPF_REALDATA"
+PARAMETER = "real_data"
+PAIRS = "car_following_pairs.parquet"
+SNIPPETS = ("commonroad/*.xml", "ngsim/*.csv")
+
+
+def real_data_folder(given: Path | None = None) -> Path:
+    """Return the folder of real recordings.
+
+    Args:
+        given: What the user said; None for the environment variable ``MMPF_REALDATA``, or ``shared/realdata`` beside
+            the project.
+
+    Raises:
+        InputError: There is no such folder.
+    """
+    beside = Path(__file__).resolve().parents[4] / "shared" / "realdata"
+    folder = given or Path(os.environ.get(VARIABLE, beside))
+    if not folder.is_dir():
+        raise InputError(
+            f"`{PARAMETER}`: no real recordings in {folder}; name their folder with `{PARAMETER}` "
+            f"or the variable {VARIABLE}"
+        )
+    return folder
+
+
+def pairs_file(folder: Path) -> Path:
+    """Return the file of leader-follower pairs.
+
+    Raises:
+        InputError: It is not there.
+    """
+    path = folder / PAIRS
+    if not path.is_file():
+        raise InputError(f"`{PARAMETER}`: {folder} has no {PAIRS}; name another folder")
+    return path
+
+
+def snippet_files(folder: Path) -> list[Path]:
+    """Return the files of recorded traffic, sorted by name within each layout.
+
+    Raises:
+        InputError: There is none.
+    """
+    found = [path for pattern in SNIPPETS for path in sorted(folder.glob(pattern))]
+    if not found:
+        raise InputError(
+            f"`{PARAMETER}`: {folder} has no recorded traffic ({', '.join(SNIPPETS)}); name another folder"
+        )
+    return found

@@ -1,1 +1,0 @@
-"""Learning a Gaussian-mixture driver model from recorded trajectories."""

@@ -1,0 +1,245 @@
+"""The commands ``fidelity`` and ``calibrate``: what they leave, and what they say to wrong input."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cli import run_command_line
+from harness.common.numbers import rounded
+from harness.lab.fidelity import calibration, comparison
+from harness.lab.fidelity.candidate import AMPLITUDE_GAIN
+from harness.lab.fidelity.comparison import distances
+from harness.lab.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields
+from harness.lab.fidelity.measured import read_measured
+from harness.lab.fidelity.samples import UNITS, Samples
+from harness.lab.fidelity.simulate import Run
+from harness.truth.network.network import load_network
+
+FIELDS = (
+    Path(os.environ.get("MMPF_REALDATA", Path(__file__).parents[4].parent / "shared" / "realdata")) / "us101_fields"
+)
+NAMES = ("us101-0750", "us101-0805", "us101-0820")
+
+
+def wavy_fields(bins, mean=9.0):
+    place, time = np.meshgrid(np.arange(104) * CELL_M, np.arange(bins) * BIN_S, indexing="ij")
+    speed = mean + 5.5 * np.sin(2.0 * np.pi * (time + place / 5.5) / 130.0)
+    density = np.full_like(speed, 0.24)
+    return Fields(speed, speed * density, density)
+
+
+def some_samples(shift=0.0):
+    values = {name: np.arange(10.0) + shift for name in UNITS}
+    return Samples(values, lane_changes=5, vehicle_km=10.0)
+
+
+@pytest.fixture
+def no_sumo(monkeypatch):
+    """Put made-up runs in SUMO's place."""
+
+    def made_up(jobs, workers, on_done):
+        return [Run(wavy_fields(round(job.duration_s / BIN_S)), some_samples()) for job in jobs]
+
+    monkeypatch.setattr(comparison, "simulate_all", made_up)
+    monkeypatch.setattr(calibration, "simulate_all", made_up)
+
+
+@pytest.fixture
+def recorded_fields(tmp_path):
+    """Write made-up fields of 45 minutes as the recorded ones are written."""
+    folder = tmp_path / "fields"
+    folder.mkdir()
+    fields = wavy_fields(540)
+    units = {"speed": fields.speed_mps / FOOT_M, "flow": fields.flow_veh_per_s,
+             "density": fields.density_veh_per_m * FOOT_M}  # fmt: skip
+    for name, file in FIELD_FILES.items():
+        np.savetxt(folder / file, units[name])
+    return folder
+
+
+def test_the_same_traffic_on_both_sides_meets_every_target(no_sumo, recorded_fields, tmp_path, capsys):
+    arguments = ["fidelity", "--fields", str(recorded_fields), "--seeds", "0:1", "--quiet", "--json"]
+    assert run_command_line([*arguments, "--out", str(tmp_path / "out")]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert set(result["periods"]) == set(NAMES)
+    for period in result["periods"].values():
+        for side in ("sim", "real"):
+            assert {
+                "mean_speed_mps",
+                "flow_veh_per_h",
+                "density_veh_per_km_lane",
+                "share_below_4mps",
+                "wave_mps",
+            } <= set(period[side])
+        assert period["sim"]["density_veh_per_km_lane"] == pytest.approx(48.0)
+        assert all(target["met"] for target in period["targets"])
+    assert result["distances"] == {}
+    assert any("`recordings`" in reason for reason in result["left_out"])
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"fidelity.json", "fidelity.md", "speed_along_the_road.png", "speed_field_us101-0805.png"} <= names
+
+
+def test_without_recorded_fields_the_committed_figures_are_the_measure(no_sumo, tmp_path, capsys):
+    arguments = ["fidelity", "--demand", "us101-0805", "--seeds", "0:2", "--minutes", "5", "--out", str(tmp_path)]
+    assert run_command_line([*arguments, "--json"]) == 0
+    output = capsys.readouterr()
+    result = json.loads(output.out)
+    assert result["periods"]["us101-0805"]["real"]["mean_speed_mps"] == pytest.approx(8.576)
+    assert len(result["periods"]["us101-0805"]["sim_by_seed"]) == 2
+    assert any("`fields`" in reason for reason in result["left_out"])
+    assert "within what is allowed" in output.err
+    assert "| yes |" in (tmp_path / "fidelity.md").read_text()
+    assert not list(tmp_path.glob("speed_field*"))
+
+
+def test_distances_are_zero_to_itself_and_the_shift_of_what_is_shifted():
+    same = distances(some_samples(), some_samples())
+    assert {entry.quantity for entry in same} == {*UNITS, "lane_change_rate"}
+    assert all(entry.distance == 0.0 for entry in same)
+    shifted = distances(some_samples(0.7), some_samples())
+    assert all(entry.distance == pytest.approx(0.7) for entry in shifted if entry.quantity in UNITS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["fidelity", "--demand", "rush"], "--demand"),
+        (["fidelity", "--demand", "jam"], "--demand"),
+        (["fidelity", "--seeds", "5:2"], "--seeds"),
+        (["fidelity", "--minutes", "1.5"], "--minutes"),
+        (["fidelity", "--fields", "nowhere"], "--fields"),
+        (["fidelity", "--recordings", "nowhere"], "--recordings"),
+        (["fidelity", "--net", "nowhere"], "--net"),
+        (["calibrate", "--demand", "rush"], "--demand"),
+        (["calibrate", "--seeds", "x"], "--seeds"),
+        (["calibrate", "--fields", "nowhere"], "--fields"),
+        (["calibrate", "--minutes", "0"], "--minutes"),
+    ],
+)
+def test_wrong_input_is_one_line_and_exit_code_2(arguments, named, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line(arguments) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert named in output.err
+    assert output.err.count("error:") == 1
+    assert len(output.err.strip().splitlines()) == 1
+
+
+def test_a_network_without_measurements_says_so(tmp_path, capsys):
+    source = load_network("us101").net_file.parent
+    for name in ("us101.net.xml", "vehicles.add.xml"):
+        (tmp_path / name).write_bytes((source / name).read_bytes())
+    text = (source / "network.toml").read_text()
+    lines = [line for line in text.splitlines() if not line.startswith(("measured_file", "calibration_file"))]
+    (tmp_path / "network.toml").write_text("\n".join(lines))
+    assert run_command_line(["fidelity", "--net", str(tmp_path)]) == 2
+    assert "measured_file" in capsys.readouterr().err
+    assert run_command_line(["calibrate", "--net", str(tmp_path), "--write"]) == 2
+    assert "calibration_file" in capsys.readouterr().err
+
+
+def test_fields_that_end_too_early_are_refused(recorded_fields, tmp_path, capsys):
+    for file in FIELD_FILES.values():
+        np.savetxt(recorded_fields / file, np.loadtxt(recorded_fields / file)[:, :100])
+    assert run_command_line(["fidelity", "--fields", str(recorded_fields), "--out", str(tmp_path / "out")]) == 2
+    assert "2700 s" in capsys.readouterr().err
+
+
+@pytest.fixture
+def own_network(tmp_path):
+    """Copy the network to a folder of the user's own, which a calibration may write to."""
+    source = load_network("us101").net_file.parent
+    folder = tmp_path / "net"
+    folder.mkdir()
+    for file in source.iterdir():
+        if file.suffix in (".xml", ".toml"):
+            (folder / file.name).write_bytes(file.read_bytes())
+    return folder
+
+
+def test_calibrate_writes_what_the_next_run_reads(no_sumo, own_network, tmp_path, capsys):
+    arguments = ["calibrate", "--net", str(own_network), "--trials", "2", "--seeds", "1000:1001", "--write", "--quiet"]
+    assert run_command_line([*arguments, "--fresh", "--json", "--out", str(tmp_path / "out")]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert len(result["trials"]) == 2
+    network = load_network(str(own_network))
+    assert network.drivers.model_dump() == pytest.approx(result["outcome"]["drivers"])
+    assert set(network.calibrated) == set(NAMES)
+    assert (tmp_path / "out" / "calibration.toml").is_file()
+
+
+def test_calibrating_one_demand_leaves_drivers_and_other_demands_alone(no_sumo, own_network, tmp_path):
+    before = load_network(str(own_network))
+    arguments = [
+        "calibrate",
+        "--net",
+        str(own_network),
+        "--demand",
+        "us101-0750",
+        "--trials",
+        "3",
+        "--write",
+        "--quiet",
+    ]
+    assert run_command_line([*arguments, "--fresh", "--out", str(tmp_path / "out")]) == 0
+    after = load_network(str(own_network))
+    assert after.demand_files["us101-0805"] == before.demand_files["us101-0805"]
+    assert after.demand_files["us101-0750"] != before.demand_files["us101-0750"]
+    assert after.drivers == before.drivers
+
+
+def test_calibrating_all_demands_can_leave_the_drivers_alone(no_sumo, own_network, tmp_path):
+    before = load_network(str(own_network))
+    arguments = ["calibrate", "--net", str(own_network), "--trials", "2", "--write", "--quiet"]
+    assert run_command_line([*arguments, "--keep-drivers", "--out", str(tmp_path / "kept")]) == 0
+    kept = load_network(str(own_network))
+    assert kept.drivers == before.drivers
+    assert all(kept.demand_files[name] != before.demand_files[name] for name in NAMES)
+    assert run_command_line([*arguments, "--out", str(tmp_path / "moved")]) == 0
+    assert load_network(str(own_network)).drivers != before.drivers
+
+
+def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_later_candidates(
+    own_network, tmp_path, monkeypatch, capsys
+):
+    seeds = []
+
+    def made_up(jobs, workers, on_done):
+        seeds.append([job.seed for job in jobs])
+        return [Run(wavy_fields(180, mean=8.0 + job.seed % 3), some_samples()) for job in jobs]
+
+    monkeypatch.setattr(calibration, "simulate_all", made_up)
+    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0805", "--trials", "3", "--json", "--quiet"]
+    assert run_command_line([*arguments, "--seeds", "1000:1002", "--out", str(tmp_path / "out")]) == 0
+    assert seeds == [[1000, 1001], [1002, 1003], [1004, 1005]]
+    found = json.loads(capsys.readouterr().out)
+    third = found["trials"][2]["demands"]["us101-0805"]["exit_wave_amplitude"]
+    outcome = found["outcome"]["demands"]["us101-0805"]["exit_wave_amplitude"]
+    measured = read_measured(load_network("us101")).periods["us101-0805"].statistics.share_below_4mps
+    slow = found["trials"][2]["simulated"]["us101-0805"]["share_below_4mps"]
+    fourth = min(0.9, third + AMPLITUDE_GAIN * 0.9 / 1.6 * (measured - slow))
+    assert outcome == pytest.approx((third + fourth) / 2, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_calibrate_runs_end_to_end_on_a_small_budget(own_network, tmp_path, capsys):
+    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0750", "--trials", "2", "--minutes", "2"]
+    options = ["--seeds", "1000:1001", "--json", "--quiet", "--out", str(tmp_path / "out")]
+    assert run_command_line([*arguments, *options]) == 0
+    trials = json.loads(capsys.readouterr().out)["trials"]
+    assert len(trials) == 2
+    assert all(2.0 < trial["simulated"]["us101-0750"]["mean_speed_mps"] < 20.0 for trial in trials)
+
+
+@pytest.mark.skipif(not FIELDS.is_dir(), reason="the recorded fields are not in ../shared/realdata")
+def test_the_committed_figures_are_those_of_the_recorded_fields(tmp_path):
+    from harness.lab.fidelity.fields import read_fields  # noqa: PLC0415
+    from harness.lab.fidelity.measured import measure  # noqa: PLC0415
+
+    site = read_measured(load_network("us101"))
+    again = measure(site, read_fields(FIELDS), 5)
+    assert rounded(again.model_dump(), 4) == rounded(site.model_dump(), 4)

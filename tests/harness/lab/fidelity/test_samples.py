@@ -1,0 +1,98 @@
+"""Samples of what vehicles do, from frames with known answers."""
+
+import numpy as np
+import pytest
+
+from harness.lab.fidelity.samples import UNITS, Sampler, Samples, VehicleStatistics, merged
+from harness.truth.frame import Frame
+
+STEP_S = 0.1
+WINDOW = (0.0, 1000.0)
+
+
+def frame(step, vehicles):
+    """Make a frame of rows (name, lon, speed, lane, lateral speed)."""
+    names, lon, speed, lane, drift = (list(column) for column in zip(*vehicles, strict=True))
+    zeros = np.zeros(len(names))
+    return Frame(
+        step=step, time_s=step * STEP_S, episode=0, ego=-1, vehicle_id=np.array(names, dtype=np.str_),
+        lon_m=np.array(lon, dtype=float), lat_m=zeros, heading_rad=zeros,
+        speed_mps=np.array(speed, dtype=float), lat_speed_mps=np.array(drift, dtype=float), accel_mps2=zeros + 0.5,
+        lane=np.array(lane), length_m=zeros + 4.5, width_m=zeros + 1.9,
+    )  # fmt: skip
+
+
+def samples_of(frames):
+    sampler = Sampler(WINDOW, STEP_S)
+    assert len(list(sampler.tap(frames))) == len(frames)
+    return sampler.samples()
+
+
+def test_headways_are_between_followers_on_one_lane():
+    rows = [("a", 100.0, 10.0, 1, 0.0), ("b", 130.0, 12.0, 1, 0.0), ("c", 110.0, 9.0, 2, 0.0)]
+    values = samples_of([frame(0, rows)]).values
+    assert values["space_headway"].tolist() == [30.0]
+    assert values["time_headway"].tolist() == [3.0]
+
+
+def test_standing_followers_have_no_time_headway():
+    rows = [("a", 100.0, 0.5, 1, 0.0), ("b", 108.0, 0.5, 1, 0.0)]
+    values = samples_of([frame(0, rows)]).values
+    assert len(values["space_headway"]) == 1
+    assert len(values["time_headway"]) == 0
+
+
+def test_vehicles_near_the_ends_and_off_the_lanes_do_not_count():
+    rows = [("a", 5.0, 10.0, 1, 0.0), ("b", 995.0, 10.0, 1, 0.0), ("c", 500.0, 10.0, 0, 0.0), ("d", 500.0, 7.0, 3, 0.0)]
+    values = samples_of([frame(0, rows)]).values
+    assert values["speed"].tolist() == [7.0]
+    assert values["vehicle_length"].tolist() == [4.5]
+
+
+def change(towards, steps=60, begin=20, end=50, switch=35):
+    """Return a vehicle that drifts from step ``begin`` to ``end`` and is on its new lane from ``switch`` on."""
+    return [
+        frame(k, [("a", 100.0 + k, 10.0, 3 if k < switch else 3 - towards, towards * 0.8 * (begin <= k < end))])
+        for k in range(steps)
+    ]
+
+
+@pytest.mark.parametrize("towards", [1, -1])
+def test_a_lane_change_lasts_from_the_begin_to_the_end_of_the_drift(towards):
+    taken = samples_of(change(towards))
+    assert taken.lane_changes == 1
+    assert taken.values["lane_change_duration"][0] == pytest.approx(3.0, abs=0.15)
+    assert taken.changes_per_km == pytest.approx(1.0 / 0.06, rel=1e-6)
+
+
+def test_two_vehicles_that_follow_each_other_in_the_list_make_no_lane_change():
+    frames = [frame(k, [("a", 100.0, 5.0, 1, 0.0), ("b", 200.0, 5.0, 2, 0.0)]) for k in range(20)]
+    assert samples_of(frames).lane_changes == 0
+
+
+def test_each_vehicle_is_measured_once_and_merged_samples_add_up():
+    one = samples_of(change(1))
+    both = merged([one, samples_of(change(-1))])
+    assert len(one.values["vehicle_width"]) == 1
+    assert len(both.values["speed"]) == 2 * len(one.values["speed"])
+    assert both.lane_changes == 2
+    assert both.changes_per_km == pytest.approx(one.changes_per_km)
+
+
+def test_no_frames_give_no_samples():
+    taken = samples_of([])
+    assert taken.lane_changes == 0
+    assert np.isnan(taken.changes_per_km)
+    assert all(len(values) == 0 for values in taken.values.values())
+
+
+def test_time_and_distance_are_counted_by_main_lane():
+    rows = [("a", 100.0, 10.0, 1, 0.0), ("b", 130.0, 12.0, 5, 0.0), ("c", 110.0, 9.0, 6, 0.0)]
+    by_lane = samples_of([frame(0, rows), frame(1, rows)]).by_lane
+    assert by_lane[0, :, 0] == pytest.approx([0.2, 0.0, 0.0, 0.0, 0.2])
+    assert by_lane[0, :, 1] == pytest.approx([2.0, 0.0, 0.0, 0.0, 2.4])
+
+
+def test_the_spread_of_accelerations_does_not_depend_on_their_mean():
+    values = {name: np.zeros(0) for name in UNITS} | {"acceleration": np.array([1.0, 1.0, 3.0, 3.0])}
+    assert Samples(values, 4, 5.0).statistics() == VehicleStatistics(0.8, 1.0)

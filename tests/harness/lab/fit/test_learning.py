@@ -1,0 +1,90 @@
+"""Fits are reproducible, sizes are told apart by BIC, and recovery labels lead back."""
+
+import numpy as np
+
+from harness.lab.fit.mixture_em import fit_mixture, sweep_sizes
+from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
+
+STEP_S = 0.1
+
+
+def three_clusters(n=3000):
+    rng = np.random.default_rng(0)
+    kind = rng.integers(3, size=n)
+    x = np.array([-4.0, 0.0, 4.0])[kind, None] + 0.3 * rng.normal(size=(n, 1))
+    y = np.array([1.0, -2.0, 3.0])[kind, None] + 0.5 * x + 0.1 * rng.normal(size=(n, 1))
+    return x, y
+
+
+def test_the_same_seed_fits_the_same_mixture():
+    x, y = three_clusters()
+    first, second = fit_mixture(x, y, 3, seed=7), fit_mixture(x, y, 3, seed=7)
+    np.testing.assert_array_equal(first.mixture.means, second.mixture.means)
+    np.testing.assert_array_equal(first.mixture.covariances, second.mixture.covariances)
+
+
+def test_a_fitted_mixture_predicts_each_clusters_line():
+    fitted = fit_mixture(*three_clusters(), components=3, seed=0)
+    np.testing.assert_allclose(fitted.mean(np.array([[-4.0], [0.0], [4.0]]))[:, 0], [-1.0, -2.0, 5.0], atol=0.05)
+
+
+def test_inputs_beyond_the_training_range_are_taken_for_its_edge():
+    x, y = three_clusters()
+    fitted = fit_mixture(x, y, 3, seed=0)
+    np.testing.assert_allclose(fitted.mean(np.array([[1e6]])), fitted.mean(fitted.scaling.input_high[None]))
+
+
+def test_bic_finds_the_number_of_clusters():
+    scores = sweep_sizes(*three_clusters(), (1, 2, 3, 5, 8), seed=0, progress=lambda _: None)
+    assert min(scores, key=lambda score: score.bic).components == 3
+
+
+def steady_records(windows=200, steps=60):
+    shape = (windows, steps)
+    rng = np.random.default_rng(1)
+    speed = np.repeat(rng.uniform(5.0, 25.0, (windows, 1)), steps, axis=1)
+    return FollowingRecords(
+        gap_m=1.5 * speed + 2.0,
+        speed_mps=speed,
+        accel_mps2=np.zeros(shape),
+        leader_speed_mps=speed,
+        leader_accel_mps2=np.zeros(shape),
+        habit=np.full((windows, 1), np.log(1.5)),
+        step_s=STEP_S,
+    )
+
+
+def test_who_is_too_near_is_told_to_slow_down_and_who_is_too_far_to_speed_up():
+    samples = recovery_samples(steady_records(), 5000, RecoveryGains(), np.random.default_rng(2))
+    astray = np.exp(samples.x[:, 0]) - (1.5 * (samples.x[:, 1] - samples.x[:, 3]) + 2.0)
+    still = np.abs(samples.x[:, 3]) < 0.3
+    change = samples.y[:, 0] - samples.x[:, 2]
+    calm = still & (np.abs(samples.x[:, 2]) < 0.1)
+    assert change[calm & (astray < -3.0)].mean() < 0.0
+    assert change[calm & (astray > 3.0)].mean() > 0.0
+
+
+def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
+    monkeypatch.setattr("harness.lab.fit.recovery.PERTURBED_SHARE", 1.0)
+    records = steady_records()
+    rng = np.random.default_rng(3)
+    samples = recovery_samples(records, 8000, RecoveryGains(), rng)
+    model = fit_mixture(samples.x, samples.y, 4, seed=0)
+    speed, accel, astray = records.speed_mps[:, 0].copy(), np.zeros(200), np.full(200, 2.0)
+    for _ in range(300):
+        x = np.column_stack(
+            [
+                np.log(1.5 * records.speed_mps[:, 0] + 2.0 - astray),
+                speed,
+                accel,
+                speed - records.speed_mps[:, 0],
+                0 * speed,
+            ]
+        )
+        accel = model.mean(np.column_stack([x, records.habit]))[:, 0]
+        astray += STEP_S * (speed + 0.5 * STEP_S * accel - records.speed_mps[:, 0])
+        speed = speed + STEP_S * accel
+    assert np.abs(astray).mean() < 1.0
+    reached = demonstrated_samples(records, model, 50, RecoveryGains(), rng)
+    assert reached.x.shape[1] == 6
+    assert np.isfinite(reached.y).all()

@@ -1,0 +1,87 @@
+"""The train command refuses what makes no sense, and trains end to end on little traffic."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from harness.cli import run_command_line
+from harness.lab.fit import driver_fit, train
+from harness.lab.fit.card import RegimeError, write_card
+from harness.lab.fit.mixture_em import SizeScore
+from harness.lab.fit.train import TrainingPlan
+from harness.lab.fit.turning_fit import train_turning
+from harness.truth.network.network import load_network
+from mmpf.motion.learned.driver import load_learned_driver
+from mmpf.motion.learned.short_driver import SHORT
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--case", "parking"], "--case parking"),
+        (["--seeds", "0:5"], "kept for tuning and reporting"),
+        (["--seeds", "5:5"], "a range A:B"),
+        (["--net", "nowhere"], "nowhere"),
+    ],
+)
+def test_wrong_input_ends_with_two_and_one_line(arguments, words, capsys):
+    assert run_command_line(["train", *arguments]) == 2
+    message = capsys.readouterr().err.strip()
+    assert words in message
+    assert "Traceback" not in message
+
+
+def test_a_card_names_the_best_size_and_the_limits(tmp_path):
+    sizes = [SizeScore(4, 10.0, -1.0), SizeScore(8, 5.0, -0.8), SizeScore(16, 7.0, -0.7)]
+    regimes = [RegimeError("free", 3, (0.1, 0.2, 0.5, 1.0))]
+    write_card(tmp_path / "model.md", "A model", {"Data": "little"}, sizes, regimes, ["It knows nothing."])
+    text = (tmp_path / "model.md").read_text()
+    assert "Smallest BIC of the sweep: 8 components" in text
+    assert "It knows nothing." in text
+    assert (tmp_path / "model_bic.png").exists()
+
+
+@pytest.mark.slow
+def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
+    for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
+        monkeypatch.setattr(driver_fit, name, value)
+    for name, value in (("TRAINING_DURATION_S", 30.0), ("TUNING_DURATION_S", 30.0), ("TUNING_RECORDINGS", 2)):
+        monkeypatch.setattr(train, name, value)
+    monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
+    plan = TrainingPlan("lane-keeping", 4, 1000, 3, 0, False, tmp_path / "cache", tmp_path / "models")
+    said: list[str] = []
+    paths = train.train(plan, load_network("us101"), said.append)
+    assert load_learned_driver(paths[0]).model.following.mixture.inputs == 6
+    assert SHORT.load(paths[1]).mixture.outputs == 4
+    again = train.train(plan, load_network("us101"), said.append)
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
+    assert sum(line.startswith("recorded") for line in said) == 5
+    assert "following" in (tmp_path / "models" / "lane_keeping.md").read_text()
+    assert np.isfinite(load_learned_driver(paths[0]).model.following.mixture.means).all()
+
+
+def test_training_on_turns_needs_networks_in_the_plane(capsys):
+    assert run_command_line(["train", "--case", "turning", "--net", "us101"]) == 2
+    assert "--net us101: give networks in the plane" in capsys.readouterr().err
+
+
+def test_training_on_turns_has_no_components_and_says_so(capsys):
+    assert run_command_line(["train", "--case", "turning", "--components", "9"]) == 2
+    assert "--components: the case turning fits six numbers" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_driver_by_the_map_is_fitted_end_to_end_to_the_same_bytes(tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.lab.fit.turning_fit.DURATION_S", 60.0)
+    monkeypatch.setattr("harness.lab.fit.turning_fit.FEWEST", 5)
+    networks = [load_network(name) for name in ("junction", "roundabout")]
+    paths = [
+        train_turning(networks, range(1000, 1002), tmp_path / "cache", tmp_path / name, lambda line: None)
+        for name in ("one", "two")
+    ]
+    fitted = tomllib.loads(paths[0].read_text())
+    assert 1.0 < fitted["turning_mps2"] < 4.0
+    assert 0.8 < fitted["pace"] < 1.1
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert "junction,roundabout" in paths[0].with_suffix(".md").read_text()

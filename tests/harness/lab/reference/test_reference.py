@@ -1,0 +1,153 @@
+"""Reference tables are made by one command from a clean tree, taken up again where that is honest, and checked."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from harness.commands.reference import made_as_listed
+from harness.common.errors import InputError
+from harness.lab.reference.differing import differences, made_here
+from harness.lab.reference.making import make_reference
+from harness.lab.reference.registry import FOLDER, Reference, reference_named, references
+
+ROOT = Path(__file__).parents[4]
+TABLE = Reference("table", "A table.", ("stress", "--seeds", "1"))
+
+
+def git(root: Path, *words: str) -> None:
+    who = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+    subprocess.run(["git", "-C", str(root), *who, *words], check=True, capture_output=True)
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """Return a small source tree under git, with a reference in it."""
+    for name in ("mmpf/a.py", "harness/b.py", "networks/c.xml", "constraints.txt", "README.md"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("1\n")
+    (tmp_path / ".gitignore").write_text("results/*\n!results/reference/\n")
+    old = tmp_path / FOLDER / "table"
+    old.mkdir(parents=True)
+    (old / "old.md").write_text("old\n")
+    git(tmp_path, "init", "-q")
+    git(tmp_path, "add", "-A")
+    git(tmp_path, "commit", "-qm", "1")
+    return tmp_path
+
+
+class Stress:
+    """Stands for the command: writes what a stress test leaves."""
+
+    def __init__(self) -> None:
+        self.calls: list[list[str]] = []
+
+    def __call__(self, words: list[str], out: Path) -> None:
+        self.calls.append(words)
+        (out / "runs").mkdir(parents=True, exist_ok=True)
+        (out / "runs" / "row.json").write_text("{}")
+        (out / "report.html").write_text("")
+        (out / ".ledger.json").write_text("{}")
+        (out / "table.md").write_text(f"{len(self.calls)}\n")
+        (out / "manifest.json").write_text(json.dumps({"git_revision": "x-dirty", "command": "harness stress"}))
+
+
+def test_a_reference_holds_tables_and_the_revision_and_the_one_command_that_makes_it(tree: Path) -> None:
+    kept = make_reference(TABLE, tree, Stress())
+    assert sorted(file.name for file in kept.iterdir()) == ["manifest.json", "table.md"]
+    manifest = json.loads((kept / "manifest.json").read_text())
+    head = subprocess.run(["git", "-C", str(tree), "rev-parse", "HEAD"], check=True, capture_output=True, text=True)
+    assert manifest["git_revision"] == head.stdout.strip()
+    assert manifest["command"] == "python -m harness reference table"
+    assert manifest["that_runs"] == "python -m harness stress --seeds 1"
+
+
+def test_a_second_reference_is_made_while_the_first_waits_to_be_committed(tree: Path) -> None:
+    make_reference(TABLE, tree, Stress())
+    make_reference(Reference("other", "", ("study", "x")), tree, Stress())
+
+
+@pytest.mark.parametrize("name", ["README.md", "mmpf/new.py"])
+def test_a_tree_with_changes_makes_no_reference(tree: Path, name: str) -> None:
+    (tree / name).write_text("2\n")
+    with pytest.raises(InputError, match=rf"clean tree, but {name}"):
+        make_reference(TABLE, tree, Stress())
+
+
+def test_runs_are_gone_on_with_after_a_change_of_pages_but_not_of_sources(tree: Path) -> None:
+    stress = Stress()
+    make_reference(TABLE, tree, stress)
+    (tree / "README.md").write_text("2\n")
+    git(tree, "commit", "-aqm", "2")
+    make_reference(TABLE, tree, stress)
+    (tree / "mmpf" / "a.py").write_text("2\n")
+    git(tree, "add", "-A")
+    git(tree, "commit", "-qm", "3")
+    with pytest.raises(InputError, match="begun with other sources; remove it"):
+        make_reference(TABLE, tree, stress)
+    assert len(stress.calls) == 2
+
+
+def test_only_times_may_differ_between_two_makings(tmp_path: Path) -> None:
+    for name, time, hota in (("a", 1.0, 90.0), ("b", 2.0, 90.0), ("c", 1.0, 90.5)):
+        (tmp_path / name).mkdir()
+        row = {"mot.hota": [hota], "timing.total_s": [time], "mae.lon_m": [float("nan")]}
+        pd.DataFrame(row).to_parquet(tmp_path / name / "runs.parquet")
+    assert not differences(tmp_path / "a", tmp_path / "b")
+    (found,) = differences(tmp_path / "a", tmp_path / "c")
+    assert str(found) == "runs.parquet, row 0, mot.hota: committed 90.0, remade 90.5"
+
+
+def test_on_another_kind_of_processor_only_traffic_and_detections_have_to_be_the_same(tmp_path: Path) -> None:
+    for name, hota, flow in (("a", 90.0, 1.0), ("b", 90.5, 1.0), ("c", 90.0, 2.0)):
+        (tmp_path / name).mkdir()
+        pd.DataFrame({"mot.hota": [hota], "traffic.flow_veh_per_h": [flow]}).to_parquet(
+            tmp_path / name / "runs.parquet"
+        )
+    assert not differences(tmp_path / "a", tmp_path / "b", world_only=True)
+    assert len(differences(tmp_path / "a", tmp_path / "c", world_only=True)) == 1
+    (tmp_path / "a" / "manifest.json").write_text(json.dumps({"machine": {"kind": "another"}}))
+    assert not made_here(tmp_path / "a")
+
+
+def test_what_a_driver_would_do_is_held_together_only_where_the_committed_making_asked_one(tmp_path: Path) -> None:
+    rows = {
+        "a": {},
+        "b": {"decisions.missed": [1.0], "conflicts.n": [9.0]},
+        "c": {"decisions.missed": [2.0], "conflicts.n": [9.0]},
+    }
+    for name, row in rows.items():
+        (tmp_path / name).mkdir()
+        pd.DataFrame({"mot.hota": [90.0], **row}).to_parquet(tmp_path / name / "runs.parquet")
+    assert not differences(tmp_path / "a", tmp_path / "b")
+    assert len(differences(tmp_path / "b", tmp_path / "c")) == 1
+    assert len(differences(tmp_path / "b", tmp_path / "a")) == 2
+
+
+def test_a_table_that_was_not_made_differs_whole(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    pd.DataFrame({"mot.hota": [1.0, 2.0]}).to_parquet(tmp_path / "a" / "runs.parquet")
+    assert len(differences(tmp_path / "a", tmp_path / "b")) == 2
+
+
+def test_a_misspelt_name_is_answered_with_the_nearest() -> None:
+    with pytest.raises(InputError, match="do you mean trackers"):
+        reference_named("traker", ROOT)
+
+
+@pytest.mark.parametrize("reference", references(ROOT).values(), ids=lambda reference: reference.name)
+def test_committed_tables_are_made_with_the_options_that_the_list_tells(reference: Reference) -> None:
+    folder = ROOT / FOLDER / reference.name
+    assert not folder.is_dir() or made_as_listed(reference, folder)
+
+
+@pytest.mark.slow
+def test_the_small_reference_remade_is_the_committed_one() -> None:
+    words = [sys.executable, "-m", "harness", "reference", "small", "--check", "--workers", "1", "--quiet"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stderr

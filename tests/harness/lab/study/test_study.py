@@ -1,0 +1,140 @@
+"""The studies' filter, scores and pages, against closed forms and brute force."""
+
+import json
+
+import numpy as np
+import pytest
+
+from harness.lab.study.study import COMPLETE, PARTIAL, run_study
+from harness.lab.study.written import as_json, as_markdown, write_study
+from harness.lab.windows.cases import Cases, following_cases
+from harness.lab.windows.filtering import MeasurementNoise, follow, measure
+from harness.lab.windows.following import following_windows
+from harness.lab.windows.scores import mean_with_interval, score, weighted_crps
+from mmpf.motion.kinematic import ProcessNoise, kinematic
+from mmpf.state import LON, SPEED
+from tests.harness.lab.windows.test_windows import ROAD, steady, traffic
+
+STEP_S = 0.1
+
+
+@pytest.fixture(scope="module")
+def cases() -> Cases:
+    convoy = [(40.0 * k, 10.0, steady(2.0)) for k in range(6)]
+    windows = following_windows(traffic(*convoy, steps=101), ROAD, 51, STEP_S)
+    return following_cases(windows, 5, STEP_S, np.random.default_rng(0))
+
+
+def brute_crps(values, true):
+    return np.abs(values - true).mean() - 0.5 * np.abs(values[:, None] - values[None, :]).mean()
+
+
+def test_crps_equals_its_definition_by_pairs():
+    rng = np.random.default_rng(0)
+    values, true = rng.normal(size=(3, 40)), rng.normal(size=3)
+    scored = weighted_crps(values, np.full((3, 40), 1 / 40), true)
+    np.testing.assert_allclose(scored, [brute_crps(v, t) for v, t in zip(values, true, strict=True)])
+
+
+def test_crps_counts_a_particle_of_double_weight_twice():
+    values, true = np.array([[1.0, 2.0, 5.0]]), np.array([2.5])
+    double = weighted_crps(values, np.array([[0.25, 0.5, 0.25]]), true)
+    np.testing.assert_allclose(double, [brute_crps(np.array([1.0, 2.0, 2.0, 5.0]), 2.5)])
+
+
+def test_without_measurements_particles_start_at_the_truth_and_spread(cases):
+    clouds = list(follow(kinematic("cvm", ProcessNoise(0.5, 0.0)), cases, 4000, np.random.default_rng(0)))
+    assert len(clouds) == 50
+    last = clouds[-1].state[SPEED].std(axis=1)
+    np.testing.assert_allclose(last, 0.5 * np.sqrt(5.0), rtol=0.1)
+
+
+def test_the_filter_agrees_with_the_kalman_filter_for_constant_velocity(cases):
+    noise = MeasurementNoise(2.0, 0.6, 2.0)
+    z = measure(cases, noise, np.random.default_rng(1))
+    density = 0.5
+    clouds = list(
+        follow(kinematic("cvm", ProcessNoise(density, 0.1)), cases, 20_000, np.random.default_rng(2), z, noise)
+    )
+    f = np.array([[1.0, STEP_S], [0.0, 1.0]])
+    gain_of_noise = np.array([[STEP_S / 2], [1.0]])
+    q = density**2 * STEP_S * gain_of_noise @ gain_of_noise.T
+    mean, covariance = cases.truth[0, [LON, SPEED], 0], np.zeros((2, 2))
+    for step in range(1, cases.steps):
+        mean, covariance = f @ mean, f @ covariance @ f.T + q
+        gain = covariance @ np.linalg.inv(covariance + np.diag([4.0, 4.0]))
+        mean = mean + gain @ (z[step, [0, 2], 0] - mean)
+        covariance = (np.eye(2) - gain) @ covariance
+    particles, weight = clouds[-1].state[:, 0], clouds[-1].weight[0]
+    estimate = particles[[LON, SPEED]] @ weight
+    assert np.abs(estimate - mean).max() < 0.1
+    assert (particles[LON] - estimate[0]) ** 2 @ weight == pytest.approx(covariance[0, 0], rel=0.15)
+
+
+def test_a_right_model_covers_the_truth_and_errs_little(cases):
+    scores = score(follow(kinematic("cvm", ProcessNoise(0.3, 0.05)), cases, 500, np.random.default_rng(0)), cases)
+    assert scores.covered["lon_m"].all()
+    assert scores.abs_error["lon_m"].max() < 0.5
+
+
+def test_the_interval_of_a_mean_holds_it_and_shrinks_with_more_cases():
+    rng = np.random.default_rng(0)
+    few, many = rng.normal(3.0, 1.0, 30), rng.normal(3.0, 1.0, 3000)
+    (mean, (low, high)), (_, (low_many, high_many)) = (
+        mean_with_interval(v, np.random.default_rng(1)) for v in (few, many)
+    )
+    assert low < mean < high
+    assert high_many - low_many < 0.2 * (high - low)
+
+
+@pytest.fixture(scope="module")
+def result(cases):
+    models = {"gmm": kinematic("cam"), "cvm": kinematic("cvm"), "cam": kinematic("cam")}
+    return run_study(
+        "lane-keeping", cases, {PARTIAL: models, COMPLETE: models}, particles=50, seed=0, progress=lambda: None
+    )
+
+
+def test_rows_carry_the_agreed_columns(result):
+    wanted = {
+        *("study", "occlusion", "model", "horizon_s", "lon_m", "lon_m_ci95", "lat_m"),
+        *("speed_mps", "speed_mps_ci95", "lat_speed_mps", "n"),
+    }
+    assert all(wanted <= set(row) for row in result.rows)
+    assert {row["horizon_s"] for row in result.rows} == {1.0, 2.0, 5.0, None}
+
+
+def test_the_same_seed_gives_the_same_rows(result, cases):
+    models = {"gmm": kinematic("cam"), "cvm": kinematic("cvm"), "cam": kinematic("cam")}
+    again = run_study(
+        "lane-keeping", cases, {PARTIAL: models, COMPLETE: models}, particles=50, seed=0, progress=lambda: None
+    )
+    assert again.rows == result.rows
+
+
+def test_the_page_has_a_line_for_every_model_and_a_column_for_every_horizon(result):
+    page = as_markdown(result, {"seed": 0})
+    assert "| MAE of position, m | 1 s | 2 s | 5 s | mean |" in page
+    assert all(page.count(f"| {model} |") == 2 * 3 for model in ("cvm", "cam"))
+
+
+def test_a_sentence_names_the_models_by_their_error_at_the_longest_horizon_before_the_table(result):
+    page = as_markdown(result, {"seed": 0})
+    for occlusion in (PARTIAL, COMPLETE):
+        last = {
+            row["model"]: row["lon_m"]
+            for row in result.rows
+            if row["occlusion"] == occlusion and row["horizon_s"] == 5.0
+        }
+        told = page.partition(f"## {occlusion.capitalize()} occlusion")[2].split("\n")[2]
+        assert told.startswith("After 5 s ")
+        named = [model for _, model in sorted((told.index(f" {model} "), model) for model in last)]
+        assert named == sorted(last, key=last.__getitem__)
+
+
+def test_a_study_leaves_numbers_a_page_and_pictures(result, tmp_path):
+    write_study(result, {"seed": 0}, tmp_path)
+    stored = json.loads((tmp_path / "results.json").read_text())
+    assert stored == json.loads(json.dumps(as_json(result, {"seed": 0})))
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {f"lane-keeping-{o}-{k}.png" for o in (PARTIAL, COMPLETE) for k in ("errors", "particles")} <= names

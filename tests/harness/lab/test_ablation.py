@@ -1,0 +1,73 @@
+"""The ablation study: arms are real settings of the tracker, and differences are paired."""
+
+import pandas as pd
+import pytest
+
+from harness.grid.grid import plan_grid
+from harness.lab.ablation import (
+    ABLATIONS,
+    CHARITABLE,
+    DEFAULT,
+    IDEAL_ABLATIONS,
+    PAPER,
+    ablated_quantities,
+    ablation_request,
+    ablation_rows,
+    as_markdown,
+    ideal_request,
+)
+from harness.running.open import check_tracker
+from harness.sensor.profiles import sensor_settings
+
+
+def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = None) -> pd.DataFrame:
+    rows = []
+    for variant in ABLATIONS:
+        for seed, value in enumerate(hota.get(variant, hota[DEFAULT])):
+            row = {"variant": variant, "seed": seed, "succeeded": (variant, seed) != failed}
+            rows.append(row | {measure.key: value for measure in ablated_quantities()})
+    return pd.DataFrame(rows).sample(frac=1.0, random_state=1)
+
+
+def test_every_arm_is_a_setting_that_the_tracker_takes():
+    grid = plan_grid(ablation_request("us101", "0:2", 60.0))
+    assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
+    for run in grid.cells[0].runs:
+        check_tracker(run.config)
+
+
+def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
+    grid = plan_grid(ideal_request("us101", "0:2", 60.0))
+    variants = [run.variant for run in grid.cells[0].runs]
+    assert variants == list(IDEAL_ABLATIONS)
+    models = ("", "+model=gmm-short", "+model=gsm")
+    assert {reading + model for reading in (PAPER, CHARITABLE) for model in models} < set(variants)
+    for run in grid.runs:
+        sensor = sensor_settings(run.config.sensor.profile, run.config.sensor.overrides)
+        assert (sensor.detection_probability, sensor.view_exponent) == (1.0, 0.0)
+        failings = ("clutter_per_scan", "persistent_clutter", "missed_far_share", "burst_share", "bias_share")
+        assert [getattr(sensor, name) for name in failings] == [0.0] * len(failings)
+
+
+def test_arms_are_compared_with_the_default_seed_by_seed():
+    # Seeds differ by far more than the arms do; pairing takes that out.
+    arm = list(ABLATIONS)[1]
+    rows = {row["variant"]: row for row in ablation_rows(runs_with({DEFAULT: [90.0, 50.0, 70.0], arm: [89.0, 49, 69]}))}
+    cell = rows[arm]["mot.hota"]
+    assert (cell["mean"], cell["difference"], cell["ci95"]) == (69.0, -1.0, (-1.0, -1.0))
+    assert rows[DEFAULT]["mot.hota"]["difference"] == 0.0
+
+
+def test_a_seed_whose_run_failed_is_left_out_of_the_pairs():
+    arm = list(ABLATIONS)[2]
+    runs = runs_with({DEFAULT: [90.0, 50.0, 70.0], arm: [80.0, 0.0, 65.0]}, failed=(arm, 1))
+    row = next(row for row in ablation_rows(runs) if row["variant"] == arm)
+    assert row["runs"] == 2
+    assert row["mot.hota"]["difference"] == pytest.approx(-7.5)
+
+
+def test_the_table_names_every_arm_in_words():
+    runs = runs_with({DEFAULT: [90.0, 80.0]})
+    page = as_markdown(ablation_rows(runs), ablation_rows(runs, IDEAL_ABLATIONS), "made up")
+    for variant, what in ABLATIONS.items():
+        assert page.count(f"| {what} |") == (2 if variant in IDEAL_ABLATIONS else 1)

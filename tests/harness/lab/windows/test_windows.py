@@ -1,0 +1,159 @@
+"""Recordings, neighbours and the windows cut from them, on tiny made-up traffic."""
+
+import numpy as np
+import pytest
+
+from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_windows
+from harness.lab.windows.following import following_windows, join
+from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
+from harness.lab.windows.recording import Recording, Scenario, load_recording, record_all, save_recording
+from mmpf.road import highway
+from mmpf.state import LAT, LON
+
+STEP_S = 0.1
+ROAD = highway(lanes=3, lane_width_m=4.0)
+
+
+def traffic(*vehicles, steps=301):
+    """Each vehicle: start position, speed, and a function of the step that gives its lateral position."""
+    rows = []
+    for step in range(steps):
+        for number, (start, speed, lateral) in enumerate(vehicles):
+            lat = lateral(step)
+            lane = 3 - int(lat // 4.0)
+            rows.append((step, number, lane, start + speed * step * STEP_S, lat, speed, 0.0, 0.0, 5.0))
+    columns = np.array(rows).T
+    return Recording(*(c.astype(np.int64) for c in columns[:3]), *columns[3:])
+
+
+def steady(lat):
+    return lambda step: lat
+
+
+def changing(at, start=2.0, end=6.0):
+    return lambda step: start + (end - start) * float(np.clip((step - at + 20) / 40.0, 0.0, 1.0))
+
+
+def brute_force_ahead(recording, row):
+    best, nearest = NOBODY, np.inf
+    for other in range(len(recording)):
+        same = recording.step[other] == recording.step[row] and recording.lane[other] == recording.lane[row]
+        distance = recording.lon_m[other] - recording.lon_m[row]
+        if same and 0.0 < distance < nearest:
+            best, nearest = other, distance
+    return best
+
+
+def test_the_vehicle_ahead_is_the_nearest_in_the_same_lane_at_the_same_step():
+    rng = np.random.default_rng(0)
+    n = 120
+    recording = Recording(
+        step=rng.integers(4, size=n),
+        vehicle=np.arange(n),
+        lane=rng.integers(1, 4, size=n),
+        lon_m=rng.uniform(-400.0, 700.0, n),
+        lat_m=np.zeros(n),
+        speed_mps=np.zeros(n),
+        lat_speed_mps=np.zeros(n),
+        accel_mps2=np.zeros(n),
+        length_m=np.full(n, 5.0),
+    )
+    ordering = order_by_lane(recording)
+    ahead = row_ahead(ordering, recording.step, recording.lane, recording.lon_m)
+    np.testing.assert_array_equal(ahead, [brute_force_ahead(recording, row) for row in range(n)])
+    behind = row_behind(ordering, recording.step, recording.lane, recording.lon_m)
+    led = np.flatnonzero(ahead != NOBODY)
+    np.testing.assert_array_equal(behind[ahead[led]], led)
+
+
+def test_a_gap_is_measured_from_bumper_to_bumper():
+    recording = traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0)), steps=1)
+    np.testing.assert_allclose(clear_gap_m(recording, np.array([0, 1]), np.array([1, NOBODY])), [25.0, np.inf])
+
+
+def test_windows_hold_a_vehicle_and_its_one_leader():
+    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    assert len(windows) == 4
+    assert len(led) == 2
+    np.testing.assert_allclose(led.gap_m, 25.0)
+    np.testing.assert_allclose(led.offset_m, 0.0)
+    assert not windows.after_cut_in.any()
+
+
+def test_no_window_lies_within_five_seconds_of_a_lane_change():
+    crossing = 200
+    windows = following_windows(traffic((0.0, 10.0, changing(crossing)), steps=401), ROAD, 101, STEP_S)
+    spans = windows.lon_m[:, [0, -1]] / 10.0 / STEP_S
+    assert len(spans) == 2
+    assert all(last < crossing - 49 or first > crossing + 49 for first, last in spans)
+
+
+def test_a_new_nearer_leader_begins_a_window_after_a_cut_in():
+    recording = traffic((0.0, 10.0, steady(2.0)), (60.0, 10.0, steady(2.0)), (30.0, 10.0, changing(140, 6.0, 2.0)))
+    windows = following_windows(recording, ROAD, 101, STEP_S)
+    cut_in = windows.take(np.flatnonzero(windows.after_cut_in))
+    assert len(cut_in) == 1
+    np.testing.assert_allclose(cut_in.gap_m, 25.0)
+
+
+def test_a_leader_further_than_a_hundred_metres_counts_as_none():
+    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (130.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
+    assert not windows.has_leader.any()
+
+
+def test_vehicles_of_different_recordings_stay_apart_when_joined():
+    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
+    joined = join([windows, windows])
+    assert len(np.unique(joined.vehicle)) == 4
+
+
+def test_a_lane_change_is_mirrored_so_that_the_target_lies_to_the_left():
+    to_left = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
+    to_right = lane_change_windows(traffic((0.0, 10.0, changing(150, 6.0, 2.0))), ROAD, STEP_S)
+    assert len(to_left) == len(to_right) == 1
+    assert to_left.state[LAT, 0, 0] == pytest.approx(0.0)
+    assert to_left.state[LAT, 0, -1] == pytest.approx(4.0)
+    np.testing.assert_allclose(to_left.state[LAT], to_right.state[LAT], atol=0.2)
+
+
+def test_neighbours_of_a_lane_change_are_those_of_original_and_target_lane():
+    recording = traffic(
+        (0.0, 10.0, changing(150)), (30.0, 10.0, steady(2.0)), (40.0, 10.0, steady(6.0)), (-20.0, 10.0, steady(6.0))
+    )
+    change = lane_change_windows(recording, ROAD, STEP_S)
+    assert len(change) == 1
+    own = change.state[LON, 0]
+    np.testing.assert_allclose(change.leader.lon_m[0] - own, 30.0)
+    np.testing.assert_allclose(change.target_leader.lon_m[0] - own, 40.0)
+    np.testing.assert_allclose(change.follower.lon_m[0] - own, -20.0)
+
+
+def test_a_recording_is_read_back_as_it_was_written(tmp_path):
+    recording = traffic((0.0, 10.0, steady(2.0)), steps=5)
+    save_recording(recording, tmp_path / "recording.npz")
+    again = load_recording(tmp_path / "recording.npz")
+    np.testing.assert_array_equal(again.step, recording.step)
+    np.testing.assert_allclose(again.lon_m, recording.lon_m)
+    assert [path.name for path in tmp_path.iterdir()] == ["recording.npz"]
+
+
+def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path):
+    scenarios = [Scenario(20.0, 1000 + k, 10.0) for k in range(3)]
+    opened = []
+
+    def open_scenario(scenario):
+        opened.append(scenario.seed)
+        raise KeyboardInterrupt
+
+    for scenario in scenarios[:2]:
+        save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), tmp_path / scenario.file_name)
+    with pytest.raises(KeyboardInterrupt):
+        record_all(scenarios, tmp_path, open_scenario, print)
+    assert opened == [1002]
+
+
+def test_changes_are_counted_per_second_and_side():
+    recording = traffic((0.0, 10.0, changing(150)), (50.0, 10.0, steady(6.0)))
+    assert changes_to_one_side_per_s([recording], STEP_S) == pytest.approx(1.0 / (2 * 60.0))
+    assert changes_to_one_side_per_s([], STEP_S) == 0.0
