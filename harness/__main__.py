@@ -12,7 +12,7 @@ def main() -> None:
     with ends_like_ctrl_c():
         try:
             # Only now: to be told to end while modules are read is no error either.
-            from harness.cli import run_command_line  # noqa: PLC0415
+            from harness.commands.app import run_command_line  # noqa: PLC0415
 
             code = run_command_line(sys.argv[1:])
         except KeyboardInterrupt:

@@ -15,10 +15,25 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from harness.common.errors import InputError
+from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
 from harness.grid.options import GridOptions, request_of
 from mmpf.registry import UnknownNameError
+
+__all__ = [
+    "Comparison",
+    "Grid",
+    "GridOptions",
+    "InputError",
+    "Run",
+    "RunError",
+    "RunInterruptedError",
+    "RunOptions",
+    "compare",
+    "open_run",
+    "run",
+    "stress",
+]
 
 if TYPE_CHECKING:
     import pandas as pd

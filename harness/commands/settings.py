@@ -25,7 +25,7 @@ def command(
       python -m harness settings association
       python -m harness run --set tracker.options.joint.association.gate_std=4
     """
-    from harness.settings import all_settings, print_settings  # noqa: PLC0415
+    from harness.commands.settings_table import all_settings, print_settings  # noqa: PLC0415
 
     rows = all_settings(word)
     if as_json:

@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from tests.fuzz.inputs import INPUTS
 from tests.fuzz.mutations import DONE
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import harness
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
+from harness.commands.settings_table import all_settings
 from harness.common.errors import RunError
 from harness.export.formats import export_run
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.sensor.profiles import sensor_settings
-from harness.settings import all_settings
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.recorded.source import open_recorded_traffic

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.running import keeping
 
 if __name__ == "__main__":

@@ -9,6 +9,6 @@ from harness.truth import frame
 if __name__ == "__main__":
     # Others take the constant over when they are imported.
     frame.STEP_S = float(sys.argv[1])
-    from harness.cli import run_command_line
+    from harness.commands.app import run_command_line
 
     sys.exit(run_command_line(sys.argv[2:]))

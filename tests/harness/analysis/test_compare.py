@@ -16,7 +16,7 @@ from harness.analysis.comparison_text import as_markdown
 from harness.analysis.single import compare_runs
 from harness.analysis.sources import open_source
 from harness.analysis.verdicts import BETTER, NO_WORSE, PRIMARY, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError
 from harness.grid.grid import GridRequest

@@ -10,7 +10,7 @@ import pytest
 
 from harness.analysis.pooled import pool_files
 from harness.analysis.pooled_tables import pooled_markdown
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from harness import cli
-from harness.cli import run_command_line
+from harness.commands import app
+from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.signals import code_of_end, ends_like_ctrl_c
 
@@ -89,6 +89,6 @@ def test_a_fault_of_the_program_is_one_line_and_on_demand_a_traceback(monkeypatc
     monkeypatch.setattr("harness.commands.nets.command", lambda: {}["gone"])
     assert run_command_line(["nets"]) == exit_codes.INTERNAL
     assert capsys.readouterr().err.count("\n") == 1
-    monkeypatch.setenv(cli.TRACEBACK, "1")
+    monkeypatch.setenv(app.TRACEBACK, "1")
     assert run_command_line(["nets"]) == exit_codes.INTERNAL
     assert "Traceback" in capsys.readouterr().err

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.cli import EXIT_USER_ERROR, run_command_line
+from harness.commands.app import EXIT_USER_ERROR, run_command_line
 from harness.common.errors import InputError
 from harness.export.curves import curves_of
 from harness.export.formats import export_run

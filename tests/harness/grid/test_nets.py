@@ -11,7 +11,7 @@ import pytest
 from harness.analysis.curves import breaks, curve_points
 from harness.analysis.tables import as_markdown
 from harness.api import Grid, compare
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.config.options import checked
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions, request_of

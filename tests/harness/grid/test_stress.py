@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.grid.grid import GridRequest
 from harness.grid.stress import FinishedGrid, run_stress

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from harness.analysis.why import DEATH, LOSS, SWITCH, Failure, Why
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.report.comparisonpage import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
 from harness.report.replay_data import Beside, replay_data
 from harness.running.finished import read_recorded_run

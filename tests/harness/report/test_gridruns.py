@@ -6,7 +6,7 @@ from dataclasses import asdict
 import pandas as pd
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.config.options import keys_of_options
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.kept import Outcome, keep_run

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.cli import EXIT_USER_ERROR, run_command_line
+from harness.commands.app import EXIT_USER_ERROR, run_command_line
 from harness.common.errors import InputError
 from harness.report.folderpage import text_page, write_page
 from harness.report.page import write_run_page

@@ -4,7 +4,7 @@ from dataclasses import asdict
 import pandas as pd
 import pytest
 
-from harness.cli import EXIT_USER_ERROR, run_command_line
+from harness.commands.app import EXIT_USER_ERROR, run_command_line
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.folderpage import write_page
 from harness.report.pictures import write_pictures

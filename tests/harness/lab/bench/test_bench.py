@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.lab.bench.bench import BenchPlan, contender_of, run_bench, slopes
 from harness.lab.bench.busy import busy_machine

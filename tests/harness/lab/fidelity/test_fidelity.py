@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.numbers import rounded
 from harness.lab.fidelity import calibration, comparison
 from harness.lab.fidelity.candidate import AMPLITUDE_GAIN

@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.lab.fit import driver_fit, train
 from harness.lab.fit.card import RegimeError, write_card
 from harness.lab.fit.mixture_em import SizeScore

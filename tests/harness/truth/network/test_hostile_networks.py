@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.truth.network.limits import check_xml
 from harness.truth.network.network import load_network

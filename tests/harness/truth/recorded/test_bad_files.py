@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.truth.recorded.fcd import read_fcd
 from tests.harness.truth.recorded.layouts import (

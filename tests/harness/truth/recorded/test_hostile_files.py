@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number
 from harness.truth.recorded.source import open_recorded_traffic

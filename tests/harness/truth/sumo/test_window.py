@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError, RunError
 from harness.truth.sumo import window
 from harness.truth.sumo.session import sumo_errors_in_words

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.origin import NOTHING, origins

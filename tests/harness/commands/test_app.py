@@ -12,13 +12,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness import cli
-from harness.cli import run_command_line
+from harness.commands import app
+from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 US101 = ROOT / "networks" / "us101"
 
 
@@ -133,7 +133,7 @@ def test_an_error_of_the_program_is_no_verdict(capsys, monkeypatch):
 def test_overview_loads_nothing_heavy():
     heavy = "libsumo pandas numba matplotlib sklearn stonesoup scipy pyarrow numpy"
     script = (
-        "import sys; from harness.cli import run_command_line as run; code = run(['--help']);"
+        "import sys; from harness.commands.app import run_command_line as run; code = run(['--help']);"
         f"print(code, [name for name in '{heavy}'.split() if name in sys.modules], file=sys.stderr)"
     )
     answer = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -142,8 +142,8 @@ def test_overview_loads_nothing_heavy():
 
 
 def test_every_listed_command_can_be_called_for_help(capsys):
-    assert {"run", "nets"} <= {entry.name for entry in cli.COMMANDS}
-    for entry in cli.COMMANDS:
+    assert {"run", "nets"} <= {entry.name for entry in app.COMMANDS}
+    for entry in app.COMMANDS:
         code, out, _ = complaint([entry.name, "--help"], capsys)
         assert code == 0
         assert entry.name in out
