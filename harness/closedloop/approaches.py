@@ -8,9 +8,9 @@ from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.routes import Way, edge_of
 from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
 from harness.closedloop.traffic import Traffic, row_of, with_ego
+from harness.config.sensor import SensorSettings
 from harness.decisions.crossings import Conflict, Lanes, crossings_of, yields_on
 from harness.decisions.yielding import Course, meets, on_way, room_before, windows_of
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 
 SOON_S = 5.0

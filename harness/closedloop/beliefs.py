@@ -14,8 +14,7 @@ from harness.scoring.believed import HEADING_M, HEADING_S
 from harness.scoring.pairs import GATE_SIMILARITY, similarity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import Look
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from harness.storage.schema import HIDDEN, OUT
+from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.road import Road

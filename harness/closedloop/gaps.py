@@ -10,9 +10,9 @@ from harness.closedloop.beliefs import believed_by_each, ego_of, true_bodies
 from harness.closedloop.changing import accepted, lane_middle_m, may_change
 from harness.closedloop.sight import hidden_after_sight
 from harness.closedloop.traffic import Traffic, with_ego
+from harness.config.sensor import SensorSettings
 from harness.decisions.belief import Belief
 from harness.decisions.drivers.protocol import Driver
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, IntArray
 

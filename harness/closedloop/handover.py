@@ -19,9 +19,9 @@ from harness.closedloop.plan import BRAKE, CROSS, DARK, DRIVEN_S, FREE, GAP, KIN
 from harness.closedloop.routes import Way, edge_of, way_of
 from harness.closedloop.sight import hidden_after_sight
 from harness.closedloop.traffic import Traffic, with_ego
+from harness.config.sensor import SensorSettings
 from harness.decisions.belief import NOBODY, Belief, believe
 from harness.decisions.drivers.protocol import Driver
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import BROKEN_DOWN, drawn_car
 from harness.truth.sumo.fill import Placement

@@ -8,9 +8,9 @@ import numpy as np
 
 from harness.closedloop.sight import SEEN_EVERY, visible_fraction
 from harness.closedloop.traffic import Traffic
+from harness.config.sensor import SensorSettings
 from harness.decisions.belief import Belief
 from harness.sensor.observation import Observation, Sensor
-from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import placed

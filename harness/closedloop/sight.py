@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from harness.closedloop.traffic import row_of
+from harness.config.sensor import SensorSettings
 from harness.sensor.detector import visibility_of
 from harness.sensor.scene import box_axes, in_reach, sight_to
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from mmpf.road import Road
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
-from harness.sensor.altered_settings import AlteredSettings
-from harness.truth.network.demand import DENSITY_RANGE
+from harness.config.altered import AlteredSettings
+from harness.storage.schema import DENSITY_RANGE
 from mmpf.options import FilterOptions
 from mmpf.settings import WithoutTruthValues
 

@@ -23,7 +23,7 @@ from harness.scoring.pairs import Pairs, near_pairs
 from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import Selection, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M
 from mmpf.compute.arrays import FloatArray, IntArray
 
 PIXELS_PER_M = 100.0

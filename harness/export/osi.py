@@ -24,7 +24,7 @@ from harness.export.lanes import NO_STRIP, lanes_of
 from harness.export.osi_lanes import OsiLanes, osi_lanes
 from harness.export.sizes import track_sizes
 from harness.running.finished import RecordedRun
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
 from mmpf.compute.arrays import IntArray
 

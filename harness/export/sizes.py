@@ -13,8 +13,7 @@ import pandas as pd
 
 from harness.running.finished import RecordedRun
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from harness.storage.schema import DETECTION_SIZES
+from harness.storage.schema import DETECTION_SIZES, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray, IntArray
 

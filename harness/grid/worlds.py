@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from harness.analysis.mismatch_cost import AS_IS
 from harness.common.errors import InputError
-from harness.sensor.settings import SensorSettings
+from harness.config.sensor import SensorSettings
 
 ALL, USUAL = "all", "usual"
 Worlds = dict[str, tuple[str, ...]]

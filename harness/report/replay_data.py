@@ -13,8 +13,7 @@ import shapely
 
 from harness.running.finished import RecordedRun
 from harness.scoring.errors import OUTCOMES
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from harness.storage.schema import VISIBILITY_STATES
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, VISIBILITY_STATES
 from harness.storage.tables import floats
 from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.lanes.graph import LaneGraph

@@ -17,10 +17,10 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
+from harness.config.sensor import SensorSettings
 from harness.running.resolve import check_sensor_of_folder
 from harness.scoring.brakings import FATES, KINDS
 from harness.sensor.profiles import sensor_settings
-from harness.sensor.settings import SensorSettings
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import Until
 from harness.storage.schema import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, VISIBILITY_STATES

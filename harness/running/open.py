@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.config.altered import AlteredSettings
 from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
 from harness.running.believedmap import believed_map
@@ -18,7 +19,6 @@ from harness.running.looks import Looks, Streams, look_at
 from harness.running.replay import read_looks
 from harness.scoring.asked import Driven
 from harness.sensor.altered import altered
-from harness.sensor.altered_settings import AlteredSettings
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings

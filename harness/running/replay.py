@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from harness.config.model import RunConfig
+from harness.config.sensor import SensorSettings
 from harness.running.looks import Looks, timed_looks
 from harness.running.recorder import detections_of, frame_of
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
-from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables

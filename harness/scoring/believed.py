@@ -13,7 +13,7 @@ from harness.decisions.bodies import Bodies, Egos
 from harness.scoring.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 
 SIZES = ("length_m", "width_m")

@@ -12,14 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.sensor.altered_settings import AlteredSettings
+from harness.config.altered import AlteredSettings
+from harness.config.sensor import SensorSettings
 from harness.sensor.detector import DECIMALS, detections_from
 from harness.sensor.memory import Chain, SensorMemory, next_state
 from harness.sensor.observation import Look, Observation
 from harness.sensor.returns import flashing_returns, standing_returns
 from harness.sensor.scene import Scene, box_axes, sight_to
-from harness.sensor.settings import SensorSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, free_space, sensor_position
+from harness.sensor.shadows import free_space, sensor_position
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.road import Road
 from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan

@@ -7,10 +7,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.lanearea import drawn_on_lanes, lanes_over, pieces_within
 from harness.sensor.memory import Ghosts
-from harness.sensor.settings import SensorSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, joined, taken
 from mmpf.lanes.graph import NOWHERE, LaneGraph

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.memory import SensorMemory
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import FloatArray
 

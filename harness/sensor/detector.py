@@ -8,12 +8,12 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.lanearea import mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
 from harness.sensor.observation import Observation, Sensor
 from harness.sensor.returns import CLUTTER_SPEED_MPS, flashing_returns, standing_returns, vehicle_returns
 from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
-from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_beside_walls
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE

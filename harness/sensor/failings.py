@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.memory import Chain, VehicleMemory, next_state
 from harness.sensor.noise import hidden_share, turned
-from harness.sensor.settings import SensorSettings
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
 
 FRONT_SHARE = 0.35

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.clutter import GHOST_LENGTH_STD_M, GHOST_WIDTH_STD_M, SMALLEST_GHOST_M
 from harness.sensor.lanearea import drawn_on_lanes
 from harness.sensor.memory import Ghosts, Mirrored
 from harness.sensor.noise import turned
 from harness.sensor.scene import Scene
-from harness.sensor.settings import SensorSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, sensor_position
+from harness.sensor.shadows import sensor_position
 from harness.sensor.visibility import first_hits, pack_boxes
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.road import Road
 from mmpf.scan import EgoPose

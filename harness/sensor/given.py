@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.detector import DECIMALS, data_sheet, visibility_of
 from harness.sensor.noise import position_std
 from harness.sensor.observation import Observation
 from harness.sensor.scene import in_reach, sight_to
-from harness.sensor.settings import SensorSettings
 from harness.sensor.shadows import free_space
 from harness.sensor.visibility import compile_kernels
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.sensor.settings import SensorSettings
+from harness.config.sensor import SensorSettings
 from mmpf.compute.arrays import FloatArray
 
 # A range rate says nothing of the motion across the line of sight; this is how fast vehicles drift across their lane.

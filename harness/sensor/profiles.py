@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from harness.common.error_text import first_problem, what_it_raised
 from harness.common.errors import InputError
-from harness.sensor.settings import SensorSettings
+from harness.config.sensor import SensorSettings
 from mmpf.registry import Registry, UnknownNameError
 
 # TOML can not say none.

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.clutter import ghosts_after, on_a_lane, positions_on_lanes
 from harness.sensor.detectability import detectabilities
 from harness.sensor.failings import Boxes, advance, detection_probability, merged, miss_chain, shifted, split
@@ -21,8 +22,7 @@ from harness.sensor.noise import (
     turned,
 )
 from harness.sensor.scene import Scene, in_reach, sight_to
-from harness.sensor.settings import SensorSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, wrapped
 
 CLUTTER_SPEED_MPS = (0.0, 40.0)

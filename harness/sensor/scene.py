@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.sensor.settings import SensorSettings
+from harness.config.sensor import SensorSettings
 from harness.sensor.shadows import sensor_position
 from harness.truth.frame import Frame
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped

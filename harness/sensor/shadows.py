@@ -11,14 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.compute.arrays import FloatArray, wrapped
 from mmpf.lanes.graph import NOWHERE, LaneGraph
 from mmpf.road import Road
 from mmpf.scan import Detections, EgoPose, FreeSpace
 
 SECTORS = 720
-NOMINAL_LENGTH_M = 4.7
-NOMINAL_WIDTH_M = 1.9
 
 
 def free_space(

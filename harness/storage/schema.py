@@ -47,3 +47,8 @@ TRACK_NUMBERS = (
 
 # Columns that say which cell of a grid a row is of.
 NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
+
+DENSITY_RANGE = (5.0, 65.0)
+"""Lowest and highest density that may be asked for, vehicles per kilometre and lane."""
+NOMINAL_LENGTH_M, NOMINAL_WIDTH_M = 4.7, 1.9
+"""A car's usual size, for tables without sizes."""

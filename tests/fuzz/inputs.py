@@ -162,7 +162,7 @@ def _scene() -> Path:
 @cache
 def _setting_names() -> list[str]:
     from harness.config.model import RunConfig  # noqa: PLC0415
-    from harness.sensor.settings import SensorSettings  # noqa: PLC0415
+    from harness.config.sensor import SensorSettings  # noqa: PLC0415
     from mmpf.settings import fields_of  # noqa: PLC0415
 
     sensor = [f"sensor.{name}" for name in SensorSettings.model_fields]

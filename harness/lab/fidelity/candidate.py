@@ -14,7 +14,8 @@ from harness.common.files import write_toml
 from harness.lab.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.lab.fidelity.samples import VehicleStatistics
 from harness.lab.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics, targets
-from harness.truth.network.demand import DENSITY_RANGE, Drivers, Equilibrium
+from harness.storage.schema import DENSITY_RANGE
+from harness.truth.network.demand import Drivers, Equilibrium
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import Bounds, differential_evolution, minimize
 
+from harness.config.sensor import SensorSettings
 from harness.lab.fit.sensor_records import LINKED_STEPS, FalseObjects, Looks, false_objects_of, gap_steps, looks_of
 from harness.sensor.failings import detection_probability, miss_chain
 from harness.sensor.memory import Chain, next_state
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.detected.drive import Drive
 from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken

@@ -19,6 +19,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
+from harness.config.sensor import SensorSettings
 from harness.lab.fit.sensor_figures import (
     Ghostly,
     Records,
@@ -30,7 +31,6 @@ from harness.lab.fit.sensor_figures import (
     records_of,
 )
 from harness.lab.fit.sensor_records import gap_steps, seen_at_all
-from harness.sensor.settings import SensorSettings
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.v2v4real import read_v2v4real

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from pydantic import ConfigDict, Field
 
 from harness.common.errors import InputError
+from harness.storage.schema import DENSITY_RANGE
 from mmpf.settings import WithoutTruthValues
 
-DENSITY_RANGE = (5.0, 65.0)
 DEFAULT_DENSITY = 30.0
 ROUNDING = 4.0
 

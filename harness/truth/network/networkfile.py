@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
 from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file
-from harness.truth.network.demand import DENSITY_RANGE, Drivers
+from harness.storage.schema import DENSITY_RANGE
+from harness.truth.network.demand import Drivers
 from mmpf.settings import WithoutTruthValues
 
 METADATA_FILE = "network.toml"

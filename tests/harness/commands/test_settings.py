@@ -14,9 +14,9 @@ from harness.commands.app import run_command_line
 from harness.commands.settings_table import Setting, all_settings
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
+from harness.config.sensor import SensorSettings
 from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_profiles, sensor_settings
-from harness.sensor.settings import SensorSettings
 from harness.trackers.catalogue import TUNED_FILE, available_trackers, tracker_options
 from mmpf.motion.protocol import motion_models
 from mmpf.options import FilterOptions

@@ -9,7 +9,7 @@ import pytest
 from harness.scoring.believed import egos_of, tracked_bodies, true_bodies
 from harness.scoring.rows import read_run
 from harness.scoring.settings import ScoringSettings
-from harness.sensor.shadows import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from tests.harness.scoring.scenes import Scene
 
 STEPS = np.arange(12)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from harness.config.altered import AlteredSettings
 from harness.sensor.altered import altered
-from harness.sensor.altered_settings import AlteredSettings
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from harness.config.sensor import SensorSettings
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.lanearea import lanes_over, mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
-from harness.sensor.settings import SensorSettings
 from harness.truth.frame import Frame
 from mmpf.road import Road
 from tests.mmpf.lanes.scenes import graph_of

@@ -5,8 +5,8 @@ import pytest
 from pydantic import ValidationError
 
 from harness.common.errors import InputError
+from harness.config.sensor import SensorSettings
 from harness.sensor.profiles import sensor_profiles, sensor_settings
-from harness.sensor.settings import SensorSettings
 
 PAGE = Path(__file__).parents[3] / "docs" / "sensor.md"
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
+from harness.config.sensor import SensorSettings
 from harness.lab.fit.sensor_figures import (
     Ghostly,
     area_under_curve,
@@ -21,7 +22,6 @@ from harness.lab.fit.sensor_figures import (
 )
 from harness.lab.fit.sensor_fit import main
 from harness.lab.fit.sensor_records import FalseObjects, Looks, false_objects_of, fractions_of, gap_steps, looks_of
-from harness.sensor.settings import SensorSettings
 from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels
 
 STEPS = 12
