@@ -7,12 +7,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mmpf.map.road import Lane, Road, highway
     from mmpf.motion import motion_model
     from mmpf.motion.protocol import Memoryless, MotionModel, Neighbour, Surroundings, motion_models
-    from mmpf.options import FilterOptions
-    from mmpf.report import StepReport
-    from mmpf.road import Lane, Road, highway
+    from mmpf.options.filter import FilterOptions
     from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel, check_scan
+    from mmpf.stages.reporting import StepReport
     from mmpf.tracker import MixtureTracker
     from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 _NAMES = {
     "mmpf.motion": "motion_model",
     "mmpf.motion.protocol": "Memoryless MotionModel Neighbour Surroundings motion_models",
-    "mmpf.options": "FilterOptions",
-    "mmpf.road": "Lane Road highway",
+    "mmpf.options.filter": "FilterOptions",
+    "mmpf.map.road": "Lane Road highway",
     "mmpf.scan": "BodySizes Detections EgoPose FreeSpace InvalidScanError Scan SensorModel check_scan",
-    "mmpf.report": "StepReport",
+    "mmpf.stages.reporting": "StepReport",
     "mmpf.tracker": "MixtureTracker",
     "mmpf.tracks": "CONFIRMED HIDDEN TENTATIVE Tracks",
 }

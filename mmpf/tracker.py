@@ -7,33 +7,33 @@ from functools import partial
 
 import numpy as np
 
-from mmpf.around.false_objects import FalseObjects
-from mmpf.around.on_graph import surroundings_on_graph
-from mmpf.around.openness import LinkWatch
-from mmpf.around.reach import Reach
-from mmpf.around.surroundings import surroundings_of
-from mmpf.around.ways import on_heaviest_way
-from mmpf.cloud.birth import Births, Traffic, give_birth, lies_on_ego
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import BoolArray
-from mmpf.compute.threads import one_blas_thread
+from mmpf.belief.birth import Births, Traffic, give_birth, lies_on_ego
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.newborn import Appearances, kinds_at_birth
 from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
+from mmpf.map.road import Road
+from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.free import in_plane
 from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel
-from mmpf.options import FilterOptions
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray
+from mmpf.numerics.threads import one_blas_thread
+from mmpf.options.filter import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
-from mmpf.plane import SensorPlane
-from mmpf.prediction import Proposal, bootstrap_proposal, prior_update
-from mmpf.report import StepReport, Stopwatch, reported_tracks
-from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel, check_scan
-from mmpf.state import LAT, LON, SPEED
+from mmpf.stages.prediction import Proposal, bootstrap_proposal, prior_update
+from mmpf.stages.reporting import StepReport, Stopwatch, reported_tracks
+from mmpf.stages.update_rule import Situation, Updated, UpdateRule
+from mmpf.surroundings.on_corridor import surroundings_of
+from mmpf.surroundings.on_graph import surroundings_on_graph
+from mmpf.surroundings.reported_route import on_heaviest_way
+from mmpf.surroundings.right_of_way import LinkWatch
 from mmpf.tracks import Tracks
-from mmpf.update import Situation, Updated, UpdateRule
+from mmpf.visibility.false_objects import FalseObjects
+from mmpf.visibility.range_profile import Reach
 
 
 class MixtureTracker:

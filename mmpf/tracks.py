@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 TENTATIVE, CONFIRMED, HIDDEN = range(3)
 TRACK_STATES = ("tentative", "confirmed", "hidden")

@@ -9,7 +9,7 @@ import numpy as np
 from harness.analysis.verdicts import Measured
 from harness.common.effects import paired_effect, unpaired_effect
 from harness.scoring.quantity import Quantity
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 # So large a share of the first arm's values may be without one in the second before nothing is concluded from the rest.
 TOLERATED_LOSS = 0.05

@@ -32,7 +32,7 @@ from harness.scoring import existence, in_plain_view
 from harness.scoring.closedloop import PRIMARY as DRIVEN
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import column_of
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,7 @@ from harness.common.bootstrap import few_groups_ci
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import NET
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,8 +13,8 @@ from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
-from mmpf.compute.arrays import FloatArray
-from mmpf.settings import fields_of
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.base import fields_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.analysis.arms import Layout
 from harness.storage.schema import RECORDING
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,7 +14,7 @@ from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import RECORDING
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -32,7 +32,7 @@ from harness.scoring.paired import KEYS, paired_errors
 from harness.scoring.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_rows import column_of
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

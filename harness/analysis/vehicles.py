@@ -19,7 +19,7 @@ from harness.scoring.in_plain_view import measure_plain_view, worst_share
 from harness.scoring.rows import TruthRows
 from harness.scoring.sequence import select_in_sight
 from harness.scoring.settings import TIME_TOLERANCE_S
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 REACH_M = 100.0
 """Distance from which two vehicles have nothing to do with each other; along the road, if it has a frame of its own."""

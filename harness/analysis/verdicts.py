@@ -17,7 +17,7 @@ from harness.scoring import closedloop
 from harness.scoring.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"
 PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent", RECALL, WORST_TENTH)

@@ -24,7 +24,7 @@ from harness.scoring.matching import find_track_rows
 from harness.scoring.sequence import select_in_sight
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 
 BIRTH, ASSOCIATION, MERGE, REIDENTIFICATION, DEATH = "birth", "association", "merge", "re-identification", "death"
 CAUSES = (BIRTH, ASSOCIATION, MERGE, REIDENTIFICATION, DEATH)

@@ -16,8 +16,8 @@ from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import Look
 from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import Detections
 from mmpf.tracks import TENTATIVE, Tracks
 

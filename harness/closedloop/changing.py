@@ -16,8 +16,8 @@ from harness.decisions.belief import Belief, Beside, Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.drivers.protocol import Driver
 from harness.scoring.closedloop import Changed
-from mmpf.compute.arrays import BoolArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray
 
 INTO_LANE_S = 3.0
 """From its first sideways motion until a vehicle's body is in the way of those on the lane beside it."""

@@ -62,7 +62,7 @@ from harness.trackers.protocol import AnyTracker
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import sumo_errors_in_words
 from mmpf.tracks import Tracks
-from mmpf.unseen.traffic import Unseen
+from mmpf.undetected.intensity import Unseen
 
 SENSOR, TRACKER, HUMAN = range(3)
 """Streams of an episode's randomness; none depends on the belief."""

@@ -14,7 +14,7 @@ from harness.config.sensor import SensorSettings
 from harness.decisions.belief import Belief
 from harness.decisions.drivers.protocol import Driver
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, IntArray
+from mmpf.numerics.arrays import BoolArray, IntArray
 
 
 class Occupied:

@@ -26,8 +26,8 @@ from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import BROKEN_DOWN, drawn_car
 from harness.truth.sumo.fill import Placement
 from harness.truth.sumo.simulation import CAR_LENGTH_M
-from mmpf.compute.arrays import BoolArray, IntArray
-from mmpf.lanes.control import YIELD
+from mmpf.map.control import YIELD
+from mmpf.numerics.arrays import BoolArray, IntArray
 
 LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, GAP: 1, CROSS: 1, STOPPED: 1, DARK: 2}
 """Time between moments that are searched for candidates of each kind."""

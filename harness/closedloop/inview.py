@@ -16,8 +16,8 @@ from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import placed
 from harness.truth.sumo.fill import Placement
 from harness.truth.sumo.population import Vehicle
-from mmpf.compute.arrays import taken
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import taken
 from mmpf.scan import SensorModel
 
 CHANGES_LANE_MPS = 0.2

@@ -11,7 +11,7 @@ from harness.running.metrics import assemble_metrics, timing_table, traffic_tabl
 from harness.running.open import driven_on
 from harness.scoring import score_run
 from harness.truth.frame import STEP_S
-from mmpf.road import Road
+from mmpf.map.road import Road
 
 
 def keep_drive(folder: Path, run: PlannedDrive, road: Road, drove: Drove) -> None:

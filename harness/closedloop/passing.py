@@ -13,8 +13,8 @@ from harness.decisions.yielding import Course, room_before, unseen_in_conflict, 
 from harness.scoring.closedloop import HARD_BRAKE_MPS2, Contact, Crossed
 from harness.scoring.encroachment import Encounter, TimedPath, encounter
 from harness.truth.frame import Frame
-from mmpf.lanes.graph import LaneGraph
-from mmpf.unseen.traffic import Unseen
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.undetected.intensity import Unseen
 
 WAITS_MPS = 1.0
 """Whoever is slower before a place of conflict waits."""

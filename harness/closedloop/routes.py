@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.lanes.control import SIGNAL
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.control import SIGNAL
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 
 MOST_PATHS = 4
 """So many paths across a junction may follow each other."""

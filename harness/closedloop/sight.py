@@ -10,7 +10,7 @@ from harness.config.sensor import SensorSettings
 from harness.sensor.detector import visibility_of
 from harness.sensor.scene import box_axes, in_reach, sight_to
 from harness.truth.frame import Frame
-from mmpf.road import Road
+from mmpf.map.road import Road
 
 SEEN_EVERY, SEEN_OFTEN = 5, 3
 """A hidden vehicle has been seen if it was in sight at so many of every fifth frame of the tracking seconds."""

@@ -16,8 +16,8 @@ from harness.scoring.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import stand
 from harness.truth.sumo.session import Sumo
-from mmpf.compute.arrays import BoolArray, FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 NO_CHECKS, ALL_CHECKS = 0, 31
 """SUMO's speed modes: drive what is demanded, whatever comes of it; and its default."""

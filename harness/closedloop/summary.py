@@ -16,7 +16,7 @@ from harness.common.markdown import markdown_table
 from harness.scoring.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import column_of
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

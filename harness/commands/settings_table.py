@@ -28,8 +28,8 @@ from harness.truth.network.network import available_networks
 from harness.truth.recorded.formats import FORMATS, known_formats
 from harness.truth.recorded.outside import recording_formats
 from mmpf.motion.protocol import motion_models
+from mmpf.options.base import fields_of, unit_of
 from mmpf.registry import Registry, UnknownNameError
-from mmpf.settings import fields_of, unit_of
 
 # Options that ``config.toml`` has beside the tracker's name.
 NAMED_OPTIONS = tuple(TrackerConfig(name="any").model_dump(exclude={"name", "options"}))

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from harness.config.sensor import NotNegative, Positive, Probability, SensorSettings, Share
-from mmpf.settings import WithoutTruthValues
+from mmpf.options.base import WithoutTruthValues
 
 Count = Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "objects"})]
 # Figures of false detections that are the sensor's own unless they are set here.

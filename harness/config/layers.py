@@ -18,7 +18,7 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
-from mmpf.settings import fields_of
+from mmpf.options.base import fields_of
 
 Table = dict[str, Any]
 

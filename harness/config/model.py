@@ -11,8 +11,8 @@ from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from harness.config.altered import AlteredSettings
 from harness.storage.schema import DENSITY_RANGE
-from mmpf.options import FilterOptions
-from mmpf.settings import WithoutTruthValues
+from mmpf.options.base import WithoutTruthValues
+from mmpf.options.filter import FilterOptions
 
 DEFAULT_TRACKER = "mmpf"
 DEFAULT_DRIVER = "hdm"

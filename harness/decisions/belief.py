@@ -8,8 +8,8 @@ import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.views import HORIZON_M, LaneView, lane_views, speed_limits
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 LEADERS = 3
 """How many vehicles ahead a belief holds."""

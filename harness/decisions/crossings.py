@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.decisions.ways import Line, next_lane, predecessors
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.control import YIELD
-from mmpf.lanes.graph import LaneGraph
+from mmpf.map.control import YIELD
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.numerics.arrays import FloatArray
 
 APPROACH_M = 200.0
 """So far before a junction ways that have right of way are known."""

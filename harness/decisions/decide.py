@@ -16,9 +16,9 @@ from harness.decisions.belief import LEADERS, Belief, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.drivers.following import PARAMETERS
 from harness.decisions.drivers.protocol import Command, Driver, drivers
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.registry import UnknownNameError
-from mmpf.road import Road
 
 GENTLE_MPS2 = PARAMETERS.comfortable_decel_mps2
 """Hardest braking for a doubtful body: 1.5 m/s², the driver's comfortable one."""

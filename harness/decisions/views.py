@@ -8,8 +8,8 @@ import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.ways import ways_of
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 OWN, LEFT, RIGHT = range(3)
 HORIZON_M = 120.0

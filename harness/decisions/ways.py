@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 
 AHEAD_M, BEHIND_M = 200.0, 120.0
 MOST_LANES = 64

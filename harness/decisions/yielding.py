@@ -16,8 +16,8 @@ from harness.decisions.belief import NOBODY, Belief, Others
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.crossings import Conflict, Crossing, Lanes
 from harness.decisions.drivers.following import PARAMETERS, SAFE_DECEL_MPS2
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.unseen.traffic import Unseen, UnseenOptions
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
+from mmpf.undetected.intensity import Unseen, UnseenOptions
 
 MARGIN_S = 1.0
 """With it who starts at the stop line of ``priority`` waits for cars less than 6.7 to 7.2 s away; the critical headway

@@ -10,7 +10,7 @@ import pandas as pd
 
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 SEEN, HIDDEN = ("visible", "partial"), ("hidden",)
 TRACKED = "tracked"

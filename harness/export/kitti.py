@@ -34,7 +34,7 @@ from harness.truth.recorded.detected.kitti import (
 )
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
 from harness.truth.recorded.formats import least_score_of
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 NAME = "kitti-tracking"
 SCRIPT, SCRIPT_NAME = "trackeval_kitti_script.py", "score.py"

@@ -10,8 +10,8 @@ from shapely import LineString
 
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 BEYOND_M = 100.0
 # A bent line is drawn by as many points as keep it this close.

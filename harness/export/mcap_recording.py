@@ -27,7 +27,7 @@ from harness.export.lanes import lanes_of
 from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 FILE = "run.mcap"
 MAP, EGO = "map", "ego"

@@ -24,7 +24,7 @@ from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import Selection, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
 from harness.storage.schema import NOMINAL_LENGTH_M
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 PIXELS_PER_M = 100.0
 SCRIPT = "trackeval_script.py"

@@ -26,7 +26,7 @@ from harness.export.sizes import track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 
 Columns = dict[str, list[Any]]
 Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]

@@ -15,7 +15,7 @@ from osi3.osi_lane_pb2 import Lane as LaneMessage
 from osi3.osi_lane_pb2 import LaneBoundary
 
 from harness.export.lanes import NO_STRIP, LaneLine, Lanes
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 LINE_WIDTH_M = 0.15
 

@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
 from harness.export.curves import Curves, curves_of
 from harness.running.finished import RecordedRun
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 FILE = "run.rrd"
 TIMELINE = "time"

@@ -15,7 +15,7 @@ from harness.running.finished import RecordedRun
 from harness.scoring.settings import ScoringSettings
 from harness.storage.schema import DETECTION_SIZES, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 SIZE = list(DETECTION_SIZES[:2])
 NOMINAL_M = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)

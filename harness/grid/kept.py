@@ -23,7 +23,7 @@ from harness.storage.grid_folder import KEPT
 from harness.storage.grid_rows import Row
 from harness.storage.manifest import RunFacts, write_manifest
 from harness.storage.tables import write_table
-from mmpf.road import Road
+from mmpf.map.road import Road
 
 if TYPE_CHECKING:
     import pandas as pd

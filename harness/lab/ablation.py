@@ -16,7 +16,7 @@ from harness.common.markdown import markdown_table
 from harness.grid.grid import GridRequest
 from harness.scoring.metrics import quantities
 from harness.scoring.quantity import Quantity
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 DEFAULT = "mmpf"
 DRAWS = 2000

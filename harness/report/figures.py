@@ -15,7 +15,7 @@ from harness.common.palette import BLUE, GREEN, ORANGE, VERMILION
 from harness.common.plots import mark_new_egos, stretch_s, strip
 from harness.report.scene import Scene, scene_figure
 from harness.running.run import Pictured
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION}
 NAMES = {"visible": "visible", "partial": "partly hidden", "hidden": "hidden"}

@@ -24,7 +24,7 @@ from harness.running.finished import RecordedRun
 from harness.running.recorder import detections_of, frame_of
 from harness.storage.schema import VISIBILITY_STATES
 from harness.storage.tables import floats
-from mmpf.road import Road
+from mmpf.map.road import Road
 from mmpf.scan import EgoPose
 
 HALF_WINDOW_M = 27.0

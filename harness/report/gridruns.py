@@ -27,7 +27,7 @@ from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import DENSITY
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 BESIDE = "side-by-side.html"
 SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", "mot.hota")

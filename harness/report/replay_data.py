@@ -15,9 +15,9 @@ from harness.running.finished import RecordedRun
 from harness.scoring.errors import OUTCOMES
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, VISIBILITY_STATES
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.lanes.graph import LaneGraph
-from mmpf.road import Road
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.tracks import TRACK_STATES
 
 # Vehicles beyond the sensor are shown this far, so that those that come into range do not spring up.

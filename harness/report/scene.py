@@ -24,9 +24,9 @@ from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.storage.tables import floats
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray, wrapped
-from mmpf.lanes.graph import LaneGraph
-from mmpf.road import Road
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import Detections, EgoPose
 from mmpf.tracks import HIDDEN as TRACK_HIDDEN
 from mmpf.tracks import TENTATIVE, Tracks

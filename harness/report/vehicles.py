@@ -13,7 +13,7 @@ from harness.report.tables import html_table
 from harness.scoring.errors import OUTCOMES, TRACKED
 from harness.scoring.settings import ScoringSettings
 from harness.storage.tables import floats
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 MOST_ROWS = 300
 HIDDEN = "hidden"

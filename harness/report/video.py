@@ -17,7 +17,7 @@ from harness.report.scene import OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, sha
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.running.recorder import detections_of, frame_of
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import EgoPose
 
 WIDTH, HEIGHT = 1280, 720

@@ -8,8 +8,8 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.config.model import BeliefsConfig
-from mmpf.lanes.graph import LaneGraph, without_map
-from mmpf.road import Lane, Road
+from mmpf.map.lane_graph import LaneGraph, without_map
+from mmpf.map.road import Lane, Road
 
 ONLY_LANE = 1
 

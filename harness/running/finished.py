@@ -25,8 +25,8 @@ from harness.storage import run_folder as runfolder
 from harness.storage.checks import Until
 from harness.storage.schema import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, VISIBILITY_STATES
 from harness.storage.tables import floats
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 from mmpf.tracks import TRACK_STATES
 
 WHEN = ("step", "time_s", "episode")

@@ -13,7 +13,7 @@ import numpy as np
 from harness.common.errors import InputError, RunError
 from harness.sensor.observation import Look, Observation, Sensor
 from harness.truth.frame import Frame, TruthSource
-from mmpf.road import Road
+from mmpf.map.road import Road
 from mmpf.scan import SensorModel
 
 

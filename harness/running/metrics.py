@@ -14,9 +14,9 @@ from harness.common.numbers import without_nan
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.scoring.metrics import completed
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.graph import LaneGraph
-from mmpf.road import NO_LANE, Road
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.road import NO_LANE, Road
+from mmpf.numerics.arrays import FloatArray
 
 
 def assemble_metrics(

@@ -26,8 +26,8 @@ from harness.storage import run_folder as runfolder
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
+from mmpf.map.road import Road, highway
 from mmpf.registry import UnknownNameError
-from mmpf.road import Road, highway
 
 if TYPE_CHECKING:
     from harness.truth.network.network import Network

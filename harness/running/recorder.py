@@ -28,7 +28,7 @@ from harness.storage.schema import (
 )
 from harness.storage.tables import floats
 from harness.truth.frame import EVERYWHERE, Frame
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES, Tracks
 

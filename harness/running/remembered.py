@@ -10,7 +10,7 @@ from harness.running.looks import Looks
 from harness.running.open import open_looks, simulate
 from harness.truth.frame import Frame, TruthSource
 from harness.truth.network.network import Network
-from mmpf.road import Road
+from mmpf.map.road import Road
 
 
 class RememberedTraffic:

@@ -26,7 +26,7 @@ from harness.storage.schema import (
     WALL_COLUMN,
 )
 from harness.truth.frame import Frame
-from mmpf.road import Road
+from mmpf.map.road import Road
 from mmpf.scan import Scan
 
 PARAMETER = "replay"

@@ -41,7 +41,7 @@ from harness.running.watchers import Moment, MomentKeeper
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
 from harness.storage.manifest import RunFacts, write_manifest
-from mmpf.road import Road
+from mmpf.map.road import Road
 from mmpf.scan import SensorModel
 
 if TYPE_CHECKING:

@@ -9,12 +9,12 @@ from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker, TellsUnseen
 from harness.truth.frame import Frame
-from mmpf.around.reach import Reach
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import Tracks
-from mmpf.unseen.traffic import Unseen, UnseenTraffic
+from mmpf.undetected.intensity import Unseen, UnseenTraffic
+from mmpf.visibility.range_profile import Reach
 
 EVERY_S = 0.5
 PLACE_DECIMALS, EXPECTED_DECIMALS = 4, 6

@@ -12,10 +12,10 @@ import pandas as pd
 
 from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker
-from mmpf.cloud.mixture import Mixture, ParticleCloud
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.report import StepReport
-from mmpf.state import LAT, LON
+from mmpf.belief.mixture import Mixture, ParticleCloud
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.stages.reporting import StepReport
 from mmpf.tracks import HIDDEN, Tracks
 
 

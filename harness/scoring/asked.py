@@ -14,8 +14,8 @@ from harness.scoring.believed import egos_of, tracked_bodies, true_bodies
 from harness.scoring.history import first_of_group
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from harness.scoring.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 SIZES = ("length_m", "width_m")
 # A track's direction is that of its motion over this time, if it has come this far.

@@ -24,7 +24,7 @@ from harness.scoring.settings import ScoringSettings
 from harness.scoring.stretches import lasting_stretches, missed_stretches
 from harness.scoring.withheld import find_withheld
 from harness.storage.schema import VISIBILITY_STATES
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 MISSED, PHANTOM = range(2)
 KINDS = ("missed", "phantom")

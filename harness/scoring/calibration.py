@@ -19,7 +19,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NORMAL_95 = 1.959963984540054
 """Half width of the standard normal's central 95 % interval."""

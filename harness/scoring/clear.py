@@ -10,7 +10,7 @@ import numpy as np
 from harness.scoring.assignment import components, solve_dense, unrivalled
 from harness.scoring.pairs import GATE_SIMILARITY
 from harness.scoring.sequence import MotSequence
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 
 CONTINUITY_BONUS = 1000.0
 """Gain of keeping the last step's match, far above any similarity."""

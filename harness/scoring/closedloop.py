@@ -16,7 +16,7 @@ from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.stretches import missed_stretches, stretches
 from harness.scoring.withheld import WithheldAhead
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 HARD_BRAKE_MPS2 = -3.0
 TABLE = "drive"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 
 def time_to_collision(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: FloatArray) -> FloatArray:

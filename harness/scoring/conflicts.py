@@ -15,7 +15,7 @@ from harness.scoring.collision_time import time_to_collision
 from harness.scoring.encroachment import post_encroachment_times
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 SHORT_TTC_S, HARD_DRAC_MPS2 = (1.5, 3.0), 3.4
 """Limits of a conflict in the literature."""

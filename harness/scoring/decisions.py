@@ -27,7 +27,7 @@ from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.stretches import stretches
 from harness.storage.schema import HIDDEN, OUT
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 KM = "decisions.km"
 MISSED_PER_KM, PHANTOM_PER_KM = "decisions.missed_per_km", "decisions.phantom_per_km"

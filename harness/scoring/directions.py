@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from harness.storage.schema import DIRECTION_COLUMN
-from mmpf.compute.arrays import FloatArray, IntArray, turned
+from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 # Farther than any two places of one step are apart.
 BETWEEN_STEPS_M = 1e9

@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
 from harness.scoring.rows import RunRows
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 LEAST_ANGLE_RAD = np.deg2rad(20.0)
 """Paths that meet at a smaller angle go along each other, and have no crossing."""

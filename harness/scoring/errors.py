@@ -14,7 +14,7 @@ from harness.scoring.pairs import similarity
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
 from harness.storage.schema import HIDDEN, OUT, VISIBILITY_STATES
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
 OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")

@@ -11,7 +11,7 @@ from harness.scoring.matching import Matching, find_track_rows
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

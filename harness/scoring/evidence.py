@@ -20,7 +20,7 @@ from harness.scoring.rows import RunRows, read_run
 from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.settings import ScoringSettings
 from harness.scoring.unseen import Stretches, count_unseen
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)

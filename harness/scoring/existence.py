@@ -12,7 +12,7 @@ from harness.scoring.pairs import GATE_SIMILARITY
 from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import tracks_in_sight
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 NAME = "existence_calibration"
 DECILES = 10

@@ -17,7 +17,7 @@ from harness.scoring.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
 from harness.storage.schema import HIDDEN, OUT
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "gaps"
 ALL, MOVING, PARKED = KINDS = ("all", "moving", "parked")

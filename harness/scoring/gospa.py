@@ -11,7 +11,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import MotSequence
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m", tabled=True),)
 REMEMBERED = (

@@ -18,7 +18,7 @@ from harness.scoring.hidden_outcomes import count_outcomes, hidden_outcomes
 from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "hidden_by"
 CAUSES = ("vehicle", "building")

@@ -19,7 +19,7 @@ from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.sequence import tracks_in_sight
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 COST, COST_N, IDENTITY_COST = "hidden.hidden_cost_m", "hidden.n", "hidden.identity_cost_m"
 FALSE_HIDDEN = "hidden.false_hidden_tracks_per_scan"

@@ -11,7 +11,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis
 from harness.scoring.quantity import Quantity
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 
 TRACKED_PERCENT = "hidden_outcomes.tracked_percent"
 QUANTITIES = (Quantity(TRACKED_PERCENT, "hidden tracked, %", higher_is_better=True, compared=True),)

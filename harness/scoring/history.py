@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.scoring.rows import TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

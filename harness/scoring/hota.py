@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.scoring.assignment import best_assignment
 from harness.scoring.sequence import MotSequence
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 THRESHOLDS = np.arange(0.05, 0.99, 0.05)
 """Similarity thresholds alpha that the score is averaged over."""

@@ -19,7 +19,7 @@ from harness.scoring.plain_view import begins, lasting_s
 from harness.scoring.quantity import Quantity
 from harness.scoring.rows import TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "in_plain_view"
 RECALL, WORST_TENTH = f"{NAME}.recall", f"{NAME}.worst_tenth"

@@ -20,7 +20,7 @@ from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.storage.schema import HIDDEN, PARTIAL, VISIBLE
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 STATES = {"all": (VISIBLE, PARTIAL, HIDDEN), "visible": (VISIBLE,), "partial": (PARTIAL,), "hidden": (HIDDEN,)}
 NAMES = ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "position_m")

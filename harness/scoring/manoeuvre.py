@@ -20,7 +20,7 @@ from harness.scoring.quantity import Quantity
 from harness.scoring.rows import RunRows, TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S
 from harness.storage.schema import HIDDEN
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 MANOEUVRES = ("straight", "left", "right", "oncoming", "roundabout")
 STRAIGHT, LEFT, RIGHT, ONCOMING, ROUNDABOUT = range(5)

@@ -13,7 +13,7 @@ from harness.scoring.pairs import GATE_SIMILARITY, Pairs
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import PARTIAL, VISIBLE
-from mmpf.compute.arrays import BoolArray, IntArray
+from mmpf.numerics.arrays import BoolArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, ratio
 from harness.scoring.quantity import Quantity
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 NAME = "never_seen"
 EDGES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])

@@ -12,7 +12,7 @@ from harness.scoring.evidence import Evidence
 from harness.scoring.parts import Basis, joined
 from harness.scoring.quantity import Quantity
 from harness.scoring.settings import TIME_TOLERANCE_S
-from mmpf.compute.arrays import BoolArray
+from mmpf.numerics.arrays import BoolArray
 
 EVENTS = "occlusion.events"
 QUANTITIES = (

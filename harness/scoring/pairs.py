@@ -9,7 +9,7 @@ import numpy as np
 from harness.scoring.directions import along_and_across
 from harness.scoring.rows import DetectionRows, TrackRows, TruthRows
 from harness.scoring.settings import ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from harness.scoring.history import first_of_group, last_row_where
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import VISIBLE
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from harness.storage.schema import (
     WALL_COLUMN,
     WINDOW_COLUMNS,
 )
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

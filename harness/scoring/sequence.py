@@ -11,7 +11,7 @@ from harness.scoring.matching import gate_match
 from harness.scoring.pairs import GATE_SIMILARITY, Pairs, pairs_near
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 def stretches(holds: BoolArray, episode: IntArray) -> tuple[IntArray, IntArray]:

@@ -11,7 +11,7 @@ from harness.scoring.following import Following
 from harness.scoring.history import DetectionHistory
 from harness.scoring.matching import Matching
 from harness.scoring.rows import RunRows
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 LATELY_S = 1.0
 """A vehicle detected within this time is in a tracker's hands, if not yet in a track of its."""

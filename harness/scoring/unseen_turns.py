@@ -18,7 +18,7 @@ from harness.scoring.parts import Basis
 from harness.scoring.quantity import Quantity
 from harness.scoring.rows import RunRows, TruthRows
 from harness.scoring.settings import TIME_TOLERANCE_S
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "unseen_turns"
 UNSEEN_S = 2.0

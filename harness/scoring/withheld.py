@@ -18,7 +18,7 @@ from harness.scoring.matching import Matching
 from harness.scoring.plain_view import PlainView
 from harness.scoring.rows import RunRows
 from harness.scoring.settings import ScoringSettings
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from harness.sensor.returns import flashing_returns, standing_returns
 from harness.sensor.scene import Scene, box_axes, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan
 
 UNKNOWN_DIRECTION_RAD = float(np.pi)

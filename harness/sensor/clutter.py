@@ -12,9 +12,9 @@ from harness.sensor.lanearea import drawn_on_lanes, lanes_over, pieces_within
 from harness.sensor.memory import Ghosts
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray, joined, taken
-from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.road import Road
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, joined, taken
 from mmpf.scan import EgoPose
 
 GHOST_LENGTH_STD_M, GHOST_WIDTH_STD_M, SMALLEST_GHOST_M = 0.5, 0.15, 0.5

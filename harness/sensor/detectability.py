@@ -7,7 +7,7 @@ import numpy as np
 from harness.config.sensor import SensorSettings
 from harness.sensor.memory import SensorMemory
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 
 def detectabilities(settings: SensorSettings, memory: SensorMemory, frame: Frame) -> FloatArray:

@@ -18,8 +18,8 @@ from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_beside_walls
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
-from mmpf.road import Road, wall_bodies
+from mmpf.map.road import Road, wall_bodies
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 DECIMALS = 4

@@ -9,7 +9,7 @@ import numpy as np
 from harness.config.sensor import SensorSettings
 from harness.sensor.memory import Chain, VehicleMemory, next_state
 from harness.sensor.noise import hidden_share, turned
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 FRONT_SHARE = 0.35
 """Share of a long vehicle's length that its front box takes when it is split: a tractor before its trailer."""

@@ -13,8 +13,8 @@ from harness.sensor.scene import Scene
 from harness.sensor.shadows import sensor_position
 from harness.sensor.visibility import first_hits, pack_boxes
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.scan import EgoPose
 
 MIRRORED_LEFT_M, MIRRORED_ALONG_STD_M = (3.0, 8.0), 2.0

@@ -23,8 +23,8 @@ from harness.truth.frame import Frame
 from harness.truth.recorded.detected.drive import GivenBoxes
 from harness.truth.recorded.detected.origin import NOTHING
 from harness.truth.recorded.detected.source import DriveTruth
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections, EgoPose, Scan, SensorModel
 
 SMALLEST_BOX_M = 0.3

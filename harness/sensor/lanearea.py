@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.lanes.graph import LaneGraph
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 # As many lanes as can lie over one another in a large junction.
 MOST_OVER_ONE_ANOTHER = 24

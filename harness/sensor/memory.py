@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 NORMALS = 7
 """Standard normal numbers of a vehicle: longitudinal, lateral, along, across, speed, length, width."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 # A range rate says nothing of the motion across the line of sight; this is how fast vehicles drift across their lane.
 TYPICAL_LAT_SPEED_MPS = 0.35

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray, IntArray, StringArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
 from mmpf.scan import Scan, SensorModel
 
 

@@ -23,7 +23,7 @@ from harness.sensor.noise import (
 )
 from harness.sensor.scene import Scene, in_reach, sight_to
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken, wrapped
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, wrapped
 
 CLUTTER_SPEED_MPS = (0.0, 40.0)
 SPEED_NORMAL, REPORT_NORMALS = 4, 6

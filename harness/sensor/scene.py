@@ -9,8 +9,8 @@ import numpy as np
 from harness.config.sensor import SensorSettings
 from harness.sensor.shadows import sensor_position
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.scan import EgoPose
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.compute.arrays import FloatArray, wrapped
-from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.road import Road
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import Detections, EgoPose, FreeSpace
 
 SECTORS = 720

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.compute.kernels import kernel
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 TWO_PI = 2.0 * np.pi
 NO_OCCLUDER = -1

@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.common.files import write_text
 from harness.storage.schema import DENSITY, MISMATCH, RECORDING
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.control import LinkControl
-from mmpf.lanes.graph import LaneGraph
-from mmpf.lanes.limits import FARTHEST_M, MOST_POINTS, graph_problem
+from mmpf.map.control import LinkControl
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.limits import FARTHEST_M, MOST_POINTS, graph_problem
+from mmpf.numerics.arrays import FloatArray
 
 CONTROL_INTEGERS = ("kind", "signal", "foe", "first_foe")
 FLOATS, INTEGERS = ("width_m", "speed_limit_mps"), ("left", "right", "successor", "first_successor", "first_point")

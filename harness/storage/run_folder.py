@@ -26,7 +26,7 @@ from harness.storage import ownership
 from harness.storage.checks import Until, check_kinds, check_order, check_rows, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
 TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (

@@ -17,8 +17,8 @@ from pydantic import ValidationError
 from harness.common.error_text import first_problem, what_it_raised
 from harness.common.errors import InputError
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
+from mmpf.options.base import Settings, fields_of
 from mmpf.registry import UnknownNameError
-from mmpf.settings import Settings, fields_of
 
 
 @dataclass(frozen=True)

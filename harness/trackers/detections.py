@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from harness.trackers.protocol import TrackerSetting, trackers
+from mmpf.options.base import Settings
 from mmpf.scan import Scan, check_scan
-from mmpf.settings import Settings
 from mmpf.tracks import CONFIRMED, Tracks
 
 # Of a speed that is not measured.

@@ -15,9 +15,9 @@ from pydantic import Field
 
 from harness.trackers.plane import fitted, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 from mmpf.scan import EgoPose, Scan
-from mmpf.settings import NotNegative, Positive, Settings, in_unit
 from mmpf.tracks import TENTATIVE, Tracks
 
 

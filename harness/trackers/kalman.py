@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray, taken
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.scan import Detections, EgoPose
 from mmpf.tracks import Tracks
 

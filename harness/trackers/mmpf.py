@@ -14,9 +14,9 @@ from harness.trackers.protocol import TrackerSetting, trackers
 from mmpf.motion.learned.driver import load_learned_driver
 from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
-from mmpf.options import FilterOptions
+from mmpf.motion.state import SPEED, STATE_SIZE
+from mmpf.options.filter import FilterOptions
 from mmpf.registry import UnknownNameError
-from mmpf.state import SPEED, STATE_SIZE
 from mmpf.tracker import MixtureTracker
 
 # The models that are fitted to data, and so can come from a file of the user's own.

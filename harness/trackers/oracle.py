@@ -15,9 +15,9 @@ from pydantic import Field
 from harness.trackers.kalman import GaussianStates, newborn, predict_constant_velocity, tracks_of, updated
 from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import TrackerSetting, trackers
-from mmpf.compute.arrays import FloatArray, IntArray, StringArray, joined, taken
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, joined, taken
+from mmpf.options.base import Positive, Settings, in_unit
 from mmpf.scan import Scan, check_scan
-from mmpf.settings import Positive, Settings, in_unit
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 

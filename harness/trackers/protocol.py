@@ -9,11 +9,11 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from mmpf.map.road import Road
 from mmpf.registry import Registry
-from mmpf.road import Road
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import Tracks
-from mmpf.unseen.traffic import Unseen
+from mmpf.undetected.intensity import Unseen
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.around.depth import Bodies, DepthTable
-from mmpf.around.shadows import visible_fractions
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.plane import SensorPlane
+from mmpf.map.sensor_plane import SensorPlane
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import SensorModel
+from mmpf.visibility.depth import Bodies, DepthTable
+from mmpf.visibility.shadows import visible_fractions
 
 # Five points that stand for a Gaussian, in standard deviations, and what they weigh.
 POINTS, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.scan import EgoPose
 
 STEP_S = 0.1
@@ -35,7 +35,7 @@ class Frame:
         speed_mps: Longitudinal speed.
         lat_speed_mps: Lateral speed, positive to the left.
         accel_mps2: Longitudinal acceleration.
-        lane: Lane number as in ``mmpf.road``; 0 off the road.
+        lane: Lane number as in ``mmpf.map.road``; 0 off the road.
         length_m: Vehicle length.
         width_m: Vehicle width.
         window_m: Stretch of the road of which the source knows all vehicles; beyond it nothing is scored.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.compute.kernels import kernel
+from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.kernels import kernel
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.cloud.kinds import vehicle_share
-from mmpf.cloud.mixture import Components, is_longer
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import BoolArray, turned
+from mmpf.belief.kinds import vehicle_share
+from mmpf.belief.mixture import Components, is_longer
+from mmpf.belief.moments import Moments
 from mmpf.joint.overlap import overlapping
-from mmpf.joint_options import JointExistence, JointOptions, JointPath
-from mmpf.plane import SensorPlane
-from mmpf.state import LAT, LON
+from mmpf.map.sensor_plane import SensorPlane
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import BoolArray, turned
+from mmpf.options.joint import JointExistence, JointOptions, JointPath
 
 
 def to_confirm(components: Components, in_path: BoolArray, options: JointOptions) -> BoolArray:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments, gate_table
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.compute.kernels import kernel
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments, gate_table
 from mmpf.motion.guided import HEADING
 from mmpf.motion.pointing import heading_ratio
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 from mmpf.scan import BodyHeadings, Detections
-from mmpf.state import LAT, LON, SPEED
 
 LOG_SMALLEST = float(np.log(1e-300))
 FEWEST_EFFECTIVE = 10.0

@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments
-from mmpf.cloud.sizes import sizes_of, with_measured_sizes
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.compute.kernels import kernel
-from mmpf.joint_options import JointIdentity
-from mmpf.state import LAT, LON, SPEED
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments
+from mmpf.belief.sizes import sizes_of, with_measured_sizes
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
+from mmpf.options.joint import JointIdentity
 
 
 def hand_over_identity(

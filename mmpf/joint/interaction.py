@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.compute.kernels import kernel
-from mmpf.plane import SensorPlane
-from mmpf.state import LAT, LON
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments
+from mmpf.map.sensor_plane import SensorPlane
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 # Half a footprint, a little wider across: cars do not drive mirror to mirror.
 SCALE_ALONG, SCALE_ACROSS = 0.5, 0.63

@@ -6,24 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.cloud.kinds import (
-    FALSE,
-    VEHICLE,
-    Sightings,
-    bounded,
-    normalised,
-    relaxed_shading,
-    vehicle_share,
-    weighed,
-)
-from mmpf.cloud.mixture import Components
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, vehicle_share, weighed
+from mmpf.belief.mixture import Components
+from mmpf.belief.moments import Moments
 from mmpf.joint.overlap import overlapping
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
-from mmpf.joint_options import JointOptions
-from mmpf.options import FilterOptions
-from mmpf.update import Situation
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import FilterOptions
+from mmpf.options.joint import JointOptions
+from mmpf.stages.update_rule import Situation
 
 
 def ended_meanwhile(

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.cloud.mixture import NEVER, Mixture
-from mmpf.cloud.moments import Moments
-from mmpf.cloud.sizes import sizes_of, with_measured_sizes
-from mmpf.compute.arrays import BoolArray, turned
-from mmpf.joint_options import JointMerging
-from mmpf.state import LAT, LON, SPEED
+from mmpf.belief.mixture import NEVER, Mixture
+from mmpf.belief.moments import Moments
+from mmpf.belief.sizes import sizes_of, with_measured_sizes
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, turned
+from mmpf.options.joint import JointMerging
 
 # Two whose directions differ by more than 60 degrees are two.
 SAME_WAY = 0.5

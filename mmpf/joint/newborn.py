@@ -8,12 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from mmpf.around.depth import Bodies, depth_table
-from mmpf.around.false_objects import FalseObjects
-from mmpf.around.field import share_in_field
-from mmpf.around.reach import share_at
-from mmpf.around.shadows import visible_fractions
-from mmpf.cloud.kinds import (
+from mmpf.belief.kinds import (
     DETECTABILITY,
     FALSE,
     SHADING,
@@ -24,14 +19,19 @@ from mmpf.cloud.kinds import (
     shares_of,
     vehicle_share,
 )
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.joint_options import JointNewborn, JointOptions
-from mmpf.options import FilterOptions
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.options.filter import FilterOptions
+from mmpf.options.joint import JointNewborn, JointOptions
 from mmpf.scan import SensorModel
-from mmpf.state import LAT, LON
-from mmpf.update import Situation
+from mmpf.stages.update_rule import Situation
+from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.false_objects import FalseObjects
+from mmpf.visibility.field import share_in_field
+from mmpf.visibility.range_profile import share_at
+from mmpf.visibility.shadows import visible_fractions
 
 # So many scans those were overlooked for who are first detected in plain view.
 OVERLOOKED_SCANS = 4.0

@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.cloud.mixture import Components
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.joint_options import JointNoise
+from mmpf.belief.mixture import Components
+from mmpf.belief.moments import Moments
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.options.joint import JointNoise
 from mmpf.scan import Scan
-from mmpf.state import LAT, LON
-from mmpf.update import Situation
+from mmpf.stages.update_rule import Situation
 
 FACTOR_BOUNDS = (0.4, 3.0)
 LARGEST_SURPRISE = 9.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.cloud.mixture import Components
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import BoolArray, turned
-from mmpf.state import LAT, LON
+from mmpf.belief.mixture import Components
+from mmpf.belief.moments import Moments
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import BoolArray, turned
 
 
 def overlapping(components: Components, moments: Moments, share: float) -> BoolArray:

@@ -11,20 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.around.depth import Bodies, depth_table
-from mmpf.around.detectability import detection_probabilities, in_plain_view
-from mmpf.around.false_objects import FalseObjects
-from mmpf.around.field import half_widths, share_in_field, worth_at_edge
-from mmpf.around.missed_runs import run_after_scan, run_expected
-from mmpf.around.reach import share_at
-from mmpf.around.shadows import visible_fractions
-from mmpf.cloud.birth import Births, give_birth, lies_on_ego
-from mmpf.cloud.kinds import Sightings, mean_detectability
-from mmpf.cloud.mixture import Components, Mixture, is_longer
-from mmpf.cloud.moments import Moments, component_moments, effective_sizes
-from mmpf.cloud.resampling import resample_smoothly
-from mmpf.cloud.sizes import with_measured_sizes
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.belief.birth import Births, give_birth, lies_on_ego
+from mmpf.belief.kinds import Sightings, mean_detectability
+from mmpf.belief.mixture import Components, Mixture, is_longer
+from mmpf.belief.moments import Moments, component_moments, effective_sizes
+from mmpf.belief.resampling import resample_smoothly
+from mmpf.belief.sizes import with_measured_sizes
 from mmpf.joint.association import Marginals, associate
 from mmpf.joint.confirmation import lies_in_path, stands_on_another, still_confirmed, to_confirm
 from mmpf.joint.evidence import (
@@ -37,14 +29,22 @@ from mmpf.joint.evidence import (
 from mmpf.joint.identity import hand_over_identity
 from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
-from mmpf.joint.learned_reach import reach_after
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.newborn import appearances_at, kinds_at_birth
 from mmpf.joint.noise import common_factor, with_innovations
-from mmpf.options import FilterOptions
+from mmpf.joint.range_learning import reach_after
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import Detections, SensorModel
-from mmpf.state import LAT, LON
-from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+from mmpf.stages.update_rule import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.detection_probability import detection_probabilities, in_plain_view
+from mmpf.visibility.false_objects import FalseObjects
+from mmpf.visibility.field import half_widths, share_in_field, worth_at_edge
+from mmpf.visibility.missed_runs import run_after_scan, run_expected
+from mmpf.visibility.range_profile import share_at
+from mmpf.visibility.shadows import visible_fractions
 
 # A single detection is no object that stays.
 FEWEST_FALSE_HITS = 2
@@ -52,7 +52,7 @@ FEWEST_FALSE_HITS = 2
 
 @dataclass(frozen=True)
 class JointUpdate:
-    """Update rule ``joint``; see ``mmpf.update.UpdateRule``.
+    """Update rule ``joint``; see ``mmpf.stages.update_rule.UpdateRule``.
 
     Attributes:
         options: The filter's settings.

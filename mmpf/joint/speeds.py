@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.cloud.birth import Traffic, local_speed
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray
-from mmpf.joint_options import JointSpeeds
-from mmpf.lanes.graph import LaneGraph
-from mmpf.state import LAT, LON, SPEED
+from mmpf.belief.birth import Traffic, local_speed
+from mmpf.belief.moments import Moments
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.joint import JointSpeeds
 
 # Vehicles queue so far before a stop line.
 QUEUE_M = 50.0

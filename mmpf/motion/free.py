@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, turned, wrapped
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried
+from mmpf.numerics.arrays import FloatArray, turned, wrapped
 from mmpf.scan import BodyHeadings
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
 
 # Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
 SLOWEST_TURN_MPS = 1.0

@@ -10,16 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.compute.kernels import kernel
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.pointing import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
+from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
+from mmpf.numerics.kernels import kernel
 from mmpf.scan import BodyHeadings
-from mmpf.state import LAT, LON, SPEED
 
 GATE, LANE, NEXT, HEADING = -4, -3, -2, -1
 """Rows of the latents, from the end: a number from 0 to 1, below a link's probability of being open where the particle

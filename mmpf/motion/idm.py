@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, ProcessNoise, committed_table, move_along, process_noise
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings, motion_models, offset_in_lane
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, SPEED
+from mmpf.numerics.arrays import FloatArray
 
 SMALLEST_GAP_M = 0.1
 LANE_ATTRACTION_PER_S2 = 0.1

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import Memoryless, Surroundings, motion_models
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.numerics.arrays import FloatArray
 
 HARDEST_BRAKING_MPS2 = 9.0
 STRONGEST_ACCEL_MPS2 = 5.0

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.state import ACCEL
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
-from mmpf.state import ACCEL
+from mmpf.numerics.arrays import FloatArray
 
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, wrapped
+from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import BodyHeadings
 
 WRONG_SHARE = 0.05

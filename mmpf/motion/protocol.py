@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.registry import Registry
 from mmpf.scan import BodyHeadings
 
@@ -125,7 +125,7 @@ class MotionModel(Protocol):
         """Draw the latents of newborn particles.
 
         Args:
-            state: Their states, shape (6, n), rows as in ``mmpf.state``.
+            state: Their states, shape (6, n), rows as in ``mmpf.motion.state``.
             rng: Source of randomness.
 
         Returns:
@@ -140,7 +140,7 @@ class MotionModel(Protocol):
 
         Args:
             state: Present states, shape (6, n): longitudinal and lateral position, speed and acceleration, rows as
-                in ``mmpf.state``. Not written to.
+                in ``mmpf.motion.state``. Not written to.
             latents: Present latents, shape (latent_size, n). Not written to.
             surroundings: What the particles know of road and traffic.
             dt_s: Length of the step.
@@ -173,8 +173,8 @@ def spreads_speed(motion: MotionModel) -> bool:
 
     A model says so by an attribute ``spreads_speed`` that is true: particles that begin with one speed, m/s, then come
     apart by themselves from step to step, and the filter adds no noise to their speed where its update rule keeps them
-    apart as well (``mmpf.options.ModelErrorOptions.speed``). A model that does not say so is taken to be too sure of
-    the speed. What it is called plays no part.
+    apart as well (``ModelErrorOptions.speed`` in ``mmpf.options.filter``). A model that does not say so is taken to be
+    too sure of the speed. What it is called plays no part.
     """
     return bool(getattr(motion, "spreads_speed", False))
 

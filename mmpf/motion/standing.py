@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray
-from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 # Who is slower than this stands, and goes on standing until it starts.
 STANDS_MPS = 0.3

@@ -12,8 +12,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 SMALLEST = 1e-12
 

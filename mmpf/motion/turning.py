@@ -7,11 +7,11 @@ from functools import cache
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.compute.kernels import kernel
-from mmpf.lanes.control import FREE, YIELD
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.control import FREE, YIELD
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.kinematic import committed_table
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 
 @dataclass(frozen=True)

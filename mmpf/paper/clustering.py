@@ -8,11 +8,11 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.paper_options import PaperReclustering
-from mmpf.state import LAT, LON
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.options.paper import PaperReclustering
 
 ROUNDS = 10
 

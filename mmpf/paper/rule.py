@@ -10,25 +10,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from mmpf.around.depth import Bodies, depth_table
-from mmpf.around.shadows import shadowed_share, visible_fractions
-from mmpf.cloud.birth import Births, give_birth, lies_on_ego
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import Moments, component_moments, effective_sizes, gate_table
-from mmpf.cloud.resampling import resample
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.compute.kernels import kernel
-from mmpf.options import FilterOptions
+from mmpf.belief.birth import Births, give_birth, lies_on_ego
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments, component_moments, effective_sizes, gate_table
+from mmpf.belief.resampling import resample
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.kernels import kernel
+from mmpf.options.filter import FilterOptions
+from mmpf.options.paper import PaperMerging
 from mmpf.paper.clustering import recluster
-from mmpf.paper_options import PaperMerging
 from mmpf.scan import Detections
-from mmpf.state import LAT, LON, SPEED
-from mmpf.update import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+from mmpf.stages.update_rule import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.shadows import shadowed_share, visible_fractions
 
 
 @dataclass(frozen=True)
 class MaxLikelihoodUpdate:
-    """Update rule ``max_likelihood``; see ``mmpf.update.UpdateRule``.
+    """Update rule ``max_likelihood``; see ``mmpf.stages.update_rule.UpdateRule``.
 
     Attributes:
         options: The filter's settings.

@@ -163,7 +163,7 @@ def _scene() -> Path:
 def _setting_names() -> list[str]:
     from harness.config.model import RunConfig  # noqa: PLC0415
     from harness.config.sensor import SensorSettings  # noqa: PLC0415
-    from mmpf.settings import fields_of  # noqa: PLC0415
+    from mmpf.options.base import fields_of  # noqa: PLC0415
 
     sensor = [f"sensor.{name}" for name in SensorSettings.model_fields]
     return [*(name for name, _ in fields_of(RunConfig)), *sensor, "traffic.recording", "tracker", "traffic", "sensor"]

@@ -15,7 +15,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.frame import Frame
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, Tracks
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.map.road import highway
 from mmpf.motion.protocol import Surroundings
-from mmpf.road import highway
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import Detections, EgoPose, Scan
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 
 ROAD = highway()
 LANE_WIDTH_M = 3.66

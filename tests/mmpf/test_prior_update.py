@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.compute.arrays import FloatArray
-from mmpf.options import FilterOptions, ModelErrorOptions
-from mmpf.prediction import bootstrap_proposal, prior_update
-from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.belief.mixture import Mixture
+from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import FilterOptions, ModelErrorOptions
+from mmpf.stages.prediction import bootstrap_proposal, prior_update
 from tests.mmpf.motion.surroundings import around
 from tests.mmpf.scenes import LinearGaussianMotion, belief_of, spot
 from tests.mmpf.test_update_rules import situation_with

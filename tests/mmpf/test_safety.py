@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mmpf.around.false_objects import FalseObjects
-from mmpf.cloud.kinds import certain_vehicles
+from mmpf.belief.kinds import certain_vehicles
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import TENTATIVE, Tracks
+from mmpf.visibility.false_objects import FalseObjects
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 NEAR_M = 3.0

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from mmpf.joint_options import JointOptions
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions
-from mmpf.paper_options import MaxLikelihoodOptions
+from mmpf.options.base import Settings
+from mmpf.options.filter import FilterOptions
+from mmpf.options.joint import JointOptions
+from mmpf.options.paper import MaxLikelihoodOptions
 from mmpf.scan import SensorModel
-from mmpf.settings import Settings
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import HIDDEN, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import mmpf.motion  # noqa: F401
 from mmpf.motion.protocol import motion_models
-from mmpf.options import FilterOptions
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import InvalidScanError, SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.joint_options import JointAssociation, JointManoeuvres, JointNoise, JointOptions, JointResampling
-from mmpf.options import BirthOptions, FilterOptions, ModelErrorOptions
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import BirthOptions, FilterOptions, ModelErrorOptions
+from mmpf.options.joint import JointAssociation, JointManoeuvres, JointNoise, JointOptions, JointResampling
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.scenes import ROAD, LinearGaussianMotion, detections_at, ego_at

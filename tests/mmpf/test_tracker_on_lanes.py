@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mmpf.compute.arrays import FloatArray
+from mmpf.map.road import Road
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions
-from mmpf.road import Road
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import HIDDEN, Tracks
-from tests.mmpf.lanes.scenes import arc, graph_of
+from tests.mmpf.map.scenes import arc, graph_of
 
 ARM_M, EDGE_M, SIDE_M, NOISE_M = 100.0, 8.0, 1.6, 0.15
 

@@ -3,18 +3,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.around.reach import Reach
-from mmpf.cloud.birth import Traffic
-from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.birth import Traffic
+from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.moments import component_moments
 from mmpf.joint.rule import JointUpdate
+from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import motion_models
-from mmpf.options import FilterOptions
+from mmpf.motion.state import LAT, LON
+from mmpf.options.filter import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
-from mmpf.plane import SensorPlane
 from mmpf.scan import SensorModel
-from mmpf.state import LAT, LON
-from mmpf.update import Occlusion, Situation, UpdateRule
+from mmpf.stages.update_rule import Occlusion, Situation, UpdateRule
+from mmpf.visibility.range_profile import Reach
 from tests.mmpf.scenes import ROAD, lane_centre, scan_of
 
 PARTICLES = 400

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from harness.decisions.belief import Belief, Beside, Others
-from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.idm import SMALLEST_GAP_M, TREIBER_KESTING_2013, IdmParameters
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 PARAMETERS = TREIBER_KESTING_2013
 SAFE_DECEL_MPS2 = 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from harness.decisions.belief import Belief, Beside, Others
 from harness.decisions.drivers.following import follower_acceleration, following, safe_gap
 from harness.decisions.drivers.protocol import Command, drivers
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 POLITENESS = 0.2
 THRESHOLD_MPS2 = 0.1

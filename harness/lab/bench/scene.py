@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.truth.frame import STEP_S
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 
 LANES = 5

@@ -16,8 +16,8 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import NO_LANE
+from mmpf.map.road import NO_LANE
+from mmpf.numerics.arrays import FloatArray
 
 FOOT_M = 0.3048
 CELL_M = 20.0 * FOOT_M

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.lab.fidelity.samples import Samples
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 RESAMPLES = 1000
 INTERVAL = (0.025, 0.975)

@@ -22,7 +22,7 @@ from harness.lab.fidelity.fields import Fields
 from harness.lab.fidelity.lanes import LaneShare
 from harness.lab.fidelity.samples import UNITS
 from harness.lab.fidelity.statistics import QUARTERS, Target
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")
 DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")

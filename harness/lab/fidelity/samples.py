@@ -18,8 +18,8 @@ from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.fcd import declares_types
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble, check_one_road
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import NO_LANE
+from mmpf.map.road import NO_LANE
+from mmpf.numerics.arrays import FloatArray
 
 SAMPLE_EVERY_S = 1.0
 END_M = 20.0

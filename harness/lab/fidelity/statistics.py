@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.lab.fidelity.fields import Fields
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 QUARTERS = 4
 SLOW_MPS = 4.0

@@ -15,10 +15,10 @@ import numpy as np
 from harness.lab.fit.mixture_em import fit_mixture
 from harness.lab.windows.changing import LaneChanges
 from harness.lab.windows.neighbours import Others
-from mmpf.compute.arrays import BoolArray, FloatArray
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, TRAINED_STEP_S, ChangeView, change_inputs
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 MISSING_GAP_SPREAD_M = 10.0
 MISSING_SPEED_SPREAD_MPS = 1.0

@@ -27,7 +27,7 @@ from harness.lab.fit.sensor_fit import KITTI_HELD_OUT, KITTI_LEAST_SCORE
 from harness.truth.recorded.detected.drive import Drive
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.origin import NOTHING, origins
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 WITHIN_M, LEAST_FRAMES, LONG_RUN_STEPS = 60.0, 10, 10
 RECALLS = (0.3, 0.6, 0.75, 0.9)

@@ -9,12 +9,12 @@ import numpy as np
 from harness.lab.fit.mixture_em import fit_mixture
 from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
 from harness.lab.windows.following import Following
-from mmpf.compute.arrays import FloatArray, joined
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
 from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_inputs
+from mmpf.numerics.arrays import FloatArray, joined
 
 FOLLOWING_SAMPLES = 300_000
 SHORT_SAMPLES = 1_200_000

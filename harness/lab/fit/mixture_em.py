@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.conditional import ConditionalGmm
 from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from sklearn.mixture import GaussianMixture

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.features import SMALLEST_GAP_M, situation
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 PERTURBED_SHARE = 0.5
 POSITION_SPREAD_M = 3.0

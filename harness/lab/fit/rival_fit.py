@@ -17,11 +17,11 @@ from harness.common.files import write_toml
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.following import Following
 from harness.lab.windows.scores import HORIZONS_S
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import MotionModel
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
 
 WINDOWS = 300
 GENERATIONS = 25

@@ -14,7 +14,7 @@ from harness.sensor.failings import detection_probability, miss_chain
 from harness.sensor.memory import Chain, next_state
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.detected.drive import Drive
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 RANGE_M = 80.0
 # Detections of vehicles that geometry calls hidden are not impossible: labels and heights are not exact.

@@ -10,7 +10,7 @@ import numpy as np
 from harness.sensor.visibility import visible_fractions
 from harness.truth.recorded.detected.drive import Drive, step_starts
 from harness.truth.recorded.detected.origin import NOTHING, origins, pairs_within
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, turned
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, turned
 
 EGO_LENGTH_M, EGO_WIDTH_M = 4.5, 1.8
 # A false box belongs to a false object whose last one was at most so long ago and so near.

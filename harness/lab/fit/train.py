@@ -36,11 +36,11 @@ from harness.lab.windows.scenarios import (
 )
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import LearnedDriver, save_driver
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import SHORT, short_term_driver
+from mmpf.numerics.arrays import FloatArray
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}

@@ -17,10 +17,10 @@ from harness.lab.windows.onmap import OnMap, on_map
 from harness.lab.windows.recording import Scenario, load_all
 from harness.lab.windows.scenarios import record_scenarios
 from harness.truth.network.network import Network
-from mmpf.compute.arrays import BoolArray, FloatArray
-from mmpf.lanes.control import YIELD
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.control import YIELD
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 ON_NETWORKS = "junction,priority,roundabout"
 TURNING = "turning"

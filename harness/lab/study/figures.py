@@ -12,8 +12,8 @@ from harness.common.files import save_figure
 from harness.common.plots import label_ends
 from harness.lab.study.study import StudyResult
 from harness.lab.windows.scores import mean_with_interval
-from mmpf.compute.arrays import FloatArray
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
 
 COLOURS = {
     "gmm": "#0072B2",

@@ -11,9 +11,9 @@ import numpy as np
 from harness.lab.windows.cases import Cases
 from harness.lab.windows.filtering import Cloud, MeasurementNoise, follow, measure
 from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, mean_with_interval, score
-from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.protocol import MotionModel
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 PARTIAL, COMPLETE = "partial", "complete"
 LABELS = {"gmm": "ours", "gmm-short": "as in the paper", "gmm-lane-change": "as in the paper"}

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from harness.trackers.catalogue import tracker_options, tuned_options
-from mmpf.settings import fields_of
+from mmpf.options.base import fields_of
 
 Value = object
 Options = dict[str, Value]

@@ -12,9 +12,9 @@ import numpy.typing as npt
 from harness.lab.windows.changing import LaneChanges
 from harness.lab.windows.following import Following
 from harness.lab.windows.neighbours import Others
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.protocol import Neighbour, Surroundings
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.numerics.arrays import FloatArray
 
 LookAround = Callable[[FloatArray, int, bool], Surroundings]
 
@@ -24,7 +24,7 @@ class Cases:
     """True trajectories of m vehicles over the same number of steps.
 
     Attributes:
-        truth: States as in ``mmpf.state``, shape (steps, 6, m).
+        truth: States as in ``mmpf.motion.state``, shape (steps, 6, m).
         surroundings: Given particle states of shape (6, m * p), a step and whether the vehicles count as unseen,
             returns what the particles know. It takes traffic from truth: the studies test the models alone.
         step_s: Time between steps.

@@ -11,9 +11,9 @@ import numpy as np
 from harness.lab.windows.neighbours import Others, order_by_lane, others_at, row_ahead, row_behind
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import NO_LANE, Road
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.map.road import NO_LANE, Road
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 HALF_WINDOW_S = 5.0
 
@@ -23,7 +23,7 @@ class LaneChanges:
     """Windows around lane changes, lateral from the original lane's middle and positive towards the target lane.
 
     Attributes:
-        state: States as in ``mmpf.state``, shape (6, windows, steps).
+        state: States as in ``mmpf.motion.state``, shape (6, windows, steps).
         length_m: Vehicle length, shape (windows,).
         lane_width_m: Mean width of original and target lane, shape (windows,).
         leader: Leader in the original lane.

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.lab.windows.cases import Cases
-from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
-from mmpf.cloud.moments import effective_sizes
-from mmpf.cloud.resampling import resample_smoothly
-from mmpf.compute.arrays import FloatArray
-from mmpf.joint_options import JointResampling
+from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.moments import effective_sizes
+from mmpf.belief.resampling import resample_smoothly
 from mmpf.motion.protocol import MotionModel
-from mmpf.state import LAT, LON, SPEED
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.joint import JointResampling
 
 MEASURED = (LON, LAT, SPEED)
 RESAMPLING = JointResampling()

@@ -11,8 +11,8 @@ import numpy as np
 from harness.lab.windows.neighbours import NOBODY, Others, clear_gap_m, order_by_lane, others_at, row_ahead
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.road import NO_LANE, Road
+from mmpf.map.road import NO_LANE, Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 STEPS = 101
 """States of a window of 10 s."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from harness.lab.windows.recording import Recording
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 NOBODY = -1
 _STEP_KEY = 1.0e7

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from harness.lab.windows.recording import Recording
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 # A leader farther ahead than this, and this long, holds nobody.
 HOLDS_WITHIN_M, HOLDS_WITHIN_S = 20.0, 3.0

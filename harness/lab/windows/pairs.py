@@ -12,8 +12,8 @@ from harness.lab.windows.following import Following, following_windows
 from harness.lab.windows.recording import Recording
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pandas as pd

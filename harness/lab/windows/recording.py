@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.truth.frame import Frame, TruthSource
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from harness.common.bootstrap import bootstrap_ci, independent_ci
 from harness.lab.windows.cases import Cases
 from harness.lab.windows.filtering import Cloud
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 QUANTITIES = {"lon_m": LON, "lat_m": LAT, "speed_mps": SPEED, "lat_speed_mps": LAT_SPEED}
 INTERVAL = (0.025, 0.975)

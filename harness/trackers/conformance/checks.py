@@ -48,7 +48,7 @@ from harness.trackers.conformance.scripted_scenes import (
     without_sizes,
 )
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
-from mmpf.road import Road
+from mmpf.map.road import Road
 from mmpf.scan import Detections
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 

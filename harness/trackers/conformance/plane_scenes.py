@@ -16,9 +16,9 @@ from harness.trackers.conformance.scripted_scenes import (
     detections_at,
     shuffled,
 )
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.road import Road
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import EgoPose, Scan
 
 LANE_WIDTH_M, SPEED_LIMIT_MPS = 3.2, 20.0

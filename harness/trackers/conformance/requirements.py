@@ -11,7 +11,7 @@ import numpy as np
 from harness.trackers.conformance.scripted_scenes import LabelledScan
 from harness.trackers.protocol import AnyTracker, step_tracker
 from harness.trackers.wellformed import fault_of
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import InvalidScanError
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.trackers.protocol import TrackerSetting
-from mmpf.compute.arrays import FloatArray, IntArray, taken
-from mmpf.road import highway
+from mmpf.map.road import highway
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 
 ROAD = highway(section_m=(0.0, 2000.0))

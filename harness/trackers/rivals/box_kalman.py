@@ -29,7 +29,7 @@ from harness.trackers.rivals.box_tracks import (
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.lives import Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import in_frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.scan import Detections, Scan, SensorModel, check_scan
 from mmpf.tracks import Tracks
 

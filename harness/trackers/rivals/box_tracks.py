@@ -25,10 +25,10 @@ from harness.trackers.kalman import (
 from harness.trackers.rivals.boxes import FlatBoxes, generalised_overlap
 from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.options import RivalOptions
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
-from mmpf.options import Footprint
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
+from mmpf.options.base import NotNegative, Positive, in_unit
+from mmpf.options.filter import Footprint
 from mmpf.scan import Detections, EgoPose
-from mmpf.settings import NotNegative, Positive, in_unit
 
 # Boxes whose middles are farther apart are not compared: even two lorries of which one stands before the other.
 _COMPARED_WITHIN_M = 25.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, turned
+from mmpf.numerics.arrays import BoolArray, FloatArray, turned
 
 # The corners of a box, in shares of its half-length and half-width, counter-clockwise.
 _CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])

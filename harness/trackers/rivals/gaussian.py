@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from harness.trackers.kalman import LAT, LON
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.scan import Detections
 
 _TWO_PI = 2.0 * np.pi

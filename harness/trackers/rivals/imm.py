@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED
-from mmpf.compute.arrays import FloatArray, IntArray, taken
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.scan import Detections
 
 ACCEL, TURN = 4, 5

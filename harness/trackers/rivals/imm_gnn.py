@@ -31,9 +31,9 @@ from harness.trackers.rivals.imm import (
 )
 from harness.trackers.rivals.lives import Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import RivalOptions, in_frame
-from mmpf.compute.arrays import FloatArray, IntArray, joined, taken
+from mmpf.numerics.arrays import FloatArray, IntArray, joined, taken
+from mmpf.options.base import Positive, Probability, in_unit
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel, check_scan
-from mmpf.settings import Positive, Probability, in_unit
 from mmpf.tracks import Tracks
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.trackers.kalman import tracks_of
 from harness.trackers.rivals.options import RivalOptions
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import EgoPose
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 

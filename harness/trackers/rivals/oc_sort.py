@@ -32,9 +32,9 @@ from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, non
 from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import in_frame
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
+from mmpf.options.base import NotNegative, Positive, in_unit
 from mmpf.scan import Detections, Scan, SensorModel, check_scan
-from mmpf.settings import NotNegative, Positive, in_unit
 from mmpf.tracks import Tracks
 
 _OBSERVATIONS_KEPT = 16

@@ -9,7 +9,7 @@ from pydantic import Field
 from harness.trackers.doubtful import DoubtfulOptions
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
-from mmpf.settings import NotNegative, Positive, Settings, in_unit
+from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 
 
 class RivalOptions(Settings):

@@ -27,7 +27,7 @@ from harness.trackers.stonesoup.parts import (
     to_seconds,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher, Sightings
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 

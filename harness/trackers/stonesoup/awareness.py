@@ -17,15 +17,15 @@ from stonesoup.types.update import Update
 from harness.trackers.shadows import POINTS, Visibility, detection_probabilities
 from harness.trackers.stonesoup.options import AwareJpdaOptions
 from harness.trackers.stonesoup.parts import MEASURED_SIZE, to_seconds
-from mmpf.around.depth import Bodies, depth_table
-from mmpf.around.neighbours import IN_THE_WAY
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.map.road import Road
+from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.idm import LONGEST_HEADWAY_S, SHORTEST_HEADWAY_S, SLOWEST_MPS, adaptive_parameters, idm_acceleration
 from mmpf.motion.protocol import Neighbour
-from mmpf.options import Footprint
-from mmpf.plane import SensorPlane
-from mmpf.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.options.filter import Footprint
 from mmpf.scan import EgoPose, Scan, SensorModel
+from mmpf.surroundings.neighbours import IN_THE_WAY
+from mmpf.visibility.depth import Bodies, depth_table
 
 _SMALLEST_SIZE_STD_M = 0.05
 

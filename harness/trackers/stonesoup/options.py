@@ -9,8 +9,8 @@ from pydantic import Field
 
 from harness.trackers.doubtful import DoubtfulOptions
 from harness.trackers.stonesoup.stitching import StitchingOptions
-from mmpf.options import Footprint
-from mmpf.settings import Positive, Probability, Settings, in_unit
+from mmpf.options.base import Positive, Probability, Settings, in_unit
+from mmpf.options.filter import Footprint
 
 
 class KalmanOptions(Settings):

@@ -25,7 +25,7 @@ from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 from mmpf.scan import BodySizes, Detections
 
 _NOISE_STEP = 1.1

@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
-from mmpf.settings import Positive, Settings, in_unit
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
+from mmpf.options.base import Positive, Settings, in_unit
 from mmpf.tracks import TENTATIVE, Tracks
 
 _UNMATCHED_COST = 1e6

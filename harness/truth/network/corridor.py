@@ -12,8 +12,8 @@ from xml.sax import SAXException
 import numpy as np
 
 from harness.common.errors import InputError
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
+from mmpf.numerics.arrays import FloatArray
 
 # sumolib carries no types.
 SumoNet = Any

@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field
 
 from harness.common.errors import InputError
 from harness.storage.schema import DENSITY_RANGE
-from mmpf.settings import WithoutTruthValues
+from mmpf.options.base import WithoutTruthValues
 
 DEFAULT_DENSITY = 30.0
 ROUNDING = 4.0

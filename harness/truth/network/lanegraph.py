@@ -12,9 +12,9 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.linkcontrol import read_control
-from mmpf.compute.arrays import BoolArray, FloatArray
-from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.lanes.limits import graph_problem
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.limits import graph_problem
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 # Whoever drives on roads; lanes of which rails, feet or bicycles alone have the use are none of the graph's.
 ROAD_VEHICLES = frozenset(

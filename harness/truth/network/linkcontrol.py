@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from harness.truth.network.corridor import SumoLane
-from mmpf.compute.arrays import IntArray
-from mmpf.lanes.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
+from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
+from mmpf.numerics.arrays import IntArray
 
 # SUMO's letters for links whose vehicles wait for others: minor roads, stop signs, nobody has right of way.
 YIELDS = frozenset("msw=")

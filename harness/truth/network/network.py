@@ -29,8 +29,8 @@ from harness.truth.network.networkfile import (
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from harness.truth.network.walls import read_walls
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 
 LATERAL_RESOLUTION_M = "0.92"
 

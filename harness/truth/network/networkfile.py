@@ -14,7 +14,7 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file
 from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.demand import Drivers
-from mmpf.settings import WithoutTruthValues
+from mmpf.options.base import WithoutTruthValues
 
 METADATA_FILE = "network.toml"
 # More than a lane can carry, and more than drivers differ.

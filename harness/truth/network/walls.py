@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.network.limits import check_xml
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 # Types of polygons, as netconvert and polyconvert write them, that stand up from the ground.
 OPAQUE = ("building", "wall", "barrier.wall")

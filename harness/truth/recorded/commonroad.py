@@ -18,7 +18,7 @@ from harness.truth.recorded.laneletgraph import are_one_road, plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
 VERSIONS = ("2018b", "2020a")

@@ -10,7 +10,7 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.traffic import RecordedTraffic
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 AUTO, EACH = "auto", "each"
 # each:12 is twelve of them, evenly spaced.

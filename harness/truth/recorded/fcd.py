@@ -21,8 +21,8 @@ from harness.common.untrusted_files import MOST_TABLE_BYTES, number, unpacked
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 
 # SUMO's own sizes of its vehicle classes, metres.
 DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.2, 0.9), "bus": (12.0, 2.5)}

@@ -15,8 +15,8 @@ import pyarrow.csv
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 TRACK_COLUMNS = ("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity")
 META_COLUMNS = ("id", "drivingDirection")

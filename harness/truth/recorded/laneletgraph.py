@@ -10,11 +10,11 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.recorded.lanelets import Lanelet
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
-from mmpf.lanes.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
-from mmpf.lanes.graph import NOWHERE, LaneGraph
-from mmpf.lanes.limits import graph_problem
-from mmpf.road import Road
+from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.limits import graph_problem
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 # On one road lanelets lead one way to within this angle, but for a small share of their length, as of a drawn hook.
 ONE_WAY_RAD, MOST_ASIDE = np.deg2rad(20.0), 0.05

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
+from mmpf.numerics.arrays import FloatArray
 
 SAMPLE_M = 2.0
 # The drawn lanelets kink where they were cut; the road does not.

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 
 # Standard deviations of a place beside its lane's middle and of a direction against the lane's.
 BESIDE_STD_M, ASTRAY_STD_RAD = 1.0, np.deg2rad(15.0)

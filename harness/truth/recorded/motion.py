@@ -14,7 +14,7 @@ import numpy as np
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.resample import Clocked
 from harness.truth.recorded.rows import Rows
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 HALF_WIDTH_STEPS = 5
 CREEP_MPS = 2.0

@@ -24,8 +24,8 @@ from harness.common.untrusted_files import MOST_TABLE_BYTES, unpacked
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
-from mmpf.compute.arrays import FloatArray, StringArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, StringArray
 
 FOOT_M = 0.3048
 COLUMNS = ("Vehicle_ID", "Frame_ID", "Global_Time", "Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel")

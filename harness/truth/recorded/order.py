@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from mmpf.compute.arrays import IntArray, StringArray
+from mmpf.numerics.arrays import IntArray, StringArray
 
 NEEDED = ("time_s", "lon_m", "lat_m", "length_m", "width_m")
 # Times closer together than this are one time.

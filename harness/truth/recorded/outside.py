@@ -16,8 +16,8 @@ import numpy as np
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
 from harness.truth.recorded.rows import ReadTraffic, Rows
+from mmpf.map.road import Road
 from mmpf.registry import Registry, UnknownNameError
-from mmpf.road import Road
 
 Reader = Callable[..., object]
 recording_formats: Registry[Reader] = Registry("format of recorded traffic", "harness.recording_formats")

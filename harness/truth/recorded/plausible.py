@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.recorded.order import Stays
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 # Vehicles that move or drive less than this say nothing about units.
 TELLING_DISTANCE_M = 10.0

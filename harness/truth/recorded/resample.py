@@ -11,7 +11,7 @@ from harness.common.errors import InputError
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.order import MOST_ROWS, Stays
 from harness.truth.recorded.rows import Rows
-from mmpf.compute.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 # How far a recorded time may be off the clock and still be taken as on it.
 ON_CLOCK = 1e-3

@@ -12,8 +12,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.compute.arrays import FloatArray, IntArray, StringArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
 
 Selection = npt.NDArray[np.bool_] | IntArray
 

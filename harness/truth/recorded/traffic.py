@@ -17,8 +17,8 @@ from harness.truth.recorded.order import Stays, order_rows
 from harness.truth.recorded.plausible import check_units
 from harness.truth.recorded.resample import on_clock
 from harness.truth.recorded.rows import ReadTraffic
-from mmpf.compute.arrays import FloatArray, IntArray, StringArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
 
 # Where so many vehicles come or go so near to each other is an edge of what was recorded.
 EDGE_VEHICLES = 3

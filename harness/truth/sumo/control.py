@@ -20,7 +20,7 @@ from harness.truth.sumo.fill import FREE_SHARE, Placement, fill, leaving_share, 
 from harness.truth.sumo.population import Vehicle, draw_vehicle
 from harness.truth.sumo.reading import Load, front_positions, read_load
 from harness.truth.sumo.session import Sumo
-from mmpf.road import Road
+from mmpf.map.road import Road
 
 SLOWEST_MPS = 1.0
 CONTROL_EVERY_S = 0.5

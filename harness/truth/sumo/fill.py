@@ -11,7 +11,7 @@ from harness.truth.network.corridor import CorridorEdge, Ramp
 from harness.truth.network.demand import Demand, Equilibrium
 from harness.truth.network.network import Network
 from harness.truth.sumo.population import Vehicle, draw_vehicle
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 EXTRA_LANE_SHARE = 0.35
 LANES_NEAR_RAMP = 2

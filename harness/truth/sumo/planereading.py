@@ -14,8 +14,8 @@ import numpy as np
 from harness.truth.frame import CLOSED, OPEN
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.sumo.session import Sumo
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.graph import NOWHERE
+from mmpf.map.lane_graph import NOWHERE
+from mmpf.numerics.arrays import FloatArray
 
 # They share no road with cars, and many are longer than a rigid body on a bend can be.
 NOT_ON_ROADS = frozenset(

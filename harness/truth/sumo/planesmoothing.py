@@ -9,8 +9,8 @@ import numpy as np
 from harness.truth.frame import Frame
 from harness.truth.sumo.planereading import Snapshot
 from harness.truth.sumo.smoothing import DECIMALS, hann_weights, lead_frames
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 NO_EGO_INDEX = -1
 

@@ -18,7 +18,7 @@ from harness.truth.sumo.planereading import PlaneReader, Snapshot
 from harness.truth.sumo.planesmoothing import lead_snapshots, smoothed_frame
 from harness.truth.sumo.running import FIRST_VEHICLE_WITHIN_S, RunningSumo
 from harness.truth.sumo.session import show_ego, sumo_errors_in_words
-from mmpf.lanes.graph import NOWHERE
+from mmpf.map.lane_graph import NOWHERE
 
 # Beyond a lidar's 100 m, so that long vehicles whose middles are out of range but reach into it hide others.
 REACH_M = 150.0

@@ -10,7 +10,7 @@ from harness.truth.sumo.planereading import PlaneReader, Snapshot
 from harness.truth.sumo.planesmoothing import NO_EGO_INDEX, lanes_of
 from harness.truth.sumo.session import Sumo
 from harness.truth.sumo.smoothing import DECIMALS
-from mmpf.compute.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 
 class PresentPlane:

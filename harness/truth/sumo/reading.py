@@ -9,8 +9,8 @@ import numpy as np
 
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import Sumo
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import NO_LANE, Road
+from mmpf.map.road import NO_LANE, Road
+from mmpf.numerics.arrays import FloatArray
 
 NO_EGO_INDEX = -1
 BESIDE_SECTION_M = 150.0

@@ -24,8 +24,8 @@ from harness.truth.sumo.reading import read_frame, read_load
 from harness.truth.sumo.running import FIRST_VEHICLE_WITHIN_S, RunningSumo
 from harness.truth.sumo.session import show_ego, start_sumo, sumo_errors_in_words
 from harness.truth.sumo.smoothing import lead_frames, smoothed
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.road import NO_LANE
+from mmpf.map.road import NO_LANE
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 WARM_UP_S = 20.0
 LANE_CHANGE_S = "3"

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 
 HALF_WIDTH_S = 0.5
 DECIMALS = 4

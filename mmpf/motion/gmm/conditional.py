@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from mmpf.compute.arrays import Float32Array, FloatArray
-from mmpf.compute.normals import standard_normals
-from mmpf.compute.threads import in_shares
 from mmpf.motion.gmm.kernel import BLOCK, Conditional, Scaling, draw_outputs
+from mmpf.numerics.arrays import Float32Array, FloatArray
+from mmpf.numerics.normals import standard_normals
+from mmpf.numerics.threads import in_shares
 
 # Finite, since compiled code may take it for granted that numbers are.
 UNBOUNDED = 1e30

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mmpf.compute.arrays import Float32Array, FloatArray, Int32Array
-from mmpf.compute.kernels import kernel
+from mmpf.numerics.arrays import Float32Array, FloatArray, Int32Array
+from mmpf.numerics.kernels import kernel
 
 
 class Scaling(NamedTuple):

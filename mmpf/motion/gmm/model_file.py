@@ -15,10 +15,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.conditional import ConditionalGmm
 from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.numerics.arrays import FloatArray
 
 MIXTURE_PARTS = ("weights", "means", "covariances", *Scaling._fields)
 

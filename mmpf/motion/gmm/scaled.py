@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import Float32Array, FloatArray
 from mmpf.motion.gmm.conditional import ConditionalGmm
 from mmpf.motion.gmm.kernel import Scaling
+from mmpf.numerics.arrays import Float32Array, FloatArray
 
 
 @dataclass(frozen=True)

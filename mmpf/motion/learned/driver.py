@@ -15,9 +15,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.compute.normals import standard_normals
-from mmpf.compute.threads import in_shares
 from mmpf.motion.gmm.model_file import (
     ModelFileError,
     committed_file,
@@ -32,8 +29,11 @@ from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
+from mmpf.motion.state import ACCEL, LAT, SPEED
 from mmpf.motion.turning import turning_driver
-from mmpf.state import ACCEL, LAT, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.normals import standard_normals
+from mmpf.numerics.threads import in_shares
 
 CASE = "lane-keeping"
 FURTHEST_LEADER_M = 100.0

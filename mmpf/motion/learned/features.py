@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.compute.arrays import Float32Array, FloatArray, IntArray
-from mmpf.compute.kernels import kernel
+from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 SITUATION_SIZE = 5
 SMALLEST_GAP_M = 0.3

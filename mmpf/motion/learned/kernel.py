@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from mmpf.compute.kernels import kernel
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 ARRIVED_WITHIN_M = 0.3
 AVOIDED_BY_M = 1.0

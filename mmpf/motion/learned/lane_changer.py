@@ -11,13 +11,13 @@ from functools import partial
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray
-from mmpf.compute.kernels import kernel
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import NeighbourView, Surroundings, motion_models
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.kernels import kernel
 
 CHANGE = MixtureFile("lane-change", inputs=14, outputs=6)
 FURTHEST_NEIGHBOUR_M = 100.0

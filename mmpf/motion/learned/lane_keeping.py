@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray, IntArray
 from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
 from mmpf.motion.protocol import Surroundings, offset_in_lane
+from mmpf.motion.state import LAT
 from mmpf.motion.tries import log_ratio_of_begun
-from mmpf.state import LAT
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 WIDEST_LANE_M = 6.0
 WIDEST_OFFSET_M = 1.0

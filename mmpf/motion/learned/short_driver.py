@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import Memoryless, Surroundings, motion_models, offset_in_lane
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
 
 SHORT = MixtureFile("lane-keeping-short", inputs=5, outputs=4)
 TRAINED_STEP_S = 0.1

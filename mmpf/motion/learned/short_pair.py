@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.learned.driver import LearnedDriver
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.protocol import MotionModel, Surroundings, motion_models, take_surroundings
-from mmpf.state import LAT
+from mmpf.motion.state import LAT
+from mmpf.numerics.arrays import FloatArray
 
 INTENTION, TARGET = range(2)
 

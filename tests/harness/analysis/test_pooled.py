@@ -17,7 +17,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
 from harness.storage.grid_folder import RUNS
-from mmpf.compute.arrays import BoolArray
+from mmpf.numerics.arrays import BoolArray
 from tests.harness.grid.test_stress import ECHO, InProcess
 from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv
 

@@ -9,7 +9,7 @@ from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.changing import INTO_LANE_S, LaneChange, lane_middle_m, later, may_change
 from harness.decisions.belief import believe
 from harness.decisions.decide import driver_of
-from mmpf.road import highway
+from mmpf.map.road import highway
 from tests.harness.closedloop.frames import frame_of
 
 ROAD, DRIVER = highway(), driver_of("hdm")

@@ -8,7 +8,7 @@ from harness.closedloop.changing import lane_middle_m
 from harness.closedloop.gaps import Occupied
 from harness.decisions.decide import driver_of
 from harness.sensor.profiles import sensor_settings
-from mmpf.road import highway
+from mmpf.map.road import highway
 from tests.harness.closedloop.frames import frame_of
 
 ROAD = highway()

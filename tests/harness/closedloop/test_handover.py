@@ -8,7 +8,7 @@ from harness.closedloop.handover import _free_ways, hand_overs
 from harness.closedloop.plan import BRAKE, CROSS, FREE, GAP
 from harness.decisions.decide import driver_of
 from harness.sensor.profiles import sensor_settings
-from mmpf.road import Road
+from mmpf.map.road import Road
 from tests.harness.closedloop.frames import frame_of
 from tests.harness.closedloop.test_routes import GRAPH, held_at
 

@@ -12,8 +12,8 @@ from harness.decisions.decide import driver_of
 from harness.decisions.yielding import Course
 from harness.scoring.closedloop import Contact
 from harness.truth.network.network import load_network
-from mmpf.unseen.cells import cells_of
-from mmpf.unseen.traffic import Unseen
+from mmpf.undetected.cells import cells_of
+from mmpf.undetected.intensity import Unseen
 from tests.harness.closedloop.frames import frame_of
 
 NETWORK = load_network("priority")

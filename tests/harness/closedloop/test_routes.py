@@ -8,10 +8,10 @@ import pytest
 from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.routes import way_of
 from harness.decisions.belief import believe
-from mmpf.lanes.control import FREE, NO_SIGNAL, SIGNAL, LinkControl
-from mmpf.road import Road
+from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, LinkControl
+from mmpf.map.road import Road
 from tests.harness.closedloop.frames import frame_of
-from tests.mmpf.lanes.scenes import graph_of
+from tests.mmpf.map.scenes import graph_of
 
 GRAPH = graph_of(
     {

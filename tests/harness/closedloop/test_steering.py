@@ -8,7 +8,7 @@ import pytest
 from harness.closedloop.handover import HandOver
 from harness.closedloop.plan import BRAKE, GAP
 from harness.closedloop.steering import STANDS_S, Steering, overlaps
-from mmpf.road import highway
+from mmpf.map.road import highway
 from tests.harness.closedloop.frames import frame_of
 
 STEP_S, ROAD = 0.1, highway()

@@ -19,8 +19,8 @@ from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.trackers.catalogue import TUNED_FILE, available_trackers, tracker_options
 from mmpf.motion.protocol import motion_models
-from mmpf.options import FilterOptions
-from mmpf.settings import fields_of, unit_of
+from mmpf.options.base import fields_of, unit_of
+from mmpf.options.filter import FilterOptions
 
 CLASSES = [RunConfig, SensorSettings, *(tracker_options(name) for name in available_trackers())]
 PURE_NUMBERS = ("persistent_clutter", "_share", "_fraction", "_factor", "_probability", "_log_odds", "_scans")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 
 LENGTH_M, WIDTH_M = 4.0, 1.8
 

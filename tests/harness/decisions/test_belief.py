@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.decisions.belief import NOBODY, believe
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
 from tests.harness.decisions.scenes import LENGTH_M, bodies, egos, lane_graph
 
 ROAD = highway(lanes=3, lane_width_m=3.66)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from harness.decisions.crossings import Lanes, crossings_of
-from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
-from tests.mmpf.lanes.scenes import graph_of
+from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from tests.mmpf.map.scenes import graph_of
 
 LINKS = [
     ("south", ":over"),

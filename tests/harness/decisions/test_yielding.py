@@ -16,9 +16,9 @@ from harness.decisions.yielding import (
     windows_of,
     with_standing_leader,
 )
-from mmpf.road import Road
-from mmpf.unseen.cells import cells_of
-from mmpf.unseen.traffic import Unseen
+from mmpf.map.road import Road
+from mmpf.undetected.cells import cells_of
+from mmpf.undetected.intensity import Unseen
 from tests.harness.decisions.scenes import LENGTH_M, bodies, egos
 from tests.harness.decisions.test_crossings import GRAPH, STRAIGHT_ON, way
 

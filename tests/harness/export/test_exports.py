@@ -25,7 +25,7 @@ from harness.scoring.settings import ScoringSettings
 from harness.storage.lock import LOCK
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, SEEN_AGAIN, STEPS, metrics_of, write_recorded_scene
 
 # A road that turns from east to north-east, so that the road frame and the plane differ.

@@ -19,7 +19,7 @@ from harness.running.metrics import assemble_metrics, timing_table, traffic_tabl
 from harness.running.recorder import RunTables
 from harness.running.resolve import resolve_run_config
 from harness.scoring import score_run
-from mmpf.road import highway
+from mmpf.map.road import highway
 from tests.harness.recorded_scene import (
     STEP_S,
     STEPS,

@@ -11,7 +11,7 @@ from harness.report.scene import Scene, draw_scene, legend_entries, scene_figure
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.truth.frame import Frame
-from mmpf.road import Lane, Road, highway
+from mmpf.map.road import Lane, Road, highway
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 

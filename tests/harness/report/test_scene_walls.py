@@ -5,9 +5,9 @@ import pytest
 import shapely
 
 from harness.report.scene import shadow_outlines
-from mmpf.road import Road
+from mmpf.map.road import Road
 from mmpf.scan import EgoPose
-from tests.mmpf.lanes.scenes import graph_of
+from tests.mmpf.map.scenes import graph_of
 from tests.mmpf.scenes import detections_at
 
 EGO = EgoPose(20.0, 0.0, 0.0, 0.0, 4.7, 1.9)

@@ -9,8 +9,8 @@ from harness.common.errors import InputError
 from harness.running.believedmap import believed_map
 from harness.running.resolve import resolve_run_config
 from harness.truth.network.lanegraph import read_lane_graph
-from mmpf.lanes.graph import NOWHERE
-from mmpf.road import Lane, Road, highway
+from mmpf.map.lane_graph import NOWHERE
+from mmpf.map.road import Lane, Road, highway
 
 CROSSING = Path(__file__).parents[1] / "truth" / "network" / "nets" / "crossing.net.xml"
 

@@ -11,8 +11,8 @@ from harness.running.metrics import stage_timing
 from harness.running.watchers import DiagnosticsKeeper
 from harness.sensor.observation import Look
 from harness.trackers.protocol import TrackerSetting
-from mmpf.report import StepReport
 from mmpf.scan import SensorModel
+from mmpf.stages.reporting import StepReport
 from mmpf.tracks import Tracks
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic
 

@@ -10,7 +10,7 @@ from harness.common.numbers import as_json, without_nan
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.running.metrics import assemble_metrics, summarise_traffic, timing_table, traffic_table
-from mmpf.road import highway
+from mmpf.map.road import highway
 
 
 def row_of_cars(count: int, speed_mps: float, steps: int = 10) -> pd.DataFrame:

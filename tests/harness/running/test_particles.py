@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from harness.running.watchers import systematic_sample
-from mmpf.cloud.mixture import ParticleCloud
+from mmpf.belief.mixture import ParticleCloud
 
 
 def cloud_of(weights):

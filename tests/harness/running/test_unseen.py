@@ -10,8 +10,8 @@ from harness.running.looks import look_at
 from harness.running.unseen import UnseenKeeper
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
-from mmpf.around.reach import Reach
-from mmpf.unseen.traffic import Unseen, UnseenTraffic
+from mmpf.undetected.intensity import Unseen, UnseenTraffic
+from mmpf.visibility.range_profile import Reach
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic
 
 

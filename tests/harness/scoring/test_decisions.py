@@ -7,7 +7,7 @@ import pytest
 from harness.decisions.decide import driver_of
 from harness.scoring import score_run
 from harness.scoring.asked import Driven
-from mmpf.road import highway
+from mmpf.map.road import highway
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 MIDDLE, LEFT = 1.5 * 3.66, 2.5 * 3.66

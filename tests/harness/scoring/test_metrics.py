@@ -16,7 +16,7 @@ from harness.scoring.asked import Driven
 from harness.scoring.metrics import completed, quantities, register
 from harness.scoring.quantity import Quantity
 from harness.storage.grid_rows import flattened
-from mmpf.road import highway
+from mmpf.map.road import highway
 from tests.harness.scoring.scenes import traffic
 
 PAGE = Path(__file__).parents[3] / "docs" / "scores.md"

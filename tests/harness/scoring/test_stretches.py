@@ -14,7 +14,7 @@ from harness.decisions.decide import driver_of
 from harness.scoring import RunScorer, metrics, score_run
 from harness.scoring.asked import Driven
 from harness.scoring.metrics import register
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
 from tests.harness.scoring.scenes import traffic
 
 EPISODES, STEPS = 3, 80

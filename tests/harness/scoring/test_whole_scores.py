@@ -13,7 +13,7 @@ from harness.decisions.decide import driver_of
 from harness.scoring import RunScorer, ScoredRun, gaps, hidden_by, manoeuvre, score_run
 from harness.scoring.asked import Driven
 from harness.scoring.quantity import Quantity
-from mmpf.road import Lane, Road
+from mmpf.map.road import Lane, Road
 from tests.golden import equals_golden, holds_golden
 from tests.harness.scoring.scenes import STEP_S, traffic
 from tests.harness.scoring.test_decisions import LEFT, Drive

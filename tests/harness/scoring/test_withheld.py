@@ -12,7 +12,7 @@ from harness.scoring.asked import Driven
 from harness.scoring.settings import ScoringSettings
 from harness.scoring.stretches import missed_stretches
 from harness.scoring.withheld import WithheldAhead
-from mmpf.road import highway
+from mmpf.map.road import highway
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 ROW = {

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
 from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 
 SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}

@@ -11,8 +11,8 @@ from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.lanearea import lanes_over, mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
 from harness.truth.frame import Frame
-from mmpf.road import Road
-from tests.mmpf.lanes.scenes import graph_of
+from mmpf.map.road import Road
+from tests.mmpf.map.scenes import graph_of
 
 CROSS = graph_of({"east": [(-150.0, 0.0), (150.0, 0.0)], "north": [(0.0, -150.0), (0.0, 150.0)]}, width_m=4.0)
 ROAD = Road(lanes=(), section_m=(-150.0, 150.0), graph=CROSS)

@@ -12,10 +12,10 @@ from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
 from harness.storage.schema import HIDDEN, VISIBLE
 from harness.truth.frame import Frame
-from mmpf.compute.arrays import FloatArray
-from mmpf.road import Road
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 from tests.harness.sensor.sensor_scenes import frame_of
-from tests.mmpf.lanes.scenes import graph_of
+from tests.mmpf.map.scenes import graph_of
 
 GRAPH = graph_of({"there": [(-300, 0), (300, 0)]})
 RAYS = 40_000

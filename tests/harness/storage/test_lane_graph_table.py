@@ -9,7 +9,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.storage.run_folder import read_road, write_road
 from harness.truth.network.lanegraph import read_lane_graph
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
 
 CROSSING = Path(__file__).parents[1] / "truth" / "network" / "nets" / "crossing.net.xml"
 

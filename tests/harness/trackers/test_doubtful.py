@@ -10,7 +10,7 @@ import pytest
 from harness.trackers.catalogue import available_trackers, build_tracker, tracker_options
 from harness.trackers.doubtful import DoubtfulOptions, DoubtingTracker, as_reported
 from harness.trackers.protocol import TrackerSetting
-from mmpf.road import Road, highway
+from mmpf.map.road import Road, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 

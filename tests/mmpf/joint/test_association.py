@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.joint.association import associate
+from mmpf.numerics.arrays import FloatArray
 
 BIRTH = 0.3
 

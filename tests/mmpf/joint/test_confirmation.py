@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.cloud.kinds import SHAPE, STANDING
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.kinds import SHAPE, STANDING
+from mmpf.belief.moments import component_moments
 from mmpf.joint.confirmation import lies_in_path, still_confirmed, to_confirm
-from mmpf.joint_options import JointOptions
+from mmpf.options.joint import JointOptions
 from tests.mmpf.scenes import belief_of, ego_at, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.compute.arrays import FloatArray
 from mmpf.joint.evidence import GatedLikelihoods, association_evidence, log_normalised, normalised, particle_factors
+from mmpf.numerics.arrays import FloatArray
 
 SIZES = (3, 1, 40)
 STARTS = np.concatenate([[0], np.cumsum(SIZES)])

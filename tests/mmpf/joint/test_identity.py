@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.identity import hand_over_identity
-from mmpf.joint_options import JointIdentity
-from mmpf.state import LON
+from mmpf.motion.state import LON
+from mmpf.options.joint import JointIdentity
 from tests.mmpf.scenes import belief_of, spot
 
 SCAN_S = 0.1

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.interaction import room_beside_seen_vehicles
-from mmpf.plane import SensorPlane
+from mmpf.map.sensor_plane import SensorPlane
+from mmpf.numerics.arrays import FloatArray
 from tests.mmpf.scenes import ROAD, belief_of, ego_at, spot
 
 SEEN_LON_M, SEEN_LAT_M = 40.0, 5.0

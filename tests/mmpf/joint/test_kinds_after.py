@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.cloud.kinds import (
+from mmpf.belief.kinds import (
     DETECTABILITY,
     FALSE,
     KINDS,
@@ -23,13 +23,13 @@ from mmpf.cloud.kinds import (
     normalised,
     vehicle_share,
 )
-from mmpf.cloud.mixture import Components, Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.mixture import Components, Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.newborn import Appearances, kinds_at_birth
 from mmpf.joint.speeds import log_speed_likelihoods
-from mmpf.options import FilterOptions
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import SensorModel
 from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.evidence import GatedLikelihoods, gated_likelihoods
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings, Detections
-from mmpf.state import LAT, LON, SPEED
 from tests.mmpf.scenes import belief_of, detections_at, spot
 
 

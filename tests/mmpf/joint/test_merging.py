@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.cloud.mixture import Components, Mixture, ParticleCloud
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.moments import component_moments
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
-from mmpf.joint_options import JointIdentity, JointMerging, JointOptions
-from mmpf.options import FilterOptions
-from mmpf.state import LAT, LON, SPEED
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.options.filter import FilterOptions
+from mmpf.options.joint import JointIdentity, JointMerging, JointOptions
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import situation_with
 

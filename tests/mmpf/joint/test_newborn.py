@@ -9,9 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.around.false_objects import FalseObjects
-from mmpf.around.reach import Reach
-from mmpf.cloud.kinds import (
+from mmpf.belief.kinds import (
     DETECTABILITY,
     FALSE,
     LEVELS,
@@ -22,13 +20,15 @@ from mmpf.cloud.kinds import (
     mean_detectability,
     vehicle_share,
 )
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.newborn import SLOWEST_PASSING_MPS, Appearances, appearances_at, kinds_at_birth
-from mmpf.joint_options import JointOptions
-from mmpf.options import FilterOptions
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import FilterOptions
+from mmpf.options.joint import JointOptions
 from mmpf.scan import SensorModel
+from mmpf.visibility.false_objects import FalseObjects
+from mmpf.visibility.range_profile import Reach
 from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.cloud.mixture import Components, Mixture
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.mixture import Components, Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.noise import FACTOR_BOUNDS, common_factor, no_more_exact, with_innovations
-from mmpf.joint_options import JointNoise
-from mmpf.update import Situation
+from mmpf.options.joint import JointNoise
+from mmpf.stages.update_rule import Situation
 from tests.mmpf.scenes import belief_of, detections_at, spot
 from tests.mmpf.test_update_rules import situation_with
 

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 import mmpf.motion  # noqa: F401
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
 from mmpf.joint.rule import JointUpdate
-from mmpf.options import FilterOptions
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import BodySizes, SensorModel
-from mmpf.state import LAT, LON
-from mmpf.update import Occlusion, Situation, Updated
+from mmpf.stages.update_rule import Occlusion, Situation, Updated
 from tests.mmpf.scenes import belief_of, detections_at, ego_at, lane_centre, spot
 from tests.mmpf.test_tracker import drive, tracker_with
 from tests.mmpf.test_update_rules import situation_with

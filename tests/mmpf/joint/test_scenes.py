@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.moments import component_moments
+from mmpf.stages.update_rule import Updated
 from mmpf.tracks import CONFIRMED, HIDDEN
-from mmpf.update import Updated
 from tests.mmpf.joint.test_rule import ALONE, IMMORTAL, PARTICLES, PLACE, cloud_at, rule_with, updated
 from tests.mmpf.scenes import belief_of, lane_centre
 from tests.mmpf.test_tracker import drive, tracker_with

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.cloud.birth import Traffic
-from mmpf.cloud.kinds import MOVING, STANDING, VEHICLE
-from mmpf.cloud.moments import Moments
-from mmpf.compute.arrays import FloatArray
+from mmpf.belief.birth import Traffic
+from mmpf.belief.kinds import MOVING, STANDING, VEHICLE
+from mmpf.belief.moments import Moments
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
-from mmpf.joint_options import JointSpeeds
-from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
-from mmpf.lanes.graph import LaneGraph
-from mmpf.state import LAT, LON, SPEED
-from tests.mmpf.lanes.scenes import graph_of
+from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.joint import JointSpeeds
+from tests.mmpf.map.scenes import graph_of
 
 OPTIONS = JointSpeeds()
 RANGE_M = 40.0

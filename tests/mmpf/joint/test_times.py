@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401
-from mmpf.cloud.mixture import Components, is_longer
-from mmpf.joint_options import JointExistence, JointResampling
+from mmpf.belief.mixture import Components, is_longer
 from mmpf.motion.protocol import motion_models
+from mmpf.options.joint import JointExistence, JointResampling
 from mmpf.scan import SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import CONFIRMED

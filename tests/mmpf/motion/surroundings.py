@@ -3,7 +3,7 @@
 import numpy as np
 
 from mmpf.motion.protocol import Neighbour, Surroundings
-from mmpf.state import LAT, SPEED, STATE_SIZE
+from mmpf.motion.state import LAT, SPEED, STATE_SIZE
 
 
 def states(n: int, speed_mps: float = 20.0, lat_m: float = 2.0) -> np.ndarray:

@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as arrays
 from mmpf.motion.learned.driver import HABIT, LearnedDriver, without_lane_changes
 from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.protocol import Neighbour
-from mmpf.state import ACCEL, SPEED
+from mmpf.motion.state import ACCEL, SPEED
 from tests.mmpf.motion.surroundings import around, states
 
 FOLLOWERS = 7

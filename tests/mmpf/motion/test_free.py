@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.compute.arrays import FloatArray, wrapped
-from mmpf.lanes.graph import NOWHERE, without_map
+from mmpf.map.lane_graph import NOWHERE, without_map
 from mmpf.motion.free import Unguided, in_plane
 from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.pointing import heading_ratio
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import BodyHeadings
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
-from tests.mmpf.lanes.scenes import arc, graph_of
+from tests.mmpf.map.scenes import arc, graph_of
 
 NOBODY = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
 AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, *(np.zeros(0),) * 3)  # type: ignore[arg-type]

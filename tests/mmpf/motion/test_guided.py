@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
-from tests.mmpf.lanes.scenes import arc, graph_of
+from tests.mmpf.map.scenes import arc, graph_of
 
 
 def glide(state: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator) -> FloatArray:

@@ -11,9 +11,9 @@ import mmpf.motion  # noqa: F401
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.manoeuvring import HOLDS, Manoeuvring
 from mmpf.motion.protocol import motion_models
-from mmpf.options import FilterOptions
+from mmpf.motion.state import ACCEL, SPEED
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import SensorModel
-from mmpf.state import ACCEL, SPEED
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import CONFIRMED
 from tests.mmpf.motion.surroundings import around, states

@@ -9,7 +9,7 @@ import mmpf.motion  # noqa: F401  fills the registry
 from mmpf.motion.idm import TREIBER_2000, idm_acceleration, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import Memoryless, motion_models, spreads_speed
-from mmpf.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around, nobody, states, vehicle
 
 QUIET = ProcessNoise(0.0, 0.0)

@@ -11,7 +11,7 @@ from mmpf.motion.learned.lane_changer import LaneChangeDriver
 from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.learned.short_pair import ShortTermPair
 from mmpf.motion.protocol import take_surroundings
-from mmpf.state import ACCEL, LAT, LAT_SPEED, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, SPEED
 from tests.mmpf.motion.surroundings import around, states, vehicle
 
 STEP_S = 0.1

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401
-from mmpf.compute.arrays import FloatArray
 from mmpf.motion.learned.driver import INTENTION, TARGET, LearnedDriver
 from mmpf.motion.manoeuvring import HOLDS, Manoeuvring
 from mmpf.motion.protocol import MotionModel, motion_models
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
+from mmpf.numerics.arrays import FloatArray
 from tests.mmpf.motion.surroundings import around, states
 
 DT_S, TRIED_PER_S, TRUE_PER_S = 0.1, 1.0, 0.1

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.lanes.control import FREE, NO_SIGNAL, YIELD, LinkControl
-from mmpf.lanes.graph import NOWHERE
+from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.map.lane_graph import NOWHERE
 from mmpf.motion.learned.driver import DESIRED_SPEED, PACE, LearnedDriver
+from mmpf.motion.state import SPEED
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds, turning_driver
-from mmpf.state import SPEED
-from tests.mmpf.lanes.scenes import arc, graph_of
+from tests.mmpf.map.scenes import arc, graph_of
 from tests.mmpf.motion.surroundings import around, states
 
 DRIVER = TurningDriver(

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmpf.motion.state import LON
+from mmpf.options.paper import PaperReclustering
 from mmpf.paper.clustering import k_medoids, recluster
-from mmpf.paper_options import PaperReclustering
-from mmpf.state import LON
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import mixture_at
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.cloud.mixture import Mixture
-from mmpf.cloud.moments import component_moments
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
+from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion import motion_model
-from mmpf.options import FilterOptions
+from mmpf.motion.state import LON
+from mmpf.options.filter import FilterOptions
+from mmpf.options.paper import MaxLikelihoodOptions, PaperReclustering
 from mmpf.paper.clustering import recluster
 from mmpf.paper.rule import MaxLikelihoodUpdate
-from mmpf.paper_options import MaxLikelihoodOptions, PaperReclustering
-from mmpf.plane import SensorPlane
 from mmpf.scan import FreeSpace, SensorModel
-from mmpf.state import LON
+from mmpf.stages.update_rule import Updated
 from mmpf.tracker import MixtureTracker
-from mmpf.update import Updated
 from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, scan_of, spot
 from tests.mmpf.test_update_rules import mixture_at, situation_with, weights_after
 

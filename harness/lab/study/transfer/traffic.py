@@ -15,7 +15,7 @@ from harness.lab.windows.pairs import recording_of
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble, check_one_road
-from mmpf.compute.arrays import IntArray
+from mmpf.numerics.arrays import IntArray
 
 SHORT_STEPS = 51
 PAIRS, SNIPPETS, SUMO = "real pairs", "real snippets", "sumo"

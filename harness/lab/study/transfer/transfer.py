@@ -51,7 +51,7 @@ from harness.lab.windows.scenarios import (
 from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
-from mmpf.state import ACCEL, LON
+from mmpf.motion.state import ACCEL, LON
 
 STUDY = "transfer"
 MODELS = 12

@@ -11,7 +11,7 @@ from harness.common.bootstrap import bootstrap_ci
 from harness.lab.study.transfer.models import ON_NOTHING, ON_REAL, ON_SUMO, UNTRAINED, TrainedModel
 from harness.lab.study.transfer.traffic import HeldOutPart
 from harness.lab.windows.scores import RESAMPLES, Scores
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.trackers.rivals.pmbm.murty import NOBODY, Assignment, best_assignments, of_one
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 NO_TRACK = -1
 

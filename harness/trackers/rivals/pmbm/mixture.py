@@ -31,7 +31,7 @@ from harness.trackers.rivals.pmbm.clusters import (
     united,
 )
 from harness.trackers.rivals.pmbm.murty import NOBODY
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, joined, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.scan import Detections
 
 

@@ -32,13 +32,13 @@ from harness.trackers.rivals.pmbm.mixture import (
     without,
 )
 from harness.trackers.shadows import POINTS, Visibility, detection_probabilities
-from mmpf.around.depth import Bodies, depth_table
-from mmpf.compute.arrays import FloatArray, taken
-from mmpf.options import Footprint
-from mmpf.plane import SensorPlane
+from mmpf.map.sensor_plane import SensorPlane
+from mmpf.numerics.arrays import FloatArray, taken
+from mmpf.options.base import Positive, Probability
+from mmpf.options.filter import Footprint
 from mmpf.scan import Detections, Scan, check_scan
-from mmpf.settings import Positive, Probability
 from mmpf.tracks import Tracks
+from mmpf.visibility.depth import Bodies, depth_table
 
 _SLOW_MPS = 1.0
 _LEAST_OF_NEWCOMERS = 0.1

@@ -21,8 +21,8 @@ from harness.truth.recorded.detected.av2map import map_file, map_files, read_lan
 from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
-from mmpf.compute.arrays import FloatArray
-from mmpf.lanes.graph import LaneGraph
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.numerics.arrays import FloatArray
 
 ANNOTATIONS, POSES = "annotations.feather", "city_SE3_egovehicle.feather"
 WITH_EGO = "annotations_with_ego.feather"

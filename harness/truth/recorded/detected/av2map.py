@@ -14,7 +14,7 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import MOST_JSON_BYTES, check_file
 from harness.truth.recorded.detected.numbers import FARTHEST_M
 from harness.truth.recorded.lanelets import Lanelet
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 ARCHIVES = "map/log_map_archive_*.json"
 FOR_VEHICLES = ("VEHICLE", "BUS")

@@ -8,8 +8,8 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray, taken
-from mmpf.lanes.graph import LaneGraph
+from mmpf.map.lane_graph import LaneGraph
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray, taken
 
 EGO = "ego"
 

@@ -15,7 +15,7 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.truth.recorded.detected.drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, numbers_of, words_of
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"
 VEHICLES = ("Car", "Van", "Truck")

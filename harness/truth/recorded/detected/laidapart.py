@@ -8,9 +8,9 @@ import numpy as np
 
 from harness.truth.recorded.detected.drive import Drive
 from harness.truth.recorded.laneletgraph import road_of_graph
-from mmpf.compute.arrays import FloatArray, IntArray
-from mmpf.lanes.graph import NOWHERE, LaneGraph, without_map
-from mmpf.road import Road
+from mmpf.map.lane_graph import NOWHERE, LaneGraph, without_map
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 APART_M = 1000.0
 

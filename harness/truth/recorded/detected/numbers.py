@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import MB, check_file, number
-from mmpf.compute.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray
 
 MOST_BYTES = 256 * MB
 MOST_STEPS = 100_000

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from harness.truth.recorded.detected.drive import Drive, step_starts
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 NOTHING = -1
 GATE_M = 2.0

@@ -15,9 +15,9 @@ from harness.truth.recorded.detected.laidapart import laid_apart, road_of
 from harness.truth.recorded.detected.origin import NOTHING, origins
 from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import local_slope
-from mmpf.compute.arrays import BoolArray, FloatArray, IntArray
-from mmpf.lanes.graph import NOWHERE
-from mmpf.road import NO_LANE
+from mmpf.map.lane_graph import NOWHERE
+from mmpf.map.road import NO_LANE
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 # A station wagon carried KITTI's camera; the sizes of other recording cars differ by little.
 EGO_SIZE_M = 4.8, 1.8

@@ -22,7 +22,7 @@ from harness.truth.recorded.detected.kitti import (
     read_labels,
 )
 from harness.truth.recorded.detected.numbers import check_boxes
-from mmpf.compute.arrays import FloatArray, wrapped
+from mmpf.numerics.arrays import FloatArray, wrapped
 
 KINDS = ("Car",)
 

@@ -14,7 +14,7 @@ from harness.lab.study.rival_noise import at_their_best, rivals
 from harness.lab.windows.cases import Cases
 from mmpf.motion.kinematic import ProcessNoise, kinematic, process_noise
 from mmpf.motion.protocol import motion_models
-from mmpf.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 
 STEPS, COUNT, STEP_S = 30, 12, 0.1
 

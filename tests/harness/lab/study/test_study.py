@@ -12,7 +12,7 @@ from harness.lab.windows.filtering import MeasurementNoise, follow, measure
 from harness.lab.windows.following import following_windows
 from harness.lab.windows.scores import mean_with_interval, score, weighted_crps
 from mmpf.motion.kinematic import ProcessNoise, kinematic
-from mmpf.state import LON, SPEED
+from mmpf.motion.state import LON, SPEED
 from tests.harness.lab.windows.test_windows import ROAD, steady, traffic
 
 STEP_S = 0.1

@@ -8,7 +8,7 @@ from harness.lab.fit.change_fit import AS_RECORDED, LINE_COLUMNS, LateralScatter
 from harness.lab.windows.cases import lane_change_cases
 from harness.lab.windows.changing import lane_change_windows
 from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, change_inputs, view_of
-from mmpf.state import LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from tests.harness.lab.windows.test_windows import ROAD, STEP_S, changing, steady, traffic
 
 

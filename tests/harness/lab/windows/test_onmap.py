@@ -4,8 +4,8 @@ import numpy as np
 
 from harness.lab.windows.onmap import on_map
 from harness.lab.windows.recording import Recording
-from mmpf.lanes.graph import NOWHERE
-from tests.mmpf.lanes.scenes import graph_of
+from mmpf.map.lane_graph import NOWHERE
+from tests.mmpf.map.scenes import graph_of
 
 GRAPH = graph_of({"a": [(0.0, 0.0), (50.0, 0.0)], "b": [(50.0, 0.0), (200.0, 0.0)]}, [("a", "b")])
 

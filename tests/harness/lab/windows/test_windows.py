@@ -7,8 +7,8 @@ from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_
 from harness.lab.windows.following import following_windows, join
 from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
 from harness.lab.windows.recording import Recording, Scenario, load_recording, record_all, save_recording
-from mmpf.road import highway
-from mmpf.state import LAT, LON
+from mmpf.map.road import highway
+from mmpf.motion.state import LAT, LON
 
 STEP_S = 0.1
 ROAD = highway(lanes=3, lane_width_m=4.0)

@@ -22,7 +22,7 @@ from harness.trackers.rivals.gaussian import pairs_of
 from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import Limits
 from harness.trackers.rivals.pmbm.mixture import Measured, Mixture, Pruning, nothing, survived, updated_mixture
-from mmpf.compute.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import Detections
 
 STEPS, TARGETS, SIDE_M = 81, 4, 300.0

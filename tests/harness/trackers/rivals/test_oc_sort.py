@@ -9,7 +9,7 @@ from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR, ego_at
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.oc_sort import Observations, OcSortOptions, momentum
-from mmpf.options import Footprint
+from mmpf.options.filter import Footprint
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED
 from tests.harness.trackers.rivals.test_box_kalman import detections

@@ -21,7 +21,7 @@ from harness.trackers.stonesoup.aware_parts import CarFollowingPredictor, Missed
 from harness.trackers.stonesoup.awareness import Awareness, SizeBelief
 from harness.trackers.stonesoup.options import AwareJpdaOptions
 from harness.trackers.stonesoup.parts import MEASURED_SIZE, to_datetime
-from mmpf.options import Footprint
+from mmpf.options.filter import Footprint
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan
 from mmpf.tracks import Tracks
 

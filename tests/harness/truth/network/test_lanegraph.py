@@ -8,8 +8,8 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.truth.network.lanegraph import read_lane_graph
-from mmpf.lanes.control import FREE, SIGNAL, YIELD
-from mmpf.lanes.graph import NOWHERE
+from mmpf.map.control import FREE, SIGNAL, YIELD
+from mmpf.map.lane_graph import NOWHERE
 
 NETS = Path(__file__).parent / "nets"
 CROSSING = NETS / "crossing.net.xml"

@@ -6,7 +6,7 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.truth.network.network import available_networks, load_network
-from mmpf.road import NO_LANE
+from mmpf.map.road import NO_LANE
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from harness.truth.network.network import load_network
-from mmpf.lanes.graph import BESIDE_M, NOWHERE
+from mmpf.map.lane_graph import BESIDE_M, NOWHERE
 
 PLACES = 10_000
 WITHIN_M = 0.01

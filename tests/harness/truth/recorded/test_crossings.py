@@ -12,9 +12,9 @@ from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.formats import network_of, recognise
 from harness.truth.recorded.source import open_recorded_traffic
-from mmpf.compute.arrays import wrapped
-from mmpf.lanes.control import FREE, SIGNAL, YIELD
-from mmpf.lanes.graph import NOWHERE
+from mmpf.map.control import FREE, SIGNAL, YIELD
+from mmpf.map.lane_graph import NOWHERE
+from mmpf.numerics.arrays import wrapped
 from tests.harness.truth.recorded.crossing import (
     DRIVERS,
     ENTRY,

@@ -8,7 +8,7 @@ import pytest
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.sumo.causal import CausalFilter
 from harness.truth.sumo.presentplane import PresentPlane
-from tests.mmpf.lanes.scenes import graph_of
+from tests.mmpf.map.scenes import graph_of
 
 GRAPH = graph_of({"a_0": [(0, 0), (100, 0)], "b_0": [(0, 0), (-100, 1)]})
 

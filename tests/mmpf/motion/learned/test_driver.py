@@ -17,7 +17,7 @@ from mmpf.motion.learned.driver import (
 )
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import load_short_driver, short_term_driver
-from mmpf.state import LAT, LAT_SPEED, LON, SPEED
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around, states, vehicle
 
 STEP_S = 0.1

@@ -15,8 +15,8 @@ from harness.running.open import open_looks
 from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.source import DriveTruth
-from mmpf.lanes.graph import NOWHERE
-from mmpf.road import NO_LANE
+from mmpf.map.lane_graph import NOWHERE
+from mmpf.map.road import NO_LANE
 from tests.harness.truth.recorded.detected.test_av2 import CITY, STEPS, YAW_RAD, write_av2
 
 AHEAD = np.array([np.cos(YAW_RAD), np.sin(YAW_RAD)])

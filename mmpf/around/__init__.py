@@ -1,1 +1,0 @@
-"""What surrounds each particle: neighbours, lanes, shadows."""

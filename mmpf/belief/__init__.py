@@ -1,0 +1,1 @@
+"""What the filter believes: particles, components, their moments, births and resampling."""

@@ -1,0 +1,145 @@
+"""Means, spreads and effective sample sizes of components: what the rest of the filter asks of a particle cloud."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.belief.mixture import Mixture
+from mmpf.motion.state import LAT, LON, STATE_SIZE
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
+from mmpf.numerics.threads import in_shares
+from mmpf.scan import Detections
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Weighted moments of each of m components.
+
+    Attributes:
+        mean: Mean state, shape (6, m).
+        variance: Variance of each state variable, shape (6, m).
+        direction_rad: Mean direction of each component's vehicle, shape (m,); None on a road frame, along which they
+            point.
+    """
+
+    mean: FloatArray
+    variance: FloatArray
+    direction_rad: FloatArray | None = None
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations, shape (6, m)."""
+        return np.sqrt(self.variance)
+
+    @property
+    def heading_rad(self) -> FloatArray:
+        """Where each component's vehicle points against the frame's longitudinal axis, shape (m,)."""
+        return np.zeros(self.mean.shape[1]) if self.direction_rad is None else self.direction_rad
+
+    @property
+    def std_along_m(self) -> FloatArray:
+        """Standard deviation of the place along the road, shape (m,); in the plane that of the place in all."""
+        if self.direction_rad is None:
+            return np.asarray(np.sqrt(self.variance[LON]))
+        return np.asarray(np.sqrt(self.variance[LON] + self.variance[LAT]))
+
+
+def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Moments:
+    """Return the moments of components under their particles' weights.
+
+    They take a pass over the particles: whoever needs them in several places works them out once and hands them on.
+
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        chosen: Components that are asked for, shape (m,); None for all.
+    """
+    which = np.arange(len(mixture)) if chosen is None else chosen
+    mean = np.zeros((STATE_SIZE, len(which)))
+    variance = np.zeros((STATE_SIZE, len(which)))
+    weight = np.exp(mixture.cloud.log_weight)
+    state, starts = mixture.cloud.state, mixture.starts
+
+    def accumulate(begin: int, end: int) -> None:
+        _accumulate_moments(begin, end, which, state, weight, starts, mean, variance)
+
+    in_shares(accumulate, len(which), cost=500.0)
+    return Moments(mean, variance, _mean_directions(mixture, weight)[which] if mixture.has_headings else None)
+
+
+def effective_sizes(mixture: Mixture) -> FloatArray:
+    """Return each component's effective sample size 1 / sum w^2, shape (m,)."""
+    effective_size = np.zeros(len(mixture))
+    _invert_sums_of_squares(np.exp(mixture.cloud.log_weight), mixture.starts, effective_size)
+    return effective_size
+
+
+def gate_table(
+    moments: Moments, detections: Detections, gate_std: float, noise_factor: FloatArray | None = None
+) -> BoolArray:
+    """Return which detections lie within each component's gate, along the road and across it, shape (m, d).
+
+    Args:
+        moments: The components' moments.
+        detections: The scan's detections.
+        gate_std: Standard deviations of component and measurement together; infinite for all pairs.
+        noise_factor: True over reported deviation of each component's measurements, shape (m,); None for one.
+    """
+    if np.isinf(gate_std):
+        return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)
+    factor = np.ones((1, 1)) if noise_factor is None else noise_factor[:, None]
+    lon = np.sqrt(moments.variance[LON][:, None] + (factor * detections.std_lon_m) ** 2)
+    lat = np.sqrt(moments.variance[LAT][:, None] + (factor * detections.std_lat_m) ** 2)
+    return np.asarray(
+        (np.abs(detections.lon_m - moments.mean[LON][:, None]) <= gate_std * lon)
+        & (np.abs(detections.lat_m - moments.mean[LAT][:, None]) <= gate_std * lat)
+    )
+
+
+def _mean_directions(mixture: Mixture, weight: FloatArray) -> FloatArray:
+    """Return the directions of the components' mean unit vectors, shape (m,)."""
+    heading, component = mixture.cloud.latents[-1], mixture.cloud.component
+    sine, cosine = (
+        np.bincount(component, weight * part, minlength=len(mixture)) for part in (np.sin(heading), np.cos(heading))
+    )
+    return np.asarray(np.arctan2(sine, cosine))
+
+
+@kernel(fastmath=True)
+def _accumulate_moments(
+    begin: int,
+    end: int,
+    which: IntArray,
+    state: FloatArray,
+    weight: FloatArray,
+    starts: IntArray,
+    mean: FloatArray,
+    variance: FloatArray,
+) -> None:
+    # Loops run over slices from zero on: the compiler turns only those into vector instructions.
+    for c in range(begin, end):
+        own = slice(starts[which[c]], starts[which[c] + 1])
+        own_weight = weight[own]
+        for row in range(state.shape[0]):
+            values = state[row, own]
+            first = 0.0
+            for n in range(len(own_weight)):
+                first += own_weight[n] * values[n]
+            second = 0.0
+            for n in range(len(own_weight)):
+                centred = values[n] - first
+                second += own_weight[n] * centred * centred
+            mean[row, c] = first
+            variance[row, c] = second
+
+
+@kernel(fastmath=True)
+def _invert_sums_of_squares(weight: FloatArray, starts: IntArray, effective_size: FloatArray) -> None:
+    for m in range(len(starts) - 1):
+        own_weight = weight[starts[m] : starts[m + 1]]
+        squares = 0.0
+        for n in range(len(own_weight)):
+            squares += own_weight[n] * own_weight[n]
+        effective_size[m] = 1.0 / squares if squares > 0.0 else 0.0

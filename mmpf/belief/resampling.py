@@ -1,0 +1,226 @@
+"""Systematic resampling within components, plain or smoothed by a kernel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mmpf.belief.mixture import Mixture, ParticleCloud
+from mmpf.belief.moments import component_moments
+from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
+from mmpf.numerics.normals import standard_normals
+from mmpf.numerics.threads import in_shares
+
+SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL, LAT_ACCEL)
+SMALLEST_VARIANCE = 1e-9
+
+
+def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.Generator) -> tuple[Mixture, IntArray]:
+    """Resample the chosen components systematically to ``particles`` equally weighted particles each.
+
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        which: Components to resample, shape (m,).
+        particles: Particles that each of them gets.
+        rng: Source of randomness; one uniform number per component is drawn, resampled or not.
+
+    Returns:
+        The belief after resampling, and each particle's ancestor, shape (n',).
+    """
+    offsets = rng.uniform(size=len(mixture))
+    if not which.any():
+        return mixture, np.arange(len(mixture.cloud))
+    starts = mixture.starts
+    sizes = np.where(which, particles, np.diff(starts))
+    component = np.repeat(np.arange(len(mixture)), sizes)
+    ancestors = np.empty(sizes.sum(), dtype=np.int64)
+    _systematic_ancestors(np.exp(mixture.cloud.log_weight), starts, which, offsets, particles, ancestors)
+    new_starts = np.concatenate([[0], np.cumsum(sizes)])
+
+    def descended(values: FloatArray) -> FloatArray:
+        rows = np.empty((len(values), len(ancestors)))
+        in_shares(lambda begin, end: _descend(begin, end, values, ancestors, which, new_starts, rows), len(which), 1e3)
+        return rows
+
+    cloud = mixture.cloud
+    weights = np.stack([cloud.log_weight, cloud.log_raw_weight, cloud.log_component_weight])
+    log_weight, log_raw_weight, log_component_weight = descended(weights)
+    log_weight[which[component]] = -np.log(particles)
+    cloud = ParticleCloud(
+        state=descended(cloud.state),
+        log_weight=log_weight,
+        log_raw_weight=log_raw_weight,
+        component=component,
+        log_component_weight=log_component_weight,
+        latents=descended(cloud.latents),
+    )
+    return replace(mixture, cloud=cloud), ancestors
+
+
+def resample_smoothly(
+    mixture: Mixture,
+    which: BoolArray,
+    particles: int,
+    kernel_width: FloatArray,
+    rng: np.random.Generator,
+) -> Mixture:
+    """Resample the chosen components and smooth their particles, which would be copies of few ancestors otherwise.
+
+    A particle is drawn towards the component's mean by ``sqrt(1 - h^2)`` and then moved by ``h`` times a draw from the
+    component's covariance (Liu and West 2001), so that mean and covariance stay as they were, and what the latents
+    have to do with the state nearly so. A width of one draws states from the weighted Gaussian.
+
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        which: Components to resample, shape (m,).
+        particles: Particles that each of them gets.
+        kernel_width: h of each component, from zero to one, shape (m,).
+        rng: Source of randomness.
+
+    Returns:
+        The belief after resampling; the same one if nothing was chosen.
+    """
+    chosen = np.flatnonzero(which)
+    mean = component_moments(mixture, chosen).mean[list(SMOOTHED)]
+    factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
+    kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
+    mixture, _ = resample(mixture, which, particles, rng)
+    if len(chosen) == 0:
+        return mixture
+    normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
+    # Resampling has just made this array: nobody else holds it.
+    state, begins = mixture.cloud.state, mixture.starts[chosen]
+
+    def smooth(begin: int, end: int) -> None:
+        _smooth(begin, end, state, begins, mean, kept, factor, normal)
+
+    in_shares(smooth, len(chosen), cost=particles)
+    return mixture
+
+
+def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) -> FloatArray:
+    """Return the Cholesky factors of the chosen components' covariances, shape (c, 6, 6)."""
+    covariance = np.zeros((len(chosen), len(SMOOTHED), len(SMOOTHED)))
+    state, log_weight, starts = mixture.cloud.state, mixture.cloud.log_weight, mixture.starts
+
+    def accumulate(begin: int, end: int) -> None:
+        _accumulate_covariances(begin, end, state, log_weight, starts, chosen, mean, covariance)
+
+    in_shares(accumulate, len(chosen), cost=len(state[0]) / max(len(mixture), 1))
+    return np.asarray(np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(len(SMOOTHED))), dtype=np.float64)
+
+
+@kernel()
+def _systematic_ancestors(
+    weight: FloatArray,
+    starts: IntArray,
+    which: BoolArray,
+    offsets: FloatArray,
+    particles: int,
+    ancestors: IntArray,
+) -> None:
+    out = 0
+    for m in range(len(starts) - 1):
+        begin, end = starts[m], starts[m + 1]
+        if not which[m]:
+            for n in range(begin, end):
+                ancestors[out] = n
+                out += 1
+            continue
+        total = 0.0
+        for n in range(begin, end):
+            total += weight[n]
+        cumulative = weight[begin]
+        n = begin
+        for k in range(particles):
+            target = (k + offsets[m]) / particles * total
+            while cumulative < target and n < end - 1:
+                n += 1
+                cumulative += weight[n]
+            ancestors[out] = n
+            out += 1
+
+
+@kernel(fastmath=True)
+def _accumulate_covariances(
+    begin: int,
+    end: int,
+    state: FloatArray,
+    log_weight: FloatArray,
+    starts: IntArray,
+    chosen: IntArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """Write the weighted covariance of the smoothed state variables of the chosen components."""
+    for c in range(begin, end):
+        own = slice(starts[chosen[c]], starts[chosen[c] + 1])
+        weight = np.exp(log_weight[own])
+        weighted = np.empty_like(weight)
+        for i in range(len(SMOOTHED)):
+            first = state[SMOOTHED[i], own]
+            for n in range(len(weight)):
+                weighted[n] = weight[n] * (first[n] - mean[i, c])
+            for j in range(i + 1):
+                second = state[SMOOTHED[j], own]
+                total = 0.0
+                for n in range(len(weight)):
+                    total += weighted[n] * (second[n] - mean[j, c])
+                covariance[c, i, j] = covariance[c, j, i] = total
+
+
+@kernel(fastmath=True)
+def _smooth(
+    begin: int,
+    end: int,
+    state: FloatArray,
+    begins: IntArray,
+    mean: FloatArray,
+    kept: FloatArray,
+    factor: FloatArray,
+    normal: Float32Array,
+) -> None:
+    """Move particles towards the mean and add the factor times normal numbers (c, 6, size); none drives in reverse."""
+    size = normal.shape[2]
+    for c in range(begin, end):
+        own = slice(begins[c], begins[c] + size)
+        for i in range(len(SMOOTHED)):
+            values = state[SMOOTHED[i], own]
+            centre = (1.0 - kept[c]) * mean[i, c]
+            for n in range(size):
+                values[n] = centre + kept[c] * values[n]
+            for j in range(i + 1):
+                share, source = factor[c, i, j], normal[c, j]
+                for n in range(size):
+                    values[n] += share * source[n]
+            if SMOOTHED[i] == SPEED:
+                for n in range(size):
+                    values[n] = max(values[n], 0.0)
+
+
+@kernel()
+def _descend(
+    begin: int,
+    end: int,
+    values: FloatArray,
+    ancestors: IntArray,
+    is_resampled: BoolArray,
+    starts: IntArray,
+    descended: FloatArray,
+) -> None:
+    """Write the values of each particle's ancestor for the components from ``begin`` to ``end``."""
+    for row in range(len(values)):
+        for m in range(begin, end):
+            own = descended[row, starts[m] : starts[m + 1]]
+            if is_resampled[m]:
+                forebears = ancestors[starts[m] : starts[m + 1]]
+                for n in range(len(own)):
+                    own[n] = values[row, forebears[n]]
+            elif len(own):
+                first = ancestors[starts[m]]
+                kept = values[row, first : first + len(own)]
+                for n in range(len(own)):
+                    own[n] = kept[n]

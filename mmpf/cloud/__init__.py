@@ -1,1 +1,0 @@
-"""Particles and components: moments, resampling, birth, sizes."""

@@ -1,1 +1,0 @@
-"""Arrays, random numbers and threads."""

@@ -1,0 +1,49 @@
+"""What a scan says of how well the sensor sees at each distance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.belief.kinds import DETECTABILITY, VEHICLE, Sightings
+from mmpf.belief.mixture import Components, is_longer
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.joint import JointOptions
+from mmpf.stages.update_rule import Situation
+from mmpf.visibility.range_profile import Reach
+
+# Vehicles of which less is to be seen say more of shadows than of distance.
+IN_PLAIN_VIEW = 0.9
+# Those that are hard to detect say more of themselves.
+USUAL = 0.8
+
+
+def reach_after(
+    sightings: Sightings,
+    before: Components,
+    run: FloatArray,
+    distance_m: FloatArray,
+    situation: Situation,
+    options: JointOptions,
+) -> Reach:
+    """Return the counts of detections at each distance after a scan.
+
+    Each vehicle in plain view counts as far as it exists, is a vehicle, is none that is hard to detect anywhere, and is
+    not in a run of misses, which has nothing to do with distance.
+
+    Args:
+        sightings: What the scan says of the components.
+        before: The components before the scan: what it says of existence would favour detections.
+        run: Probability of a run of misses after the scan, shape (m,).
+        distance_m: Their distances from the sensor, shape (m,).
+        situation: The scan, the sensor's data sheet and the counts before.
+        options: The joint rule's settings.
+    """
+    sensor = situation.sensor
+    in_view = sightings.in_shadow / np.maximum(sightings.in_plain_view, 1e-3)
+    is_in_view = (in_view > IN_PLAIN_VIEW) & (sightings.in_field > IN_PLAIN_VIEW)
+    known = np.flatnonzero(is_in_view & is_longer(before.detected_s, options.existence.confirm_s))
+    usual = before.kinds[known][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
+    weight = before.existence[known] * usual
+    expected = weight * (1.0 - run[known]) * sensor.detection_probability
+    kept = np.exp(-situation.dt_s / options.reach.memory_s)
+    return situation.reach.after(distance_m[known], expected, weight * sightings.hit[known], kept)

@@ -1,1 +1,0 @@
-"""Roads of any shape: lanes as a graph of lines in the plane."""

@@ -1,0 +1,1 @@
+"""Arrays, compiled kernels, random numbers and threads."""

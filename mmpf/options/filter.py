@@ -1,0 +1,135 @@
+"""The filter's settings; every number that is not the sensor's or the motion model's.
+
+The groups of ``FilterOptions`` itself hold for both update rules, those of ``joint`` and ``max_likelihood`` for one.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from mmpf.options.base import NotNegative, Positive, Probability, Settings, in_unit
+from mmpf.options.joint import JointOptions
+from mmpf.options.paper import MaxLikelihoodOptions
+
+UpdateName = Literal["joint", "max_likelihood"]
+
+
+class Footprint(Settings):
+    """The rectangle that stands for a vehicle whose size is not measured: the mean and spread on US-101."""
+
+    length_m: Positive = 4.7
+    """Mean length."""
+    width_m: Positive = 1.9
+    """Mean width."""
+    std_length_m: Positive = 2.0
+    """Spread of lengths, wide enough for trucks; measured lengths narrow it down."""
+    std_width_m: Positive = 0.3
+    """Spread of widths."""
+
+
+MEAN_CAR = Footprint()
+OTHER_SPEED_ERROR = 0.4
+
+
+class ModelErrorOptions(Settings):
+    """Noise that the filter adds to every motion model's prediction, since no model is the truth.
+
+    Root spectral densities of white noise: a standard deviation over one second grows with the root of time.
+    """
+
+    speed: Annotated[NotNegative | None, in_unit("m/s/√s")] = None
+    """Noise on the longitudinal speed. None for what was better on the tuning seeds: nothing for a model that spreads
+    the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``), under the joint rule, whose
+    smoothing keeps its particles apart, and 0.4 otherwise.
+    """
+    accel: Annotated[NotNegative, in_unit("m/s²/√s")] = 1.2
+    """Noise on the longitudinal acceleration."""
+    lat_speed: Annotated[NotNegative, in_unit("m/s/√s")] = 0.2
+    """Noise on the lateral speed."""
+    hidden_lon_factor: NotNegative = 1.3
+    """Factor on the longitudinal ones for components that are not seen: there the model alone says where they are."""
+
+
+class BirthOptions(Settings):
+    """How the particles of a new component are drawn around its detection."""
+
+    local_speed_share: Probability = 0.6
+    """Share of particles whose speed is drawn near the speed of the traffic around."""
+    local_speed_std_mps: Positive = 2.5
+    """Spread of their speeds."""
+    other_speed_std_mps: Positive = 8.0
+    """Spread of the other particles' speeds: the neighbours alone would lose the fast lane."""
+    standing_share: Probability = 0.1
+    """Share of particles that stand: traffic that flows fast would lose a car that has broken down."""
+    lat_speed_std_mps: Positive = 0.4
+    """Spread of the lateral speed."""
+    accel_std_mps2: Positive = 0.7
+    """Spread of the longitudinal acceleration."""
+    local_range_m: Positive = 40.0
+    """Tracks within this distance tell the speed of the traffic around."""
+    first_existence: Probability = 0.5
+    """Existence probability of the components of the first scan, of which nothing is known beforehand."""
+
+
+class FlowOptions(Settings):
+    """The speed of the traffic that a vehicle swims in, for motion models that ask for it."""
+
+    length_m: Positive = 25.0
+    """The weight of a seen vehicle's speed falls by e over this distance."""
+    other_lane_weight: Probability = 0.15
+    """Weight of vehicles in other lanes against those in the own lane."""
+
+
+class ReportingOptions(Settings):
+    """When a component counts as hidden and which hidden ones are reported."""
+
+    hidden_after_s: Positive = 0.25
+    """Unseen for longer, a component counts as hidden: it is reported as hidden, its particles move as those of a
+    hidden vehicle, and its speed tells newborn components nothing of the traffic.
+    """
+    reported_std_lon_m: Positive = 15.0
+    """A hidden component spread wider than this is kept in memory, for re-acquisition, but not reported: nobody could
+    use it.
+    """
+    reported_hidden_above: Probability = 0.05
+    """A hidden component that is a vehicle with less probability is kept in memory, but not reported."""
+
+
+class FilterOptions(Settings):
+    """All settings of the Modified Mixture Particle Filter."""
+
+    particles: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
+    """Particles per component."""
+    update: UpdateName = "joint"
+    """Update rule: ``joint``, or ``max_likelihood`` for the rule of the paper."""
+    vehicle: Footprint = Footprint()
+    """Size of a vehicle before it is measured."""
+    model_error: ModelErrorOptions = ModelErrorOptions()
+    """Noise added to the motion model's prediction."""
+    birth: BirthOptions = BirthOptions()
+    """How new components are drawn."""
+    flow: FlowOptions = FlowOptions()
+    """The speed of the traffic around a vehicle."""
+    reporting: ReportingOptions = ReportingOptions()
+    """When a component counts as hidden and which hidden ones are reported."""
+    joint: JointOptions = JointOptions()
+    """Settings that only the joint update reads."""
+    max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()
+    """Settings that only the paper's update reads."""
+
+
+def speed_error(options: FilterOptions, *, spreads_speed: bool) -> float:
+    """Return the noise on the speed that the filter adds to a motion model's prediction.
+
+    Args:
+        options: The filter's settings.
+        spreads_speed: Whether the model spreads the speed by itself; see ``mmpf.motion.protocol.spreads_speed``.
+
+    Returns:
+        Root spectral density, m/s per root second; see ``ModelErrorOptions.speed``.
+    """
+    if options.model_error.speed is not None:
+        return options.model_error.speed
+    return 0.0 if spreads_speed and options.update == "joint" else OTHER_SPEED_ERROR

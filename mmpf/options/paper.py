@@ -1,0 +1,132 @@
+"""The settings that only the paper's update reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from mmpf.options.base import NotNegative, Positive, Probability, Settings
+
+Reading = Literal["literal", "charitable"]
+
+
+class PaperAssociation(Settings):
+    """Which components take part in the measurement update, and count as seen."""
+
+    gate_std: Positive = float("inf")
+    """A component with no detection within this many standard deviations performs no measurement update. Infinite in
+    the paper: the largest likelihood counts however small it is.
+    """
+    hit_gate_std: Positive = 4.5
+    """A component that performs an update counts as seen if a detection is within this many standard deviations."""
+    shadowed_share: Probability = 0.85
+    """Share of its extent in shadow from which a component counts as completely occluded."""
+
+
+class PaperExistence(Settings):
+    """When a component starts, what it weighs at least, and when it is believed."""
+
+    added_particles: Probability = 0.1
+    """a of the paper, as a share of one component's particles: a detection that fewer particles chose starts a
+    component.
+    """
+    floor_weight: Probability = 0.0
+    """Keeps component weights from falling below this share of the mean; zero is the paper's equation (11), whose
+    product over time starves components.
+    """
+    weights_anew: bool = False
+    """Whether every scan begins with components that weigh alike, so that equation (11) speaks of that scan alone."""
+    confirm_hits: Annotated[int, Field(ge=1)] = 3
+    """Scans with an update before a component is reported."""
+
+
+class PaperRemoval(Settings):
+    """When a component is let go."""
+
+    weight: Probability = 0.0
+    """r of the paper: a component whose weight falls below this share of the mean component weight is removed."""
+    longest_unseen_s: Positive = 10.0
+    """A component unseen for longer is removed."""
+    unconfirmed_unseen_s: Positive = 10.0
+    """One that was never confirmed is removed when unseen for longer."""
+    range_margin_m: NotNegative = 4.0
+    """A component further than this beyond the sensor's range has left the observation area and is removed."""
+
+
+class PaperResampling(Settings):
+    """When the particles of a component are drawn anew."""
+
+    effective_share: Probability = 0.5
+    """A component is resampled when its effective sample size falls below this share of its particles."""
+
+
+class PaperMerging(Settings):
+    """When two components overlap significantly and become one."""
+
+    lon_m: Positive = 2.5
+    """Components overlap if their means are nearer than this along the road and ``lat_m`` across it."""
+    lat_m: Positive = 1.0
+    """See ``lon_m``."""
+    keep_seen: bool = False
+    """Whether the name that stays is that of the confirmed one, among equals of the one in sight, and only then the
+    elder's.
+    """
+
+
+class PaperReclustering(Settings):
+    """Which components' particles are dealt out anew by k-medoids."""
+
+    lon_m: Positive = 7.0
+    """Components touch if their means are nearer than this along the road and ``lat_m`` across it."""
+    lat_m: Positive = 2.5
+    """See ``lon_m``."""
+    voters: Annotated[int, Field(ge=10)] = 200
+    """Particles of a group that vote on the medoids; the rest follow the nearest one."""
+    alike: bool = False
+    """Whether each particle's vote counts alike, whatever it and its component weigh."""
+
+
+CHARITABLE: dict[str, dict[str, Any]] = {
+    "association": {"gate_std": 3.0},
+    "existence": {"weights_anew": True},
+    "removal": {"unconfirmed_unseen_s": 1.0},
+    "merging": {"keep_seen": True},
+    "reclustering": {"lon_m": 3.0, "lat_m": 1.2, "alike": True},
+}
+
+
+class MaxLikelihoodOptions(Settings):
+    """The paper's own rule: each particle's likelihood is its largest over all detections."""
+
+    reading: Reading = "literal"
+    """How the paper's text is read where it leaves a choice: as it stands, or as kindly to its rule as it allows.
+    ``charitable`` gives other defaults to ``association.gate_std`` (3), ``existence.weights_anew`` (true),
+    ``removal.unconfirmed_unseen_s`` (1), ``merging.keep_seen`` (true) and ``reclustering.lon_m``, ``lat_m`` and
+    ``alike`` (3, 1.2, true); what is set by hand stays.
+    """
+    association: PaperAssociation = PaperAssociation()
+    """Which components take part in the measurement update."""
+    existence: PaperExistence = PaperExistence()
+    """When a component starts and is believed."""
+    removal: PaperRemoval = PaperRemoval()
+    """When a component is let go."""
+    resampling: PaperResampling = PaperResampling()
+    """When particles are drawn anew."""
+    merging: PaperMerging = PaperMerging()
+    """When two components become one."""
+    reclustering: PaperReclustering = PaperReclustering()
+    """Which components' particles are dealt out anew."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_charitably(cls, values: Any) -> Any:  # noqa: ANN401
+        if not isinstance(values, Mapping) or values.get("reading") != "charitable":
+            return values
+        kindly = dict(values)
+        for group, defaults in CHARITABLE.items():
+            given = values.get(group, {})
+            if isinstance(given, Mapping):
+                kindly[group] = {**defaults, **given}
+        return kindly

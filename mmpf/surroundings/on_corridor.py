@@ -1,0 +1,99 @@
+"""Road and traffic around each particle, taken from the lanes, the other components and the ego vehicle.
+
+Who leads and who follows whom is settled between component means, lane by lane, and in the own lane by who is in the
+way; the gap is then each particle's own. Off every lane, as on a ramp, there are no lines and nobody to follow.
+
+Who may be a false object is minded by as many particles as it is probably a vehicle: else a false object in the lane
+would make all particles of the vehicle behind it brake.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.belief.kinds import vehicle_share
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments
+from mmpf.map.road import Road
+from mmpf.motion.protocol import Surroundings
+from mmpf.motion.state import ACCEL, LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.options.filter import FlowOptions
+from mmpf.scan import EgoPose
+from mmpf.surroundings.adjacent_lanes import LEFT, OWN, RIGHT, lanes_around
+from mmpf.surroundings.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
+
+LEAST_PROBABILITIES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""A fifth of a component's particles each mind who is a vehicle with more than this probability."""
+
+
+def surroundings_of(
+    mixture: Mixture,
+    moments: Moments,
+    is_seen: BoolArray,
+    ego: EgoPose,
+    ego_accel_mps2: float,
+    road: Road,
+    options: FlowOptions,
+) -> Surroundings:
+    """Return what each particle knows of road and traffic.
+
+    Args:
+        mixture: The belief; its confirmed components count as vehicles for the others.
+        moments: Its components' moments.
+        is_seen: Components that were seen lately, shape (m,).
+        ego: Pose of the sensor's own vehicle, a neighbour like any other.
+        ego_accel_mps2: Its longitudinal acceleration.
+        road: The lanes.
+        options: What counts as the flow of traffic around.
+    """
+    state, component, vehicles = mixture.cloud.state, mixture.cloud.component, mixture.components
+    others = np.column_stack([moments.mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
+    length, width = np.append(vehicles.length_m, ego.length_m), np.append(vehicles.width_m, ego.width_m)
+    lane_of_other = road.lane_index_at(others[LON], others[LAT])
+    probability = np.append(np.where(vehicles.confirmed, vehicle_share(vehicles.kinds), 0.0), 1.0)
+    cases = [
+        nearest_by_lane(others[LON], others[LAT], width, lane_of_other, probability > least, len(road.lanes))
+        for least in LEAST_PROBABILITIES
+    ]
+    leader, follower = (np.concatenate(tables) for tables in zip(*cases, strict=True))
+    case = (np.arange(len(component)) - mixture.starts[component]) % len(cases)
+
+    lanes = lanes_around(state[LON], state[LAT], road)
+    known = KnownTraffic(
+        state, case * len(length) + component, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases))
+    )
+    flow = flow_speeds(moments.mean, lane_of_other[:-1], vehicles.confirmed & is_seen, options)
+    return Surroundings(
+        length_m=vehicles.length_m[component],
+        lane_right_m=lanes.line_m[0],
+        lane_left_m=lanes.line_m[1],
+        has_left_lane=lanes.has_beside[0],
+        has_right_lane=lanes.has_beside[1],
+        leader=known.measured(lanes.index[OWN], leader, 1.0),
+        left_leader=UnmeasuredNeighbour(known, lanes.index[LEFT], leader, 1.0),
+        left_follower=UnmeasuredNeighbour(known, lanes.index[LEFT], follower, -1.0),
+        right_leader=UnmeasuredNeighbour(known, lanes.index[RIGHT], leader, 1.0),
+        right_follower=UnmeasuredNeighbour(known, lanes.index[RIGHT], follower, -1.0),
+        flow_speed_mps=flow[component],
+        is_hidden=~is_seen[component],
+        road_speed_mps=np.full(len(component), np.inf),
+    )
+
+
+def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: FlowOptions) -> FloatArray:
+    """Return the speed of the counted traffic near each component, nan where there is none, shape (m,).
+
+    Args:
+        mean: Components' mean states, shape (6, m).
+        lane: Their lanes, shape (m,).
+        counts: Which of them are seen vehicles, shape (m,).
+        options: How much each of them counts.
+    """
+    weight = np.exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / options.length_m)
+    weight *= np.where(lane[:, None] == lane[None, :], 1.0, options.other_lane_weight)
+    weight *= counts[None, :]
+    np.fill_diagonal(weight, 0.0)
+    total = weight.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)

@@ -1,0 +1,1 @@
+"""The intensity of vehicles that were never detected."""

@@ -1,0 +1,90 @@
+"""What is reported of each component: its state word, mean and spread, or nothing at all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
+from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
+from mmpf.options.filter import ReportingOptions
+from mmpf.stages.reporting import reported_tracks
+from mmpf.tracks import TRACK_STATES, Tracks
+from tests.mmpf.scenes import belief_of, spot
+
+OPTIONS = ReportingOptions(hidden_after_s=0.25, reported_std_lon_m=6.0)
+
+
+def reported(mixture: Mixture) -> Tracks:
+    return reported_tracks(mixture, component_moments(mixture), OPTIONS)
+
+
+def pair_apart(std_lon_m: float) -> FloatArray:
+    state = spot(50.0, 5.0, particles=2)
+    state[LON] += [-std_lon_m, std_lon_m]
+    return state
+
+
+@pytest.mark.parametrize(
+    ("confirmed", "unseen_s", "word"),
+    [
+        (False, 0.0, "tentative"),
+        (True, 0.0, "confirmed"),
+        (True, 0.2, "confirmed"),
+        (True, 0.3, "hidden"),
+        (False, 0.3, "tentative"),
+    ],
+)
+def test_a_track_is_tentative_until_confirmed_and_hidden_when_unseen_for_long(
+    confirmed: bool, unseen_s: float, word: str
+) -> None:
+    tracks = reported(belief_of([spot(10.0, 5.0)], confirmed=[confirmed], unseen_s=[unseen_s]))
+    assert [TRACK_STATES[state] for state in tracks.state] == [word]
+
+
+@pytest.mark.parametrize(("std_lon_m", "unseen_s", "count"), [(5.9, 3.0, 1), (6.1, 3.0, 0), (6.1, 0.0, 1)])
+def test_one_that_is_unseen_and_may_be_anywhere_is_withheld(std_lon_m: float, unseen_s: float, count: int) -> None:
+    belief = belief_of([pair_apart(std_lon_m)], confirmed=[True], unseen_s=[unseen_s])
+    assert len(reported(belief)) == count
+
+
+def test_what_is_withheld_takes_nothing_of_the_others_with_it() -> None:
+    belief = belief_of(
+        [spot(10.0, 1.0), pair_apart(9.0), spot(30.0, 3.0)],
+        track_id=[4, 5, 6],
+        confirmed=[True, True, False],
+        unseen_s=[0.0, 2.0, 0.0],
+        existence=[0.9, 0.8, 0.7],
+    )
+    tracks = reported(belief)
+    assert tracks.track_id.tolist() == [4, 6]
+    assert tracks.lon_m == pytest.approx([10.0, 30.0])
+    assert tracks.lat_m == pytest.approx([1.0, 3.0])
+    assert tracks.existence.tolist() == [0.9, 0.7]
+    assert [TRACK_STATES[state] for state in tracks.state] == ["confirmed", "tentative"]
+
+
+def test_means_and_spreads_are_those_of_the_weighted_particles() -> None:
+    state = np.random.default_rng(0).normal(10.0, 3.0, (6, 40))
+    weight = np.random.default_rng(1).uniform(0.1, 1.0, 40)
+    weight /= weight.sum()
+    tracks = reported(belief_of([state], [weight]))
+    mean = state @ weight
+    std = np.sqrt((state - mean[:, None]) ** 2 @ weight)
+    for name, row in (
+        ("lon_m", LON),
+        ("lat_m", LAT),
+        ("speed_mps", SPEED),
+        ("lat_speed_mps", LAT_SPEED),
+        ("accel_mps2", ACCEL),
+    ):
+        assert getattr(tracks, name) == pytest.approx(mean[[row]]), name
+    for name, row in (("std_lon_m", LON), ("std_lat_m", LAT), ("std_speed_mps", SPEED)):
+        assert getattr(tracks, name) == pytest.approx(std[[row]]), name
+
+
+def test_no_spread_is_zero_even_if_all_particles_are_in_one_place() -> None:
+    tracks = reported(belief_of([spot(10.0, 5.0)]))
+    assert [*tracks.std_lon_m, *tracks.std_lat_m, *tracks.std_speed_mps] == pytest.approx([1e-6] * 3)

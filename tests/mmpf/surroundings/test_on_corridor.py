@@ -1,0 +1,255 @@
+"""The compiled surroundings against a plain reading of their definition, one particle at a time."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from mmpf.belief.kinds import SHAPE, STANDING, VEHICLE
+from mmpf.belief.moments import Moments, component_moments
+from mmpf.map.road import Lane, Road, highway
+from mmpf.motion.protocol import Neighbour, Surroundings
+from mmpf.motion.state import ACCEL, LAT, LON, SPEED
+from mmpf.options.filter import FlowOptions
+from mmpf.scan import EgoPose
+from mmpf.surroundings.on_corridor import surroundings_of
+from tests.mmpf.scenes import belief_of, spot
+
+RAMPED = Road(
+    lanes=(*highway(3).lanes, Lane(number=6, right_m=-3.66, left_m=0.0, start_m=40.0, end_m=90.0)),
+    section_m=(0.0, 640.0),
+)
+NEIGHBOURS = {
+    "leader": (0, True), "left_leader": (1, True), "left_follower": (1, False), "right_leader": (-1, True),
+    "right_follower": (-1, False),
+}  # fmt: skip
+
+
+class Scene:
+    """Components of a few particles each, scattered over road and verge."""
+
+    def __init__(self, road: Road, components: int, particles: int, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.road = road
+        self.component = np.repeat(np.arange(components), particles)
+        centre = np.stack([rng.uniform(0.0, 120.0, components), rng.uniform(-5.0, 14.0, components)])
+        self.state = rng.normal(0.0, 1.0, (6, len(self.component)))
+        self.state[[LON, LAT]] += centre[:, self.component]
+        self.state[SPEED] = rng.uniform(0.0, 30.0, len(self.component))
+        self.mean = np.stack([
+            [row[self.component == m].mean() for m in range(components)] for row in self.state
+        ]).reshape(6, components)  # fmt: skip
+        self.length = rng.uniform(3.5, 18.0, components)
+        self.width = rng.uniform(1.6, 2.6, components)
+        self.is_neighbour = rng.random(components) < 0.8
+        self.is_seen = rng.random(components) < 0.7
+        self.ego = EgoPose(60.0, 5.5, 0.0, 20.0, 5.2, 1.8)
+        self.ego_accel = -0.7
+
+    def surroundings(self) -> Surroundings:
+        states = [self.state[:, self.component == m] for m in range(self.mean.shape[1])]
+        belief = belief_of(states, length_m=self.length, width_m=self.width, confirmed=self.is_neighbour)
+        moments = Moments(self.mean, np.zeros_like(self.mean))
+        return surroundings_of(belief, moments, self.is_seen, self.ego, self.ego_accel, self.road, FlowOptions())
+
+    def others(self) -> list[dict[str, float]]:
+        """Return everyone that counts as a vehicle, the ego last."""
+        vehicles = [
+            {
+                "index": m, "lon": self.mean[LON, m], "lat": self.mean[LAT, m], "speed": self.mean[SPEED, m],
+                "accel": self.mean[ACCEL, m], "length": self.length[m], "width": self.width[m],
+            }
+            for m in range(self.mean.shape[1])
+            if self.is_neighbour[m]
+        ]  # fmt: skip
+        ego = self.ego
+        return [*vehicles, {
+            "index": self.mean.shape[1], "lon": ego.lon_m, "lat": ego.lat_m, "speed": ego.speed_mps,
+            "accel": self.ego_accel, "length": ego.length_m, "width": ego.width_m,
+        }]  # fmt: skip
+
+
+def lane_of(road: Road, lon: float, lat: float) -> Lane | None:
+    for lane in road.lanes:
+        if lane.start_m <= lon < lane.end_m and lane.right_m <= lat < lane.left_m:
+            return lane
+    return None
+
+
+def nearest_lane_of(road: Road, lon: float, lat: float) -> Lane | None:
+    """Return the lane that a place is in or at most a metre outside of, none on a ramp."""
+
+    def away(lane: Lane) -> float:
+        if not lane.start_m <= lon < lane.end_m:
+            return np.inf
+        return abs(lat - 0.5 * (lane.right_m + lane.left_m)) - 0.5 * (lane.left_m - lane.right_m)
+
+    nearest = min(road.lanes, key=away)
+    return nearest if away(nearest) < 1.0 else None
+
+
+def beside(road: Road, lane: Lane | None, direction: int) -> Lane | None:
+    """Return the lane whose line touches this one's to the left (1) or right (-1), wherever along the road it lies."""
+    if direction == 0 or lane is None:
+        return lane
+    for other in road.lanes:
+        apart = other.right_m - lane.left_m if direction > 0 else lane.right_m - other.left_m
+        if abs(apart) < 0.5:
+            return other
+    return None
+
+
+def expected_neighbour(scene: Scene, n: int, lane: Lane | None, ahead: bool) -> dict[str, float] | None:
+    """Return who is nearest: in the own lane among those in the way, in another among its vehicles not in the way.
+
+    In the way is who would be touched, or nearly, when driving straight on: bodies that overlap sideways by more than
+    15 % of their mean width.
+    """
+    own = scene.component[n]
+    own_lane = lane_of(scene.road, scene.mean[LON, own], scene.mean[LAT, own])
+
+    def belongs(other: dict[str, float]) -> bool:
+        strip = lane_of(scene.road, other["lon"], other["lat"])
+        if own_lane is None or strip is None:
+            return strip is not None and strip == lane
+        mean_width = 0.5 * (scene.width[own] + other["width"])
+        overlap = mean_width - abs(other["lat"] - scene.mean[LAT, own])
+        if lane == own_lane:
+            return overlap > 0.15 * mean_width
+        return strip == lane and overlap <= 0.15 * mean_width
+
+    candidates = [
+        other
+        for other in scene.others()
+        if lane is not None
+        and other["index"] != own
+        and belongs(other)
+        and (other["lon"] > scene.mean[LON, own]) == ahead
+    ]
+    return min(candidates, key=lambda other: abs(other["lon"] - scene.mean[LON, own]), default=None)
+
+
+@pytest.mark.parametrize("road", [highway(5), RAMPED], ids=["highway", "with a ramp"])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_particle_knows_its_lane_and_its_neighbours(road, seed):
+    scene = Scene(road, components=14, particles=6, seed=seed)
+    found = scene.surroundings()
+    for n in range(len(scene.component)):
+        lon, lat, speed = scene.state[[LON, LAT, SPEED], n]
+        lane = nearest_lane_of(road, lon, lat)
+        length = scene.length[scene.component[n]]
+        assert found.length_m[n] == length
+        if lane is None:
+            assert np.isnan([found.lane_right_m[n], found.lane_left_m[n]]).all()
+        else:
+            assert (found.lane_right_m[n], found.lane_left_m[n]) == (lane.right_m, lane.left_m)
+        for direction, there in ((1, found.has_left_lane[n]), (-1, found.has_right_lane[n])):
+            strip = beside(road, lane, direction)
+            assert there == (strip is not None and strip.start_m <= lon < strip.end_m)
+        for name, (direction, ahead) in NEIGHBOURS.items():
+            strip = beside(road, lane, direction)
+            if direction and strip is not None and not strip.start_m <= lon < strip.end_m:
+                strip = None
+            expected = expected_neighbour(scene, n, strip, ahead)
+            one: Neighbour = getattr(found, name)
+            assert one.exists[n] == (expected is not None)
+            if expected is None:
+                assert (one.gap_m[n], one.speed_mps[n], one.accel_mps2[n]) == (np.inf, speed, 0.0)
+                assert one.length_m[n] == length
+                continue
+            distance = expected["lon"] - lon if ahead else lon - expected["lon"]
+            gap = distance - 0.5 * (length + expected["length"])
+            assert one.gap_m[n] == pytest.approx(gap, abs=1e-12)
+            assert one.speed_mps[n] == expected["speed"]
+            assert one.accel_mps2[n] == expected["accel"]
+            assert one.length_m[n] == expected["length"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_flow_is_the_mean_speed_of_seen_traffic_weighted_by_nearness_and_lane(seed):
+    scene = Scene(highway(5), components=12, particles=3, seed=seed)
+    found = scene.surroundings()
+    for n, own in enumerate(scene.component):
+        weights, speeds = [], []
+        lane = lane_of(scene.road, scene.mean[LON, own], scene.mean[LAT, own])
+        for m in range(12):
+            if m == own or not (scene.is_neighbour[m] and scene.is_seen[m]):
+                continue
+            same = lane_of(scene.road, scene.mean[LON, m], scene.mean[LAT, m]) == lane
+            weights.append(np.exp(-abs(scene.mean[LON, m] - scene.mean[LON, own]) / 25.0) * (1.0 if same else 0.15))
+            speeds.append(scene.mean[SPEED, m])
+        assert found.flow_speed_mps[n] == pytest.approx(np.average(speeds, weights=weights), rel=1e-12)
+        assert found.is_hidden[n] == (not scene.is_seen[own])
+
+
+def test_without_components_there_is_nothing_to_know():
+    scene = Scene(highway(5), components=0, particles=3, seed=0)
+    found = scene.surroundings()
+    for column in fields(found):
+        value = getattr(found, column.name)
+        assert len(value if isinstance(value, np.ndarray) else value.gap_m) == 0
+
+
+def neighbours_of(*, lat: float, other_lat: float, width_m: float = 1.9) -> Surroundings:
+    """Return what a car at 50 m and some lateral place knows; another one, of some width, drives 20 m ahead."""
+    mean = np.zeros((6, 2))
+    mean[LON], mean[LAT], mean[SPEED] = [50.0, 70.0], [lat, other_lat], [20.0, 15.0]
+    far_ego, width = EgoPose(-500.0, 5.5, 0.0, 20.0, 4.7, 1.9), np.array([1.9, width_m])
+    belief = belief_of([mean[:, :1], mean[:, 1:]], length_m=[4.7, 4.7], width_m=width, confirmed=[True, True])
+    moments, is_seen = Moments(mean, np.zeros_like(mean)), np.full(2, True)
+    return surroundings_of(belief, moments, is_seen, far_ego, 0.0, highway(3), FlowOptions())
+
+
+def test_a_vehicle_on_a_ramp_has_no_lane_lines_and_follows_nobody():
+    found = neighbours_of(lat=-3.0, other_lat=-3.0)
+    assert np.isnan([found.lane_right_m[0], found.lane_left_m[0]]).all()
+    assert not found.has_left_lane[0]
+    assert not found.has_right_lane[0]
+    for name in NEIGHBOURS:
+        assert not getattr(found, name).exists[0]
+
+
+def test_a_vehicle_on_the_shoulder_belongs_to_the_lane_next_to_it():
+    found = neighbours_of(lat=-0.9, other_lat=0.5)
+    assert (found.lane_right_m[0], found.lane_left_m[0]) == (0.0, 3.66)
+    assert found.has_left_lane[0]
+
+
+def test_a_vehicle_beyond_the_shoulder_belongs_to_no_lane():
+    assert np.isnan(neighbours_of(lat=-1.1, other_lat=1.83).lane_right_m[0])
+
+
+def test_a_car_on_the_line_that_leaves_room_is_nobodys_leader():
+    # Both in the middle lane, 1.7 m apart: bodies of 1.9 m overlap by 0.2 m, less than 15 %.
+    found = neighbours_of(lat=3.8, other_lat=5.5)
+    assert not found.leader.exists[0]
+    assert not found.left_leader.exists[0]
+    assert not found.right_leader.exists[0]
+
+
+def test_a_car_in_the_way_leads_from_across_the_line_as_well():
+    # One in the right lane, the other in the middle one, 0.8 m apart.
+    found = neighbours_of(lat=3.3, other_lat=4.1)
+    assert found.leader.exists[0]
+    assert found.leader.gap_m[0] == pytest.approx(20.0 - 4.7)
+    assert found.leader.speed_mps[0] == 15.0
+    assert not found.left_leader.exists[0], "a vehicle that blocks the way is not beside it as well"
+
+
+def test_a_wide_truck_is_in_the_way_where_a_car_is_not():
+    assert not neighbours_of(lat=3.8, other_lat=5.5).leader.exists[0]
+    assert neighbours_of(lat=3.8, other_lat=5.5, width_m=2.6).leader.exists[0]
+
+
+@pytest.mark.parametrize(("probability", "minding"), [(1.0, 1.0), (0.4, 0.4), (0.02, 0.0)])
+def test_as_many_particles_mind_a_leader_as_it_is_probably_a_vehicle(probability, minding):
+    kinds = np.zeros((2, *SHAPE))
+    kinds[:, VEHICLE, 0, -1] = [1.0, probability]
+    kinds[:, STANDING, 0, -1] = [0.0, 1.0 - probability]
+    belief = belief_of([spot(0.0, 5.5), spot(30.0, 5.5, 0.0)], confirmed=[True, True], kinds=kinds)
+    ego = EgoPose(-200.0, 5.5, 0.0, 20.0, 4.7, 1.9)
+    moments = component_moments(belief)
+    found = surroundings_of(belief, moments, np.ones(2, dtype=bool), ego, 0.0, highway(5), FlowOptions())
+    assert found.leader.exists[:10].mean() == pytest.approx(minding)
