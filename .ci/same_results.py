@@ -1,124 +1,125 @@
-"""Run twelve commands at two revisions and tell whether traffic, detections, tracks and scores are the same bytes.
+"""Run commands at two revisions and tell whether what they write and print is the same.
 
 For a change that is meant to move code and not results: ``python .ci/same_results.py OLD [NEW]``. Without NEW, the
-working tree is taken. Wall times, versions and paths are left out; everything else counts. Exit code 1 if anything
-differs.
+working tree is taken. Exit code 1 if anything differs. The commands are those of ``same_results_commands.py``; what is
+left out of the comparison, and why, stands in ``same_results_digests.py``. ``--only runs,help`` takes groups or single
+commands, with the earlier ones that they need. ``--keep FILE`` keeps what is known of a revision, so that it is run
+once. A command that ends with another exit code at one revision, for example since an option is new, is named with what
+it says at both.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import time
 from pathlib import Path
 
-import pandas as pd
+from same_results_commands import COMMANDS, SLOW, needed
+from same_results_digests import masked, of_folder, of_text
+from same_results_recordings import write_recordings
 
 ROOT = Path(__file__).resolve().parents[1]
-RUN = ("run", "--duration", "6", "--quiet")
-COMMANDS: dict[str, tuple[str, ...]] = {
-    "lidar": (*RUN, "--seed", "1"),
-    "radar": (*RUN, "--seed", "2", "--sensor", "radar", "--model", "idm"),
-    "camera": (*RUN, "--seed", "3", "--sensor", "camera", "--model", "cvm", "--density", "45"),
-    "paper": (*RUN, "--seed", "4", "--update", "max_likelihood", "--model", "cam"),
-    "short": (*RUN, "--seed", "5", "--model", "gmm-short", "--particles", "300", "--density", "20"),
-    "jpda": (*RUN, "--seed", "6", "--tracker", "stonesoup-jpda"),
-    "oracle": (*RUN, "--seed", "7", "--tracker", "oracle-kalman", "--demand", "us101-0820"),
-    "replay": (*RUN, "--replay", "lidar", "--model", "gmm-lane-change", "--seed", "8"),
-    "stress": (
-        *("stress", "--densities", "15,45", "--seeds", "1", "--duration", "4", "--quiet"),
-        *("--trackers", "mmpf,mmpf+update=max_likelihood,stonesoup-gnn"),
-    ),
-    "study": ("study", "lane-keeping", "--cases", "6", "--particles", "50", "--seeds", "0:1", "--quiet"),
-    "study-lane-change": ("study", "lane-change", "--cases", "6", "--particles", "50", "--seeds", "0:1", "--quiet"),
-    "ablation": ("study", "ablation", "--seeds", "0:1", "--quiet"),
-}
-SLOW = ("ablation",)
-NOT_COMPARED = ("timing", "total_s", "manifest", "tracker_ms", "truth_ms", "sensor_ms", "realtime_factor", "_ms.")
+LINES_SHOWN = 12
+Digests = dict[str, dict[str, str]]
+SAID = "says"
+"""Key of a command's last line of errors: shown where the exit codes differ, and not compared."""
 
 
 def main() -> int:
     """Compare two revisions and print one line a command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("old")
-    parser.add_argument("new", nargs="?", help="a revision; the working tree if left out")
-    parser.add_argument("--only", default="", help="commands with commas between")
-    parser.add_argument("--slow", action="store_true", help="the slow ones too")
-    words = parser.parse_args()
-    chosen = [
-        name
-        for name in COMMANDS
-        if (words.slow or name not in SLOW) and name in (words.only.split(",") if words.only else COMMANDS)
-    ]
+    words = _arguments()
+    chosen = needed(words.only.split(",") if words.only else [name for name in COMMANDS if name not in SLOW])
     different = 0
     with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        old = _digests(_checked_out(words.old, work / "old"), chosen, work / "results-old")
-        new = _digests(_checked_out(words.new, work / "new") if words.new else ROOT, chosen, work / "results-new")
-        for name in chosen:
-            before, after = old[name], new[name]
-            unlike = sorted(part for part in before.keys() | after.keys() if before.get(part) != after.get(part))
-            different += bool(unlike or not before)
-            verdict = f"DIFFERENT: {', '.join(unlike) or 'no results'}" if unlike or not before else "same"
-            print(f"{name:18} {len(before):3} parts  {verdict}")  # noqa: T201
+        work = Path(folder) if words.results is None else words.results.resolve()
+        work.mkdir(parents=True, exist_ok=True)
+        old = _of_revision(words.old, chosen, work / "old", words.keep)
+        new = (
+            _of_revision(words.new, chosen, work / "new", words.keep)
+            if words.new
+            else _digests(ROOT, chosen, work / "new", "working tree")
+        )
+    for name in chosen:
+        verdict = _verdict(old[name], new[name])
+        different += verdict != "same"
+        print(f"{name:24} {len(old[name]):4} parts  {verdict}")
+    print(f"{different} of {len(chosen)} commands differ" if different else f"all {len(chosen)} commands: same")
     return int(different > 0)
 
 
-def _checked_out(revision: str, folder: Path) -> Path:
-    subprocess.run(["git", "clone", "--quiet", str(ROOT), str(folder)], check=True)
-    subprocess.run(["git", "checkout", "--quiet", revision], check=True, cwd=folder)
-    return folder
+def _arguments() -> argparse.Namespace:
+    groups = ", ".join(dict.fromkeys(command.group for command in COMMANDS.values()))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("old")
+    parser.add_argument("new", nargs="?", help="a revision; the working tree if left out")
+    parser.add_argument("--only", default="", help=f"groups or commands, with commas between; groups: {groups}")
+    parser.add_argument("--keep", type=Path, help="JSON file of what is known of revisions; read, and added to")
+    parser.add_argument("--results", type=Path, help="new folder in which the commands' results stay, to look at")
+    return parser.parse_args()
 
 
-def _digests(tree: Path, names: list[str], out: Path) -> dict[str, dict[str, str]]:
-    out.mkdir()
-    environment = os.environ | {"PYTHONPATH": str(tree)}
+def _verdict(old: dict[str, str], new: dict[str, str]) -> str:
+    if old["exit code"] != new["exit code"]:
+        ends = (f"exit code {one['exit code']}: {one[SAID] or 'no error'}" for one in (old, new))
+        return "DIFFERENT: " + " -> ".join(ends)
+    unlike = sorted(part for part in (old.keys() | new.keys()) - {SAID} if old.get(part) != new.get(part))
+    more = f" and {len(unlike) - LINES_SHOWN} more" if len(unlike) > LINES_SHOWN else ""
+    return f"DIFFERENT: {', '.join(unlike[:LINES_SHOWN])}{more}" if unlike else "same"
+
+
+def _of_revision(revision: str, names: list[str], work: Path, keep: Path | None) -> Digests:
+    """Return a revision's digests, of which only those are made that are not in the file yet."""
+    commit = _git("rev-parse", f"{revision}^{{commit}}")
+    recordings = write_recordings(work)
+    kept = json.loads(keep.read_text()) if keep is not None and keep.exists() else {}
+    known: Digests = {name: kept[key] for name in names if (key := _key(commit, recordings, name)) in kept}
+    missing = [name for name in names if name not in known]
+    if missing:
+        # Reached anew from the checkout: what a missing command needs is run again.
+        _git("clone", "--quiet", str(ROOT), str(work / "tree"))
+        _git("checkout", "--quiet", commit, folder=work / "tree")
+        made = _digests(work / "tree", needed(missing), work / "results", commit[:8])
+        known |= {name: made[name] for name in missing}
+    if keep is not None:
+        keep.write_text(json.dumps(kept | {_key(commit, recordings, name): known[name] for name in names}, indent=0))
+    return known
+
+
+def _key(commit: str, recordings: str, name: str) -> str:
+    return f"{commit} {recordings} {name}: {' '.join(COMMANDS[name].words)}"
+
+
+def _git(*words: str, folder: Path = ROOT) -> str:
+    return subprocess.run(["git", *words], check=True, cwd=folder, capture_output=True, text=True).stdout.strip()
+
+
+def _digests(tree: Path, names: list[str], out: Path, label: str) -> Digests:
+    """Run commands one after the other in a folder, where they find each other's results by name."""
+    out.mkdir(parents=True)
+    write_recordings(out)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(("MMPF_", "HARNESS_"))}
+    environment |= {"PYTHONPATH": str(tree), "COLUMNS": "120", "NO_COLOR": "1", "TERM": "dumb"}
     digests = {}
     for name in names:
-        words = [
-            str(out / word) if word in COMMANDS and k and COMMANDS[name][k - 1] == "--replay" else word
-            for k, word in enumerate(COMMANDS[name])
-        ]
-        command = [sys.executable, "-m", "harness", *words, "--out", str(out / name)]
+        begin = time.perf_counter()
+        command = [sys.executable, "-m", "harness", *COMMANDS[name].words]
         ended = subprocess.run(command, cwd=out, env=environment, capture_output=True, text=True, check=False)
-        if ended.returncode not in {0, 1}:
-            print(f"{tree}: {name}: {ended.stderr[-2000:]}", file=sys.stderr)  # noqa: T201
-        digests[name] = dict(_parts(out / name))
+        paths = (str(out), str(tree))
+        said = masked(ended.stderr, paths).strip().splitlines()
+        digests[name] = {
+            "exit code": str(ended.returncode),
+            SAID: said[-1][:300] if said else "",
+            "stdout": of_text(masked(ended.stdout, paths)),
+            "stderr": of_text("\n".join(said)),
+            **of_folder(out / (COMMANDS[name].folder or name), paths),
+        }
+        print(f"{label}: {name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
     return digests
-
-
-def _parts(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield a digest for each table's column and each number of each JSON file."""
-    for path in sorted(folder.rglob("*")):
-        where = path.relative_to(folder).as_posix()
-        if path.suffix == ".parquet":
-            table = pd.read_parquet(path)
-            for column in table:
-                if not any(word in str(column) for word in NOT_COMPARED):
-                    content = table[column].to_csv(index=False).encode()
-                    yield f"{where}:{column}", hashlib.sha256(content).hexdigest()
-        elif path.suffix == ".json" and path.name != "manifest.json":
-            for key, value in _leaves(json.loads(path.read_text())):
-                if not any(word in key for word in NOT_COMPARED):
-                    yield f"{where}:{key}", repr(value)
-
-
-def _leaves(value: object, key: str = "") -> Iterator[tuple[str, object]]:
-    if isinstance(value, dict):
-        if any(str(item).startswith("timing") for item in value.values()):
-            return  # a curve of wall times
-        for name, item in value.items():
-            yield from _leaves(item, f"{key}.{name}")
-    elif isinstance(value, list):
-        for place, item in enumerate(value):
-            yield from _leaves(item, f"{key}[{place}]")
-    else:
-        yield key, value
 
 
 if __name__ == "__main__":
