@@ -47,8 +47,8 @@ def main() -> int:
     for name in chosen:
         verdict = _verdict(old[name], new[name])
         different += verdict != "same"
-        print(f"{name:24} {len(old[name]):4} parts  {verdict}")
-    print(f"{different} of {len(chosen)} commands differ" if different else f"all {len(chosen)} commands: same")
+        print(f"{name:24} {len(old[name]):4} parts  {verdict}")  # noqa: T201
+    print(f"{different} of {len(chosen)} commands differ" if different else f"all {len(chosen)} commands: same")  # noqa: T201
     return int(different > 0)
 
 
@@ -118,7 +118,7 @@ def _digests(tree: Path, names: list[str], out: Path, label: str) -> Digests:
             "stderr": of_text("\n".join(said)),
             **of_folder(out / (COMMANDS[name].folder or name), paths),
         }
-        print(f"{label}: {name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
+        print(f"{label}: {name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)  # noqa: T201
     return digests
 
 
