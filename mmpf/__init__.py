@@ -7,27 +7,41 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mmpf.map.road import Lane, Road, highway
+    from mmpf.around.reach import Reach
+    from mmpf.lanes.graph import without_map
     from mmpf.motion import motion_model
     from mmpf.motion.protocol import Memoryless, MotionModel, Neighbour, Surroundings, motion_models
-    from mmpf.options.filter import FilterOptions
+    from mmpf.options import FilterOptions
+    from mmpf.prediction import Proposal
+    from mmpf.report import StepReport
+    from mmpf.road import Lane, Road, highway
     from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel, check_scan
     from mmpf.stages.reporting import StepReport
     from mmpf.tracker import MixtureTracker
     from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
+    from mmpf.unseen.traffic import Unseen as Undetected
+    from mmpf.unseen.traffic import UnseenTraffic as UndetectedTraffic
 
-# The names that each module gives to the library.
+# The names that each module gives to the library; ``name=other`` where it has another one there.
 _NAMES = {
+    "mmpf.around.reach": "Reach",
+    "mmpf.lanes.graph": "without_map",
     "mmpf.motion": "motion_model",
     "mmpf.motion.protocol": "Memoryless MotionModel Neighbour Surroundings motion_models",
-    "mmpf.options.filter": "FilterOptions",
-    "mmpf.map.road": "Lane Road highway",
+    "mmpf.options": "FilterOptions",
+    "mmpf.prediction": "Proposal",
+    "mmpf.road": "Lane Road highway",
     "mmpf.scan": "BodySizes Detections EgoPose FreeSpace InvalidScanError Scan SensorModel check_scan",
     "mmpf.stages.reporting": "StepReport",
     "mmpf.tracker": "MixtureTracker",
     "mmpf.tracks": "CONFIRMED HIDDEN TENTATIVE Tracks",
+    "mmpf.unseen.traffic": "Undetected=Unseen UndetectedTraffic=UnseenTraffic",
 }
-_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+_HOME = {
+    public: (module, own or public)
+    for module, names in _NAMES.items()
+    for public, _, own in (name.partition("=") for name in names.split())
+}
 
 __all__ = [
     "CONFIRMED",
@@ -44,20 +58,26 @@ __all__ = [
     "MixtureTracker",
     "MotionModel",
     "Neighbour",
+    "Proposal",
+    "Reach",
     "Road",
     "Scan",
     "SensorModel",
     "StepReport",
     "Surroundings",
     "Tracks",
+    "Undetected",
+    "UndetectedTraffic",
     "check_scan",
     "highway",
     "motion_model",
     "motion_models",
+    "without_map",
 ]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401  the type is the name's own
     if name not in _HOME:
         raise AttributeError(f"module 'mmpf' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOME[name]), name)
+    module, own = _HOME[name]
+    return getattr(importlib.import_module(module), own)

@@ -7,10 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.running.finished import RecordedRun
-from harness.sensor.profiles import SensorSettings
-from harness.trackers.protocol import TrackerSetting
-from harness.truth.recorded.rows import ReadTraffic, Rows
+from harness.plugins import ReadTraffic, RecordedRun, Rows, SensorSettings, TrackerSetting
 from mmpf import Scan, Surroundings, Tracks, highway
 
 

@@ -1,6 +1,6 @@
 """A conformance suite for trackers, one's own included.
 
-    from harness.trackers.conformance.checks import check_tracker, tracker_checks
+    from harness.plugins import check_tracker, tracker_checks
 
     check_tracker(make_tracker)                     # all of them; raises with every finding
 
