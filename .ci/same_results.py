@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from same_results_recordings import write_recordings
 ROOT = Path(__file__).resolve().parents[1]
 LINES_SHOWN = 12
 Digests = dict[str, dict[str, str]]
+RUNNING = "same-results-running"
 SAID = "says"
 """Key of a command's last line of errors: shown where the exit codes differ, and not compared."""
 
@@ -99,8 +101,12 @@ def _git(*words: str, folder: Path = ROOT) -> str:
 
 
 def _digests(tree: Path, names: list[str], out: Path, label: str) -> Digests:
-    """Run commands one after the other in a folder, where they find each other's results by name."""
-    out.mkdir(parents=True)
+    """Run commands one after the other in a folder, where they find each other's results by name.
+
+    The folder is the same for all revisions: names of a grid's cells have a digest of the recordings' paths.
+    """
+    kept, out = out, Path(tempfile.gettempdir()) / RUNNING
+    out.mkdir()
     write_recordings(out)
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("MMPF_", "HARNESS_"))}
     environment |= {"PYTHONPATH": str(tree), "COLUMNS": "120", "NO_COLOR": "1", "TERM": "dumb"}
@@ -119,6 +125,7 @@ def _digests(tree: Path, names: list[str], out: Path, label: str) -> Digests:
             **of_folder(out / (COMMANDS[name].folder or name), paths),
         }
         print(f"{label}: {name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)  # noqa: T201
+    shutil.move(out, kept)
     return digests
 
 

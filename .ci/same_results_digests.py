@@ -28,6 +28,11 @@ MASKS = tuple(
         (r"\b[0-9a-f]{40}\b", "(revision)"),
     )
 )
+# Columns of wall times in the tables of texts and pages, and charts of them.
+TIMED_HEADING = re.compile(r"\bms\b|timing|total_s|realtime_factor|_ms\b")
+TIMED_CHART = "time of a step"
+# A grid's curves, in one picture, have a panel of the time of a step.
+TIMED_PICTURES = re.compile(r"^over_[^/]*\.png$")
 
 
 def masked(text: str, paths: tuple[str, ...]) -> str:
@@ -59,6 +64,8 @@ def _parts(path: Path, paths: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     if path.suffix == ".gz":
         # The header of a packed file may hold the time at which it was packed.
         content = gzip.decompress(content)
+    if TIMED_PICTURES.match(path.name):
+        return
     match path.suffix:
         case ".parquet":
             table = pd.read_parquet(path)
@@ -73,6 +80,8 @@ def _parts(path: Path, paths: tuple[str, ...]) -> Iterator[tuple[str, str]]:
                 yield f":{name}", hashlib.sha256(f"{array.dtype} {array.shape}".encode() + array.tobytes()).hexdigest()
         case ".html":
             yield from _parts_of_page(content.decode(), paths)
+        case ".md":
+            yield "", of_text(masked(_untimed_markdown(content.decode()), paths))
         case _:
             try:
                 yield "", of_text(masked(content.decode(), paths))
@@ -90,10 +99,34 @@ def _parts_of_page(page: str, paths: tuple[str, ...]) -> Iterator[tuple[str, str
             data = json.loads(content)
             entries = data.items() if isinstance(data, dict) else enumerate(data)
             for key, value in entries:
+                if TIMED_CHART in json.dumps(value) and "$schema" in value:
+                    continue
                 yield f"{label}.{key}", of_text(masked(json.dumps(value), paths))
         else:
             yield label, of_text(content)
-    yield " text", of_text(masked(script.sub("<script>", page), paths))
+    text = re.sub(r"<table.*?</table>", _untimed_table, script.sub("<script>", page), flags=re.DOTALL)
+    yield " text", of_text(masked(text, paths))
+
+
+def _untimed_table(table: re.Match[str]) -> str:
+    """Return a page's table without columns of wall times, which its first row names."""
+    rows = [re.findall(r"<t[hd].*?</t[hd]>", row, re.DOTALL) for row in re.findall(r"<tr.*?</tr>", table[0], re.DOTALL)]
+    timed = {place for place, cell in enumerate(rows[0] if rows else []) if TIMED_HEADING.search(cell)}
+    if not timed:
+        return table[0]
+    return repr([[cell for place, cell in enumerate(row) if place not in timed] for row in rows])
+
+
+def _untimed_markdown(text: str) -> str:
+    """Return a text whose tables are without columns of wall times."""
+    lines, timed, inside = [], set[int](), False
+    for line in text.splitlines():
+        cells = line.split(" | ") if line.startswith("|") else []
+        if cells and not inside:
+            timed = {place for place, cell in enumerate(cells) if TIMED_HEADING.search(cell)}
+        inside = bool(cells)
+        lines.append(" | ".join(cell for place, cell in enumerate(cells) if place not in timed) if cells else line)
+    return "\n".join(lines)
 
 
 def _leaves(value: object, paths: tuple[str, ...], key: str = "") -> Iterator[tuple[str, str]]:
