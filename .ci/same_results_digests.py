@@ -25,7 +25,7 @@ MASKS = tuple(
         (r"A tracker step took .*? real time\.", "(time of a step)"),
         (r"\b\d[\d.]* ?ms\b", "(ms)"),
         (r"open [\d.]+ s, loop [\d.]+ s[^<\n]*", "(wall times)"),
-        (r"\b[0-9a-f]{40}\b", "(revision)"),
+        (r"\b[0-9a-f]{40}(-dirty)?\b", "(revision)"),
     )
 )
 # Columns of wall times in the tables of texts and pages, and charts of them.
