@@ -127,7 +127,9 @@ COMMANDS |= {
         "mmpf,oracle-kalman --quiet --workers 1",
     ),
     **_writing(
-        "stress", "stress-kitti", "stress --replay recordings/kitti/label_02 --format kitti-tracking --quiet --workers 1"
+        "stress",
+        "stress-kitti",
+        "stress --replay recordings/kitti/label_02 --format kitti-tracking --quiet --workers 1",
     ),
     **_writing("study", "study", "study lane-keeping --cases 6 --particles 50 --seeds 0:1 --cache traffic --quiet"),
     **_writing(
