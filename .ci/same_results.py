@@ -113,6 +113,8 @@ def _digests(tree: Path, names: list[str], out: Path, label: str) -> Digests:
     digests = {}
     for name in names:
         begin = time.perf_counter()
+        if "--out" not in COMMANDS[name].words:
+            (out / name).mkdir()  # for the files that it is told to write there
         command = [sys.executable, "-m", "harness", *COMMANDS[name].words]
         ended = subprocess.run(command, cwd=out, env=environment, capture_output=True, text=True, check=False)
         paths = (str(out), str(tree))
