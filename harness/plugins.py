@@ -8,14 +8,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from harness.config.sensor import SensorSettings
     from harness.decisions.belief import Belief, Beside, Others
     from harness.decisions.drivers.protocol import Command, Driver, DriverFactory
-    from harness.report.finished import RecordedRun
+    from harness.running.finished import RecordedRun
     from harness.scoring.evidence import Evidence
     from harness.scoring.metrics import register as register_metric
     from harness.scoring.parts import InParts
     from harness.scoring.quantity import Quantity
-    from harness.sensor.settings import SensorSettings
     from harness.trackers.conformance.checks import check_tracker, tracker_checks
     from harness.trackers.protocol import TellsUnseen, Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker
     from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 _NAMES = {
     "harness.decisions.belief": "Belief Beside Others",
     "harness.decisions.drivers.protocol": "Command Driver DriverFactory",
-    "harness.report.finished": "RecordedRun",
+    "harness.running.finished": "RecordedRun",
     "harness.scoring.evidence": "Evidence",
     "harness.scoring.metrics": "register_metric=register",
     "harness.scoring.parts": "InParts",
     "harness.scoring.quantity": "Quantity",
-    "harness.sensor.settings": "SensorSettings",
+    "harness.config.sensor": "SensorSettings",
     "harness.trackers.conformance.checks": "check_tracker tracker_checks",
     "harness.trackers.protocol": "TellsUnseen Tracker TrackerFactory TrackerSetting TruthAssociatedTracker",
     "harness.truth.recorded.rows": "ReadTraffic Rows unknown",

@@ -7,35 +7,34 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mmpf.around.reach import Reach
-    from mmpf.lanes.graph import without_map
+    from mmpf.map.lane_graph import without_map
+    from mmpf.map.road import Lane, Road, highway
     from mmpf.motion import motion_model
     from mmpf.motion.protocol import Memoryless, MotionModel, Neighbour, Surroundings, motion_models
-    from mmpf.options import FilterOptions
-    from mmpf.prediction import Proposal
-    from mmpf.report import StepReport
-    from mmpf.road import Lane, Road, highway
+    from mmpf.options.filter import FilterOptions
     from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, InvalidScanError, Scan, SensorModel, check_scan
+    from mmpf.stages.prediction import Proposal
     from mmpf.stages.reporting import StepReport
     from mmpf.tracker import MixtureTracker
     from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
-    from mmpf.unseen.traffic import Unseen as Undetected
-    from mmpf.unseen.traffic import UnseenTraffic as UndetectedTraffic
+    from mmpf.undetected.intensity import Unseen as Undetected
+    from mmpf.undetected.intensity import UnseenTraffic as UndetectedTraffic
+    from mmpf.visibility.range_profile import Reach
 
 # The names that each module gives to the library; ``name=other`` where it has another one there.
 _NAMES = {
-    "mmpf.around.reach": "Reach",
-    "mmpf.lanes.graph": "without_map",
+    "mmpf.visibility.range_profile": "Reach",
+    "mmpf.map.lane_graph": "without_map",
     "mmpf.motion": "motion_model",
     "mmpf.motion.protocol": "Memoryless MotionModel Neighbour Surroundings motion_models",
-    "mmpf.options": "FilterOptions",
-    "mmpf.prediction": "Proposal",
-    "mmpf.road": "Lane Road highway",
+    "mmpf.options.filter": "FilterOptions",
+    "mmpf.stages.prediction": "Proposal",
+    "mmpf.map.road": "Lane Road highway",
     "mmpf.scan": "BodySizes Detections EgoPose FreeSpace InvalidScanError Scan SensorModel check_scan",
     "mmpf.stages.reporting": "StepReport",
     "mmpf.tracker": "MixtureTracker",
     "mmpf.tracks": "CONFIRMED HIDDEN TENTATIVE Tracks",
-    "mmpf.unseen.traffic": "Undetected=Unseen UndetectedTraffic=UnseenTraffic",
+    "mmpf.undetected.intensity": "Undetected=Unseen UndetectedTraffic=UnseenTraffic",
 }
 _HOME = {
     public: (module, own or public)

@@ -23,7 +23,7 @@ PAGES = (
     ROOT / "tests" / "plugin_example" / "plugin_example.py",
 )
 PUBLIC = ("harness.plugins", "harness", "mmpf")
-COMMANDS = ("harness.grid.tuning", "harness.training.sensor_fit", "harness.training.detectability_fit")
+COMMANDS = ("harness.lab.tuning.search", "harness.lab.fit.sensor_fit", "harness.lab.fit.detectability_fit")
 """Modules that are run by ``python -m``, and imported by no page."""
 DOTTED = re.compile(r"(?<![\w./-])(?:harness|mmpf)(?:\.(?!md\b)[A-Za-z_]\w*)+")
 IMPORT = re.compile(r"^\s*(?:>>> )?(?:from|import) ((?:harness|mmpf)[\w.]*)(?: import (.+))?$", re.MULTILINE)
@@ -75,9 +75,9 @@ def test_each_public_name_can_be_imported_and_no_other(module: object) -> None:
 
 
 def test_names_of_plug_ins_are_the_very_objects_of_the_modules_that_define_them() -> None:
+    from harness.config.sensor import SensorSettings  # noqa: PLC0415
     from harness.scoring.metrics import register  # noqa: PLC0415
-    from harness.sensor.settings import SensorSettings  # noqa: PLC0415
-    from mmpf.unseen.traffic import UnseenTraffic  # noqa: PLC0415
+    from mmpf.undetected.intensity import UnseenTraffic  # noqa: PLC0415
 
     assert harness.plugins.register_metric is register
     assert harness.plugins.SensorSettings is SensorSettings
