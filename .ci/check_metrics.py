@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from harness.scoring.metrics import completed, quantities
+from harness.scoring.metrics.registry import completed, quantities
 from harness.storage.grid_rows import flattened
 
 TIMES = ("steps", "realtime_factor", "total_s", "tracker_ms.p50", "tracker_ms.p95", "tracker_ms.p99")

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from harness.decisions.belief import Belief, Beside, Others
     from harness.decisions.drivers.protocol import Command, Driver, DriverFactory
     from harness.running.finished import RecordedRun
-    from harness.scoring.evidence import Evidence
-    from harness.scoring.metrics import register as register_metric
-    from harness.scoring.parts import InParts
-    from harness.scoring.quantity import Quantity
+    from harness.scoring.gathered import Evidence
+    from harness.scoring.metrics.parts import InParts
+    from harness.scoring.metrics.quantity import Quantity
+    from harness.scoring.metrics.registry import register as register_metric
     from harness.trackers.conformance.checks import check_tracker, tracker_checks
     from harness.trackers.protocol import TellsUnseen, Tracker, TrackerFactory, TrackerSetting, TruthAssociatedTracker
     from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
@@ -26,10 +26,10 @@ _NAMES = {
     "harness.decisions.belief": "Belief Beside Others",
     "harness.decisions.drivers.protocol": "Command Driver DriverFactory",
     "harness.running.finished": "RecordedRun",
-    "harness.scoring.evidence": "Evidence",
-    "harness.scoring.metrics": "register_metric=register",
-    "harness.scoring.parts": "InParts",
-    "harness.scoring.quantity": "Quantity",
+    "harness.scoring.gathered": "Evidence",
+    "harness.scoring.metrics.registry": "register_metric=register",
+    "harness.scoring.metrics.parts": "InParts",
+    "harness.scoring.metrics.quantity": "Quantity",
     "harness.config.sensor": "SensorSettings",
     "harness.trackers.conformance.checks": "check_tracker tracker_checks",
     "harness.trackers.protocol": "TellsUnseen Tracker TrackerFactory TrackerSetting TruthAssociatedTracker",

@@ -76,7 +76,7 @@ def test_each_public_name_can_be_imported_and_no_other(module: object) -> None:
 
 def test_names_of_plug_ins_are_the_very_objects_of_the_modules_that_define_them() -> None:
     from harness.config.sensor import SensorSettings  # noqa: PLC0415
-    from harness.scoring.metrics import register  # noqa: PLC0415
+    from harness.scoring.metrics.registry import register  # noqa: PLC0415
     from mmpf.undetected.intensity import UnseenTraffic  # noqa: PLC0415
 
     assert harness.plugins.register_metric is register

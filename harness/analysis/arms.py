@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.analysis.verdicts import Measured
 from harness.common.effects import paired_effect, unpaired_effect
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 # So large a share of the first arm's values may be without one in the second before nothing is concluded from the rest.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 
 if TYPE_CHECKING:

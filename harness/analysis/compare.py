@@ -28,9 +28,9 @@ from harness.analysis.verdicts import (
 from harness.analysis.why import Why
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan
-from harness.scoring import existence, in_plain_view
-from harness.scoring.closedloop import PRIMARY as DRIVEN
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics import existence, in_plain_view
+from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
 

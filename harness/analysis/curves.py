@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.analysis import coasting_ratio
 from harness.common.bootstrap import few_groups_ci
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import NET
 from mmpf.numerics.arrays import FloatArray
@@ -32,14 +32,14 @@ STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms 
 
 def curve_quantities() -> list[Quantity]:
     """Return what has curves: the headline of hidden vehicles first, then errors, then identities, the time last."""
-    from harness.scoring.metrics import quantities  # noqa: PLC0415  pandas is slow to import
+    from harness.scoring.metrics.registry import quantities  # noqa: PLC0415  pandas is slow to import
 
     return [*(each for each in quantities(*FIRST) if each.curve), STEP_TIME]
 
 
 def told_quantities() -> list[Quantity]:
     """Return what is tabulated with intervals: all that has curves, in the same order, and more."""
-    from harness.scoring.metrics import quantities  # noqa: PLC0415
+    from harness.scoring.metrics.registry import quantities  # noqa: PLC0415
 
     told = [each for each in quantities(*FIRST) if each.curve or each.tabled]
     return [*told, *coasting_ratio.QUANTITIES, STEP_TIME]

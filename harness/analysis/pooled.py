@@ -10,8 +10,8 @@ import numpy as np
 
 from harness.analysis.curves import labelled, summed_by, sums_and_weights
 from harness.common.bootstrap import few_groups_ci
-from harness.scoring.metrics import quantities
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import quantities
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import RECORDING
 from mmpf.numerics.arrays import FloatArray

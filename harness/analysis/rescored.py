@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.scoring.evidence import Evidence, gather
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import Evidence, gather
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
 

@@ -25,11 +25,11 @@ from harness.analysis.verdicts import Measured, Rules, compared_quantities
 from harness.analysis.why import Why, failures
 from harness.common.effects import Effect, neighbours_effect
 from harness.common.errors import InputError
-from harness.scoring.errors import scored_rows
-from harness.scoring.evidence import Evidence
-from harness.scoring.in_plain_view import RECALL, WORST_TENTH
-from harness.scoring.paired import KEYS, paired_errors
-from harness.scoring.quantity import Quantity
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
+from harness.scoring.metrics.paired import KEYS, paired_errors
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from harness.analysis.curves import labelled
 from harness.analysis.verdicts import compared_quantities
 from harness.common.errors import InputError
-from harness.scoring.closedloop import COLLIDED
+from harness.scoring.metrics.closedloop import COLLIDED
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.grid_rows import flattened

@@ -24,7 +24,7 @@ from harness.analysis.curves import (
     told_quantities,
 )
 from harness.common.markdown import markdown_table
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import NET
 
 if TYPE_CHECKING:

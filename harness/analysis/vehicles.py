@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from harness.scoring.evidence import Evidence
-from harness.scoring.hota import hota_couples, hota_of_parts, measure_hota
-from harness.scoring.in_plain_view import measure_plain_view, worst_share
-from harness.scoring.rows import TruthRows
-from harness.scoring.sequence import select_in_sight
-from harness.scoring.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rows import TruthRows
+from harness.scoring.evidence.sequence import select_in_sight
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.hota import hota_couples, hota_of_parts, measure_hota
+from harness.scoring.metrics.in_plain_view import measure_plain_view, worst_share
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 REACH_M = 100.0

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.common.effects import LEVEL, Effect
-from harness.scoring import closedloop
-from harness.scoring.in_plain_view import RECALL, WORST_TENTH
-from harness.scoring.metrics import quantities
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics import closedloop
+from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
+from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import quantities
 from mmpf.numerics.arrays import FloatArray
 
 BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"

@@ -17,12 +17,12 @@ from urllib.parse import quote
 
 import numpy as np
 
-from harness.scoring.clear import clear_matches
-from harness.scoring.errors import LOST, scored_rows
-from harness.scoring.evidence import Evidence
-from harness.scoring.matching import find_track_rows
-from harness.scoring.sequence import select_in_sight
-from harness.scoring.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.errors import LOST, scored_rows
+from harness.scoring.evidence.matching import find_track_rows
+from harness.scoring.evidence.sequence import select_in_sight
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.clear import clear_matches
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import IntArray
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from harness.decisions.belief import Belief, believe
 from harness.decisions.bodies import Bodies, Egos
-from harness.scoring.believed import HEADING_M, HEADING_S
-from harness.scoring.pairs import GATE_SIMILARITY, similarity
-from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.driving.believed import HEADING_M, HEADING_S
+from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import Look
 from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT
 from harness.truth.frame import Frame
@@ -46,7 +46,7 @@ class TruePerception:
 class TrackedPerception:
     """The reported tracks, as large as detections on them measured so far; doubtful with an existence below one half.
 
-    The same bodies as ``harness.scoring.believed`` makes of a finished run's tables, a step at a time.
+    The same bodies as ``harness.scoring.driving.believed`` makes of a finished run's tables, a step at a time.
 
     Attributes:
         settings: Gate and existence.

@@ -15,7 +15,7 @@ from harness.closedloop.beliefs import biased
 from harness.decisions.belief import Belief, Beside, Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.drivers.protocol import Driver
-from harness.scoring.closedloop import Changed
+from harness.scoring.metrics.closedloop import Changed
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray
 

@@ -21,7 +21,7 @@ from harness.grid.making import SUMMARY, TABLE, Making, Telling, make_rows
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.rows import assemble
 from harness.grid.stress import check_grid
-from harness.scoring.closedloop import COLLIDED, IMPACT, WITH
+from harness.scoring.metrics.closedloop import COLLIDED, IMPACT, WITH
 from harness.storage import ownership
 from harness.storage.grid_folder import FIGURES, KEPT, RUNS
 from harness.storage.grid_rows import Row, column_of

@@ -43,7 +43,8 @@ from harness.running.looks import Looks
 from harness.running.open import as_believed, tracker_builder
 from harness.running.recorder import ColumnRecorder, RunTables
 from harness.running.unseen import UnseenOfTracks
-from harness.scoring.closedloop import (
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.metrics.closedloop import (
     BY_COLLISION,
     IN_TIME,
     OFF_THE_ROAD,
@@ -54,7 +55,6 @@ from harness.scoring.closedloop import (
     score_crossing,
     score_drive,
 )
-from harness.scoring.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look, Sensor
 from harness.sensor.profiles import sensor_settings

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from harness.closedloop.plan import BRAKE, CROSS, GAP
 from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, Score
 from harness.common.plots import strip
-from harness.scoring.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
+from harness.scoring.metrics.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
 
 LEAST_AXIS = 1.0
 SPREAD = 0.66

@@ -10,8 +10,8 @@ from harness.decisions.belief import Belief
 from harness.decisions.bodies import Bodies
 from harness.decisions.crossings import Crossing, Lanes, crossings_of
 from harness.decisions.yielding import Course, room_before, unseen_in_conflict, who_conflicts, with_standing_leader
-from harness.scoring.closedloop import HARD_BRAKE_MPS2, Contact, Crossed
-from harness.scoring.encroachment import Encounter, TimedPath, encounter
+from harness.scoring.driving.encroachment import Encounter, TimedPath, encounter
+from harness.scoring.metrics.closedloop import HARD_BRAKE_MPS2, Contact, Crossed
 from harness.truth.frame import Frame
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.undetected.intensity import Unseen

@@ -12,7 +12,7 @@ from harness.closedloop.plan import BRAKE, DARK, GAP
 from harness.closedloop.traffic import row_of
 from harness.decisions.belief import believe
 from harness.decisions.drivers.following import SAFE_DECEL_MPS2, following
-from harness.scoring.closedloop import Contact
+from harness.scoring.metrics.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import stand
 from harness.truth.sumo.session import Sumo

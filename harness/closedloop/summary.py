@@ -13,8 +13,8 @@ from harness.closedloop.plan import BIAS, CROSS, DARK, FREE, GAP, KIND, PROVOKED
 from harness.common.bootstrap import few_groups_ci
 from harness.common.effects import paired_effect
 from harness.common.markdown import markdown_table
-from harness.scoring.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
 

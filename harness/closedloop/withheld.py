@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harness.decisions.bodies import Bodies
-from harness.scoring.directions import along_and_across
-from harness.scoring.pairs import GATE_SIMILARITY, similarity
-from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.directions import along_and_across
+from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import Look
 from harness.storage.schema import VISIBLE
 
 
 @dataclass
 class PlainSight:
-    """Who has been in plain view since when; the rule is that of ``harness.scoring.withheld``.
+    """Who has been in plain view since when; the rule is that of ``harness.scoring.driving.withheld``.
 
     Attributes:
         settings: Gate, and the time in plain view from which a vehicle must have a track.

@@ -32,7 +32,7 @@ from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report,
 from harness.running.follow import track
 from harness.running.looks import Looks, Streams
 from harness.running.open import tracker_builder
-from harness.scoring.closedloop import NO_CANDIDATE
+from harness.scoring.metrics.closedloop import NO_CANDIDATE
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings

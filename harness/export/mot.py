@@ -18,11 +18,11 @@ import numpy as np
 
 from harness.export.sizes import track_sizes
 from harness.running.finished import RecordedRun
-from harness.scoring.history import DetectionHistory, detection_history
-from harness.scoring.pairs import Pairs, near_pairs
-from harness.scoring.rows import RunRows, read_run
-from harness.scoring.sequence import Selection, mot_sequence, select_in_sight, select_remembered
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.history import DetectionHistory, detection_history
+from harness.scoring.evidence.pairs import Pairs, near_pairs
+from harness.scoring.evidence.rows import RunRows, read_run
+from harness.scoring.evidence.sequence import Selection, mot_sequence, select_in_sight, select_remembered
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.schema import NOMINAL_LENGTH_M
 from mmpf.numerics.arrays import FloatArray, IntArray
 

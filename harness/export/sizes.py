@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from harness.running.finished import RecordedRun
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.schema import DETECTION_SIZES, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, IntArray

@@ -18,7 +18,7 @@ from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.running.follow import track
 from harness.running.looks import Looks
 from harness.scoring import score_run
-from harness.scoring.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import HIDDEN, VISIBILITY_STATES
 from harness.trackers.catalogue import build_tracker
 
@@ -43,7 +43,7 @@ def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, 
         ``hidden`` over all, ``by_seconds_hidden`` by the time since the last detection: mean absolute longitudinal
         errors ``lon_m`` and ``coasting_lon_m``, None without rows, and their number ``n``.
     """
-    from harness.scoring.paired import paired_errors  # noqa: PLC0415  pandas is slow to import
+    from harness.scoring.metrics.paired import paired_errors  # noqa: PLC0415  pandas is slow to import
 
     both = paired_errors(errors, coasting)
     both = both[both["state"] == VISIBILITY_STATES[HIDDEN]]

@@ -29,7 +29,7 @@ from harness.running.open import OpenLooks, as_believed, driven_on, open_looks, 
 from harness.running.remembered import RememberedTraffic
 from harness.running.unseen import UnseenKeeper
 from harness.scoring import score_run
-from harness.scoring.scarce import check_scored
+from harness.scoring.metrics.scarce import check_scored
 from harness.storage.grid_rows import Row
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from harness.common.bootstrap import independent_ci
 from harness.common.files import write_results
 from harness.common.markdown import markdown_table
 from harness.grid.grid import GridRequest
-from harness.scoring.metrics import quantities
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import quantities
 from mmpf.numerics.arrays import FloatArray
 
 DEFAULT = "mmpf"

@@ -24,7 +24,7 @@ from harness.report.fromabove import (
 )
 from harness.report.strips import save_strips
 from harness.running.finished import BRAKING_COLUMNS, RecordedRun
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
 
 WORST = 5
@@ -57,7 +57,7 @@ WHY_PHANTOM = {
 
 @dataclass(frozen=True)
 class Braking:
-    """A missed or phantom braking; see ``harness.scoring.brakings.braking_table``."""
+    """A missed or phantom braking; see ``harness.scoring.driving.brakings.braking_table``."""
 
     kind: str
     from_step: int

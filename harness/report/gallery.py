@@ -26,7 +26,7 @@ from harness.report.fromabove import (
 from harness.report.strips import save_strips
 from harness.report.withheld import withheld_vehicles
 from harness.running.finished import RecordedRun
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
 
 WORST = 5

@@ -22,7 +22,7 @@ from harness.report.charts.chart import Charts
 from harness.report.charts.grid import grid_charts
 from harness.report.page import PAGE
 from harness.report.tables import html_table
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS
 from harness.storage.grid_rows import column_of

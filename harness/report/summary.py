@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.report.sentences import number, traffic_source
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 from harness.truth.network.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
@@ -49,7 +49,7 @@ def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _reported() -> list[Quantity]:
-    from harness.scoring.metrics import quantities  # noqa: PLC0415  pandas is slow to import
+    from harness.scoring.metrics.registry import quantities  # noqa: PLC0415  pandas is slow to import
 
     return [quantity for quantity in quantities() if quantity.reported]
 

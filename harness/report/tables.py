@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 
 from harness.report.sentences import number
 from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mot_value, other_scores
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
 POSITION_COLUMN = ("position_m", "position m")

@@ -10,8 +10,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from harness.report.tables import html_table
-from harness.scoring.errors import OUTCOMES, TRACKED
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.errors import OUTCOMES, TRACKED
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import BoolArray, FloatArray
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.report.fromabove import Subject
 from harness.running.finished import RecordedRun
-from harness.scoring.in_plain_view import DROPPED, NAME
+from harness.scoring.metrics.in_plain_view import DROPPED, NAME
 from harness.storage.tables import floats
 
 WORST = 4

@@ -19,7 +19,7 @@ from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
 from harness.running.resolve import check_sensor_of_folder
-from harness.scoring.brakings import FATES, KINDS
+from harness.scoring.driving.brakings import FATES, KINDS
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import Until

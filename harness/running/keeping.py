@@ -15,14 +15,14 @@ from harness.running.recorder import STRETCH_ROWS, ColumnRecorder, RunTables
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.scoring import RunScorer, ScoredRun, ScoredStretch
-from harness.scoring.scarce import check_scored
+from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
 from harness.storage.growing import GrowingTables, sampled_rows
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from harness.scoring.asked import Driven
+    from harness.scoring.driving.asked import Driven
 
 Timed = Callable[[str], AbstractContextManager[None]]
 MOST_DRAWN = 300_000

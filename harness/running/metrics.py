@@ -13,7 +13,7 @@ import pandas as pd
 from harness.common.numbers import without_nan
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
-from harness.scoring.metrics import completed
+from harness.scoring.metrics.registry import completed
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray

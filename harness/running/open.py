@@ -17,7 +17,7 @@ from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, Streams, look_at
 from harness.running.replay import read_looks
-from harness.scoring.asked import Driven
+from harness.scoring.driving.asked import Driven
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.observation import Sensor

@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from harness.scoring.asked import Driven
+    from harness.scoring.driving.asked import Driven
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class ScoredRun:
     """A run's scores as they are written to its folder.
 
     Attributes:
-        errors: One row per vehicle and step, see ``harness.scoring.errors.error_table``.
+        errors: One row per vehicle and step, see ``harness.scoring.evidence.errors.error_table``.
         metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
-        events: One row per occlusion event, see ``harness.scoring.events.event_table``.
-        brakings: One row per missed or phantom braking, see ``harness.scoring.brakings.braking_table``; None where no
+        events: One row per occlusion event, see ``harness.scoring.evidence.events.event_table``.
+        brakings: One row per missed or phantom braking, see ``brakings.braking_table``; None where no
             driver was asked.
-        commands: One row per step, see ``harness.scoring.brakings.command_table``; likewise.
+        commands: One row per step, see ``harness.scoring.driving.brakings.command_table``; likewise.
     """
 
     errors: pd.DataFrame
@@ -87,8 +87,8 @@ class RunScorer:
 
     def __init__(self, seed: int = 0, driven: Driven | None = None) -> None:
         """Begin; the seed is that of the bootstrap intervals, the driver is asked by truth and by tracks."""
-        from harness.scoring.metrics import Totals  # noqa: PLC0415  pandas is slow to import
-        from harness.scoring.parts import Basis  # noqa: PLC0415
+        from harness.scoring.metrics.parts import Basis  # noqa: PLC0415
+        from harness.scoring.metrics.registry import Totals  # noqa: PLC0415  pandas is slow to import
 
         self._basis = Basis(ScoringSettings(), seed)
         self._totals = Totals(self._basis)
@@ -107,9 +107,9 @@ class RunScorer:
         unseen: pd.DataFrame | None = None,
     ) -> ScoredStretch:
         """Measure the next stretch and return its tables. Errors are those of ``score_run``."""
-        from harness.scoring.brakings import braking_table, command_table  # noqa: PLC0415
-        from harness.scoring.events import event_table  # noqa: PLC0415
-        from harness.scoring.evidence import gather  # noqa: PLC0415
+        from harness.scoring.driving.brakings import braking_table, command_table  # noqa: PLC0415
+        from harness.scoring.evidence.events import event_table  # noqa: PLC0415
+        from harness.scoring.gathered import gather  # noqa: PLC0415
 
         evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven, unseen)
         self._totals.add(evidence)

@@ -20,9 +20,9 @@ from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
-from harness.scoring import metrics
-from harness.scoring.metrics import register
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics import registry
+from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import register
 from tests.harness.grid.test_stress import InProcess
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
@@ -37,7 +37,7 @@ TRACKS_PER_STEP = Quantity(
 @pytest.fixture(autouse=True)
 def toy(monkeypatch) -> None:
     """Register a metric for the length of a test."""
-    monkeypatch.setattr(metrics, "METRICS", copy.deepcopy(metrics.METRICS))
+    monkeypatch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
 
     @register("toy", TRACKS_PER_STEP)
     def tracks_per_step(evidence) -> dict[str, object]:

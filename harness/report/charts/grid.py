@@ -19,7 +19,7 @@ from harness.analysis.curves import (
 )
 from harness.analysis.tables import AXIS_LABELS
 from harness.report.charts.chart import HIT_AREA, SERIES, Chart, Charts, Spec, colour_by, spec_of, strength, told
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 
 DASHES: tuple[list[int], ...] = ([1, 0], [6, 3], [2, 3], [8, 3, 2, 3])
 """Lines beyond the colours change their dashes."""

@@ -25,8 +25,8 @@ from harness.analysis.verdicts import (
     quantity_of,
 )
 from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
-from harness.scoring import closedloop
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics import closedloop
+from harness.scoring.metrics.quantity import Quantity
 
 ERROR, SCORE = Quantity("error", "error, m"), Quantity("score", "score, %", higher_is_better=True)
 RULES = Rules(primary=("error", "score"))

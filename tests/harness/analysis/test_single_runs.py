@@ -17,7 +17,7 @@ from harness.analysis.vehicles import closeness, hota_by_vehicle
 from harness.analysis.verdicts import Rules, compared_quantities
 from harness.analysis.why import failures
 from harness.common.errors import InputError
-from harness.scoring.metrics import score_metrics
+from harness.scoring.metrics.registry import score_metrics
 from harness.storage.grid_rows import flattened
 from tests.golden import equals_golden
 from tests.harness.analysis.test_vehicles import CARS, six_cars

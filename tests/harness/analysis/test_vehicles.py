@@ -22,10 +22,10 @@ from harness.analysis.vehicles import (
     same_identity_by_vehicle,
     worst_tenth_by_vehicle,
 )
-from harness.scoring.evidence import Evidence, gather
-from harness.scoring.metrics import score_metrics
-from harness.scoring.quantity import Quantity
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import Evidence, gather
+from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import score_metrics
 from tests.golden import equals_golden
 from tests.harness.scoring.scenes import Scene
 

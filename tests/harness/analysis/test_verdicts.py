@@ -21,7 +21,7 @@ from harness.analysis.verdicts import (
     holm,
     judge,
 )
-from harness.scoring.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity
 
 ERROR, SCORE = Quantity("error", "error, m"), Quantity("score", "score, %", higher_is_better=True)
 RULES = Rules(primary=("error", "score"))

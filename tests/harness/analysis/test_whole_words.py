@@ -28,8 +28,8 @@ from harness.analysis.why import CAUSES, KINDS, Failure, Why
 from harness.common.errors import InputError
 from harness.lab import suite
 from harness.lab.suite import KEPT, keep_as_baseline, run_suite
-from harness.scoring.closedloop import COLLIDED
-from harness.scoring.closedloop import PRIMARY as DRIVEN
+from harness.scoring.metrics.closedloop import COLLIDED
+from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
 from tests.golden import equals_golden
 from tests.harness.analysis.test_comparison_text import comparison, verdict
 

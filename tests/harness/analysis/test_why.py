@@ -20,9 +20,9 @@ from harness.analysis.why import (
     failures,
     link_to,
 )
-from harness.scoring.evidence import gather
-from harness.scoring.metrics import score_metrics
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import gather
+from harness.scoring.metrics.registry import score_metrics
 
 STEPS = 60
 Spans = list[tuple[int, int, int, float]]

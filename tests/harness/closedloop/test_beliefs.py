@@ -9,9 +9,9 @@ import pytest
 from harness.closedloop.beliefs import HumanPerception, TrackedPerception, biased, ego_of, true_bodies
 from harness.decisions.belief import believe
 from harness.running.recorder import ColumnRecorder
-from harness.scoring.believed import egos_of, tracked_bodies
-from harness.scoring.rows import read_run
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.driving.believed import egos_of, tracked_bodies
+from harness.scoring.evidence.rows import read_run
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings

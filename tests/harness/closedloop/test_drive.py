@@ -11,7 +11,7 @@ from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, GAP, STOPPED, Driv
 from harness.commands.drive import make_drives
 from harness.common.errors import InputError, RunError
 from harness.grid.worker import Finished
-from harness.scoring.closedloop import COLLIDED
+from harness.scoring.metrics.closedloop import COLLIDED
 from harness.storage.run_folder import read_table
 from mmpf.registry import UnknownNameError
 

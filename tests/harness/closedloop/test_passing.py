@@ -10,7 +10,7 @@ from harness.closedloop.passing import Passage
 from harness.decisions.belief import believe
 from harness.decisions.decide import driver_of
 from harness.decisions.yielding import Course
-from harness.scoring.closedloop import Contact
+from harness.scoring.metrics.closedloop import Contact
 from harness.truth.network.network import load_network
 from mmpf.undetected.cells import cells_of
 from mmpf.undetected.intensity import Unseen

@@ -7,7 +7,7 @@ from scipy import stats
 
 from harness.closedloop.plan import BIAS, BRAKE, CROSS, FREE, GAP, KIND
 from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, as_markdown, scores
-from harness.scoring.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
+from harness.scoring.metrics.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
 
 CHANGED = "drive.changed_percent"
 OF_DRIVING = [quantity for quantity in QUANTITIES if quantity.compared and "chang" not in quantity.key]

@@ -21,7 +21,7 @@ from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
 from harness.running.finished import read_recorded_run
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.lock import LOCK
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd

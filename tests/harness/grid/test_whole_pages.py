@@ -20,7 +20,7 @@ from harness.lab.ablation import DEFAULT, ablation_rows, as_markdown, write_abla
 from harness.lab.tuning.outcome_file import Outcome, write_outcome
 from harness.lab.tuning.spaces import Range
 from harness.lab.tuning.trials import Found, Scores, Trial
-from harness.scoring.metrics import quantities
+from harness.scoring.metrics.registry import quantities
 from harness.sensor.profiles import sensor_settings
 from tests.golden import described, equals_golden
 from tests.harness.analysis.test_pooled import row

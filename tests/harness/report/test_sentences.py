@@ -1,7 +1,7 @@
 import pytest
 
 from harness.report.sentences import headlines, summary_sentences
-from harness.scoring.metrics import completed
+from harness.scoring.metrics.registry import completed
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
 

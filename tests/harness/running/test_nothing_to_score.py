@@ -9,7 +9,7 @@ from harness.grid.cells import Cell, PlannedRun
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
-from harness.scoring.scarce import check_scored
+from harness.scoring.metrics.scarce import check_scored
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"

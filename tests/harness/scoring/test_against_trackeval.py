@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.scoring.clear import clear
-from harness.scoring.history import detection_history
-from harness.scoring.hota import hota
-from harness.scoring.identity import identity
-from harness.scoring.pairs import near_pairs
-from harness.scoring.rows import read_run
-from harness.scoring.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.history import detection_history
+from harness.scoring.evidence.pairs import near_pairs
+from harness.scoring.evidence.rows import read_run
+from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.metrics.clear import clear
+from harness.scoring.metrics.hota import hota
+from harness.scoring.metrics.identity import identity
 from tests.harness.scoring.scenes import traffic
 
 trackeval = pytest.importorskip("trackeval", reason="TrackEval is the oracle of these tests")

@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.scoring.asked import _times
-from harness.scoring.assignment import best_assignment, components
-from harness.scoring.clear import ClearScores, clear_of_parts
-from harness.scoring.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, score_drive
-from harness.scoring.conflicts import ConflictPart, conflicts
-from harness.scoring.coverage import NoisePart, detection_noise
-from harness.scoring.directions import nearest_row
-from harness.scoring.encroachment import TimedPath, _encounter, _first_crossing, _pieces
-from harness.scoring.events import _row_after, _track_ids
-from harness.scoring.hidden_by import cause_between
-from harness.scoring.history import last_row_where
-from harness.scoring.manoeuvre import heading_rate, manoeuvre_between
-from harness.scoring.scarce import check_scored
-from harness.scoring.settings import ScoringSettings
-from harness.scoring.stretches import stretches
-from harness.scoring.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
+from harness.scoring.driving.asked import _times
+from harness.scoring.driving.encroachment import TimedPath, _encounter, _first_crossing, _pieces
+from harness.scoring.evidence.assignment import best_assignment, components
+from harness.scoring.evidence.directions import nearest_row
+from harness.scoring.evidence.events import _row_after, _track_ids
+from harness.scoring.evidence.history import last_row_where
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.stretches import stretches
+from harness.scoring.metrics.clear import ClearScores, clear_of_parts
+from harness.scoring.metrics.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, score_drive
+from harness.scoring.metrics.conflicts import ConflictPart, conflicts
+from harness.scoring.metrics.coverage import NoisePart, detection_noise
+from harness.scoring.metrics.hidden_by import cause_between
+from harness.scoring.metrics.manoeuvre import heading_rate, manoeuvre_between
+from harness.scoring.metrics.scarce import check_scored
+from harness.scoring.metrics.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
 
 NAN = float("nan")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from harness.scoring.errors import error_arrays
+from harness.scoring.evidence.errors import error_arrays
 
 
 def test_a_vehicle_of_the_same_name_in_another_episode_is_another_vehicle():

@@ -15,9 +15,9 @@ from harness.common.bootstrap import (
     sums_by_label,
 )
 from harness.scoring import score_run
-from harness.scoring.parts import ratio
-from harness.scoring.rows import _codes, _origins, read_run
-from harness.scoring.settings import ScoringSettings
+from harness.scoring.evidence.rows import _codes, _origins, read_run
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.metrics.parts import ratio
 from tests.harness.scoring.scenes import Scene
 
 NAN = float("nan")

@@ -10,13 +10,14 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.scoring import RunScorer, ScoredRun, gaps, hidden_by, manoeuvre, score_run
-from harness.scoring.asked import Driven
-from harness.scoring.quantity import Quantity
+from harness.scoring import RunScorer, ScoredRun, score_run
+from harness.scoring.driving.asked import Driven
+from harness.scoring.metrics import gaps, hidden_by, manoeuvre
+from harness.scoring.metrics.quantity import Quantity
 from mmpf.map.road import Lane, Road
 from tests.golden import equals_golden, holds_golden
+from tests.harness.scoring.metrics.test_decisions import LEFT, Drive
 from tests.harness.scoring.scenes import STEP_S, traffic
-from tests.harness.scoring.test_decisions import LEFT, Drive
 from tests.harness.scoring.test_plane import leaves
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -1,0 +1,1 @@
+"""What the driver would do by the truth and by the tracks."""

@@ -1,0 +1,113 @@
+"""The ego's driver, asked at each step with the truth and with the tracks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from harness.decisions.bodies import Bodies, Egos
+from harness.decisions.decide import Decision, decide
+from harness.decisions.drivers.protocol import Driver
+from harness.scoring.driving.believed import egos_of, tracked_bodies, true_bodies
+from harness.scoring.evidence.history import first_of_group
+from harness.scoring.evidence.rows import RunRows
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Who is asked, and on which road.
+
+    Attributes:
+        driver: The driver.
+        road: The lanes.
+    """
+
+    driver: Driver
+    road: Road
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the driver would do at each step by the truth and by the tracks.
+
+    Attributes:
+        driver: The driver.
+        egos: The ego at each step.
+        there: Steps at which there is one, shape (steps,).
+        bodies: The true vehicles, in the order of ``TruthRows``.
+        truth: Its decision by the truth; bodies are rows of ``TruthRows``.
+        tracks: Its decision by the tracks; bodies are places in ``track_row``.
+        track_row: Row of ``TrackRows`` of each body that the tracks amount to, doubtful ones left out.
+        judged: Steps at which the two are held together, shape (steps,).
+        driven_m: How far the ego drives in each step, 0 where it is not judged, shape (steps,).
+        step_s: Time that each step stands for, shape (steps,).
+    """
+
+    driver: Driver
+    egos: Egos
+    there: BoolArray
+    bodies: Bodies
+    truth: Decision
+    tracks: Decision
+    track_row: IntArray
+    judged: BoolArray
+    driven_m: FloatArray
+    step_s: FloatArray
+
+
+def ask(
+    driven: Driven,
+    truth: pd.DataFrame,
+    detections: pd.DataFrame,
+    tracks: pd.DataFrame,
+    rows: RunRows,
+    settings: ScoringSettings,
+) -> Asked:
+    """Ask the driver.
+
+    A track counts as a vehicle from an existence of one half on; for one with less the driver slows down gently. The
+    first seconds of each ego are not judged: no tracker can know the traffic yet.
+
+    Args:
+        driven: Who is asked.
+        truth: One row per vehicle and step.
+        detections: One row per detection.
+        tracks: One row per track and step.
+        rows: The same as arrays.
+        settings: The numbers of the rules.
+    """
+    egos, there = egos_of(truth, rows)
+    bodies = tracked_bodies(detections, rows, egos, settings)
+    existence = tracks["existence"].to_numpy(dtype=np.float64) if "existence" in tracks else np.ones(len(tracks))
+    doubtful = existence[rows.tracks.table_row] < settings.driver_existence
+    step_s, since_s = _times(rows)
+    judged = there & (since_s >= settings.driver_settled_s - TIME_TOLERANCE_S)
+    real, believed = true_bodies(truth, rows), replace(bodies, doubtful=doubtful)
+    return Asked(
+        driver=driven.driver,
+        egos=egos,
+        there=there,
+        bodies=real,
+        truth=decide(driven.driver, real, egos, driven.road),
+        tracks=decide(driven.driver, believed, egos, driven.road),
+        track_row=np.flatnonzero(~doubtful),
+        judged=judged,
+        driven_m=np.where(judged, egos.speed_mps * step_s, 0.0),
+        step_s=step_s,
+    )
+
+
+def _times(rows: RunRows) -> tuple[FloatArray, FloatArray]:
+    """Return the time that each step stands for and the time since its episode began, both of shape (steps,)."""
+    count = len(rows.time_s)
+    first = first_of_group(rows.episode)
+    begins = np.maximum.accumulate(np.where(first, np.arange(count), 0)) if count else np.zeros(0, dtype=np.int64)
+    lasts = np.append(np.diff(rows.time_s), np.nan)
+    usual = float(np.nanmedian(np.where(np.append(first[1:], True), np.nan, lasts))) if count > 1 else 0.1
+    lasts[np.append(first[1:], True)[:count]] = usual
+    return lasts[:count], rows.time_s - rows.time_s[begins]

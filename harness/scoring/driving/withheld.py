@@ -1,0 +1,70 @@
+"""Vehicles ahead of the ego that are in plain view and that the tracker withholds.
+
+A driver who sees no track does not slow down, however gently the ego did when the run was recorded. So the truth's
+demand alone, made at the ego's recorded speed, does not tell what is missed: an ego that rolls gently up to a stopped
+car never has to brake hard, and by the tracks it would have driven into it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.decisions.decide import most_decisive
+from harness.scoring.driving.asked import Asked
+from harness.scoring.driving.collision_time import time_to_collision
+from harness.scoring.evidence.matching import Matching
+from harness.scoring.evidence.plain_view import PlainView
+from harness.scoring.evidence.rows import RunRows
+from harness.scoring.evidence.settings import ScoringSettings
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class WithheldAhead:
+    """Whether the tracker withholds whom the ego minds, at each step, shape (steps,).
+
+    Attributes:
+        decisive: The vehicle without which the driver would brake least is withheld.
+        leader: The vehicle right ahead is.
+        collision_s: Time to collision with the latter, infinite where the gap does not close.
+    """
+
+    decisive: BoolArray
+    leader: BoolArray
+    collision_s: FloatArray
+
+    def misses(self, needed: FloatArray, done: FloatArray, settings: ScoringSettings) -> BoolArray:
+        """Return where the driver ought to brake for a withheld vehicle and by the tracks does not, shape (steps,).
+
+        It ought to where by the truth it brakes, and the tracks then have it brake less by the difference of braking
+        and not braking at all (1 m/s²) or more; and where the time to collision is short, and it does not brake.
+
+        Args:
+            needed: Acceleration that the driver demands by the truth.
+            done: What it demands by the tracks.
+            settings: The numbers of the rules.
+        """
+        least = settings.rolls_mps2 - settings.brakes_mps2
+        brakes_less = (needed <= settings.brakes_mps2) & (done > needed + least)
+        drives_on = (self.collision_s < settings.collision_time_s) & (done > settings.rolls_mps2)
+        return np.asarray((self.decisive & brakes_less) | (self.leader & drives_on))
+
+
+def find_withheld(asked: Asked, rows: RunRows, matching: Matching, plain: PlainView) -> WithheldAhead:
+    """Find the steps at which the vehicle that matters is withheld.
+
+    Withheld is whoever has been in plain view for ``plain_view_s`` at any distance and has no track within the gate
+    that the driver believes: one that is reported, with an existence of one half or more. Detections play no part.
+    """
+    believed = np.zeros(len(rows.tracks) + 1, dtype=bool)
+    believed[asked.track_row] = True
+    withheld = np.append(plain.lasting & ~believed[matching.track_row], False)
+    ahead: IntArray = asked.truth.belief.leader.body
+    leader = asked.truth.belief.leader
+    return WithheldAhead(
+        decisive=withheld[most_decisive(asked.driver, asked.truth.belief)],
+        leader=withheld[ahead],
+        collision_s=time_to_collision(leader.gap_m, asked.truth.belief.speed_mps, leader.speed_mps),
+    )

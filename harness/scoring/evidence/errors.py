@@ -1,0 +1,153 @@
+"""The table of errors: one row per vehicle that has been detected and step, who follows it and how far off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from harness.scoring.evidence.directions import along_and_across
+from harness.scoring.evidence.history import DetectionHistory
+from harness.scoring.evidence.matching import Matching
+from harness.scoring.evidence.pairs import similarity
+from harness.scoring.evidence.rows import RunRows
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.storage.schema import HIDDEN, OUT, VISIBILITY_STATES
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
+OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")
+MATCHED_BY = ("", "gate", "identity")
+
+
+@dataclass(frozen=True)
+class ErrorArrays:
+    """The numbers of the error table, struct of arrays of shape (n,).
+
+    Attributes:
+        vehicle: Code of the vehicle.
+        absolute: Absolute errors of longitudinal and lateral position, longitudinal and lateral speed, shape (n, 4).
+        state: Index into the visibility states.
+        seconds_hidden: Time since the last detection, 0 where not hidden.
+        outcome: Index into ``OUTCOMES``.
+    """
+
+    vehicle: IntArray
+    absolute: FloatArray
+    state: IntArray
+    seconds_hidden: FloatArray
+    outcome: IntArray
+
+    @property
+    def tracked(self) -> BoolArray:
+        """Rows that belong in a mean, shape (n,)."""
+        return np.equal(self.outcome, TRACKED)
+
+
+def error_table(
+    truth: pd.DataFrame, rows: RunRows, history: DetectionHistory, matching: Matching, settings: ScoringSettings
+) -> pd.DataFrame:
+    """Tabulate the errors of the tracks, estimate minus truth, that MAE and calibration are computed from.
+
+    There is a row for every vehicle and step in range, from the vehicle's first detection on and while its last one
+    is at most ``memory_s`` ago. Outcomes of a visible or partly visible vehicle: *tracked* (matched within the gate)
+    or *missed*. Outcomes of a hidden vehicle, judged by the track that held it when it was last detected: *tracked*,
+    *lost* (that track is no longer reported), *hijacked* (that track is matched to another vehicle and nearer to it),
+    or *untracked* (no track held it). The errors of a hijacked vehicle are in the table but in no mean.
+    Errors of the position are along and across the vehicle's direction; deviations are as the tracker reports them,
+    along the frame's axes.
+
+    Returns:
+        Columns step, time_s, episode, vehicle_id, track_id (-1 if none), state, seconds_hidden (since the last
+        detection while hidden, otherwise 0), lon_error_m, lat_error_m, speed_error_mps, lat_speed_error_mps,
+        std_lon_m, std_lat_m, std_speed_mps, matched_by ("gate", "identity" or ""), outcome. Sorted by step and vehicle.
+    """
+    vehicles, tracks = rows.truth, rows.tracks
+    kept = scored_rows(rows, history, settings)
+    hidden = vehicles.state[kept] == HIDDEN
+    track_row = np.where(hidden, matching.holder_row[kept], matching.track_row[kept])
+    followed = track_row >= 0
+    stolen = hidden & _is_stolen(rows, matching, kept, track_row, settings)
+    held = matching.holder[kept] >= 0
+    outcome = np.where(
+        followed,
+        np.where(stolen, HIJACKED, TRACKED),
+        np.where(hidden, np.where(held, LOST, UNTRACKED), MISSED),
+    )
+    lon_m, lat_m = along_and_across(
+        _of_track(tracks.lon_m, track_row) - vehicles.lon_m[kept],
+        _of_track(tracks.lat_m, track_row) - vehicles.lat_m[kept],
+        vehicles.direction_rad[kept],
+    )
+    return pd.DataFrame(
+        {
+            "step": truth["step"].to_numpy()[vehicles.name_row[kept]],
+            "time_s": vehicles.time_s[kept],
+            "episode": rows.episode[vehicles.step[kept]],
+            "vehicle_id": truth["vehicle_id"].take(vehicles.name_row[kept]).to_numpy(),
+            "track_id": np.append(tracks.track_id, -1)[track_row],
+            "state": _labels(vehicles.state[kept], VISIBILITY_STATES),
+            "seconds_hidden": np.where(hidden, history.since_s[kept], 0.0),
+            "lon_error_m": lon_m,
+            "lat_error_m": lat_m,
+            "speed_error_mps": _of_track(tracks.speed_mps, track_row) - vehicles.speed_mps[kept],
+            "lat_speed_error_mps": _of_track(tracks.lat_speed_mps, track_row) - vehicles.lat_speed_mps[kept],
+            "std_lon_m": _of_track(tracks.std_lon_m, track_row),
+            "std_lat_m": _of_track(tracks.std_lat_m, track_row),
+            "std_speed_mps": _of_track(tracks.std_speed_mps, track_row),
+            "matched_by": _labels(np.where(followed, np.where(hidden, 2, 1), 0), MATCHED_BY),
+            "outcome": _labels(outcome, OUTCOMES),
+        }
+    )
+
+
+def scored_rows(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) -> IntArray:
+    """Return the truth rows that the error table has a row for, in its order, shape (n,)."""
+    vehicles = rows.truth
+    kept = np.flatnonzero(vehicles.in_range & (vehicles.state != OUT) & history.remembered(settings))
+    return kept[np.lexsort((vehicles.vehicle[kept], vehicles.step[kept]))]
+
+
+def error_arrays(errors: pd.DataFrame) -> ErrorArrays:
+    """Take the numbers out of an error table, also out of one that was read back from a file."""
+    columns = ("lon_error_m", "lat_error_m", "speed_error_mps", "lat_speed_error_mps")
+    names = pd.factorize(errors["vehicle_id"])[0].astype(np.int64)
+    episode = errors["episode"].to_numpy(dtype=np.int64)
+    return ErrorArrays(
+        vehicle=episode * (int(names.max(initial=0)) + 1) + names,
+        absolute=np.abs(np.column_stack([errors[column].to_numpy(dtype=np.float64) for column in columns])),
+        state=_codes(errors["state"], VISIBILITY_STATES),
+        seconds_hidden=errors["seconds_hidden"].to_numpy(dtype=np.float64),
+        outcome=_codes(errors["outcome"], OUTCOMES),
+    )
+
+
+def _is_stolen(
+    rows: RunRows, matching: Matching, kept: IntArray, track_row: IntArray, settings: ScoringSettings
+) -> BoolArray:
+    """Return whether each kept row's track is matched to another vehicle and nearer to that one."""
+    vehicles, tracks = rows.truth, rows.tracks
+    stolen = np.zeros(len(kept), dtype=bool)
+    other = np.where(track_row >= 0, matching.truth_row[track_row], -1) if len(tracks) else track_row
+    suspect = np.flatnonzero((other >= 0) & (other != kept))
+    own, thief, track = kept[suspect], other[suspect], track_row[suspect]
+
+    def nearness(vehicle: IntArray) -> FloatArray:
+        lon_m, lat_m = vehicles.lon_m[vehicle] - tracks.lon_m[track], vehicles.lat_m[vehicle] - tracks.lat_m[track]
+        return similarity(*along_and_across(lon_m, lat_m, vehicles.direction_rad[vehicle]), settings)
+
+    stolen[suspect] = nearness(thief) > nearness(own)
+    return stolen
+
+
+def _of_track(values: FloatArray, track_row: IntArray) -> FloatArray:
+    return np.append(values, np.nan)[track_row]
+
+
+def _labels(codes: IntArray, names: tuple[str, ...]) -> pd.Categorical[str]:
+    return pd.Categorical.from_codes(codes, categories=pd.Index(names))
+
+
+def _codes(labels: pd.Series[str], names: tuple[str, ...]) -> IntArray:
+    return pd.Categorical(labels, categories=list(names)).codes.astype(np.int64)

@@ -1,0 +1,130 @@
+"""Are the trackers' standard deviations honest?
+
+Deviations are along the frame's axes, and so are the errors that they are held against. Turning them into each
+vehicle's direction would take the correlation of the two axes, which tracks do not report: an honest tracker that knows
+a car on a diagonal road to 4 m along and 0.5 m across reports 2.9 m for both axes, which is right of them and of no
+other direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.directions import along_axes
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+NORMAL_95 = 1.959963984540054
+"""Half width of the standard normal's central 95 % interval."""
+QUANTITIES = (
+    Quantity(
+        "calibration.anees.visible", "ANEES of tracks in view (1 is right)",
+        decimals=2, heading="ANEES in view", weight="calibration.visible.n", tabled=True, reported=True, optional=True,
+    ),
+    Quantity(
+        "calibration.anees.hidden", "ANEES of hidden tracks (1 is right)",
+        decimals=2, heading="ANEES hidden", weight="calibration.hidden.n", tabled=True, reported=True, optional=True,
+    ),
+)  # fmt: skip
+"""They have no direction, so nothing is compared."""
+ERRORS = ["lon_error_m", "lat_error_m", "speed_error_mps"]
+DEVIATIONS = ["std_lon_m", "std_lat_m", "std_speed_mps"]
+
+
+@dataclass(frozen=True)
+class CalibrationPart:
+    """How the errors of followed vehicles in a stretch compare with their deviations.
+
+    Attributes:
+        nees: Normalised squared error of each estimate that has a deviation, shape (n,).
+        hidden: Whether its vehicle is hidden, shape (n,).
+        inside: Errors within 1.96 deviations, of vehicles that are not hidden and of those that are, shape (2, 3).
+        usable: Errors that have a deviation, likewise.
+    """
+
+    nees: FloatArray
+    hidden: BoolArray
+    inside: IntArray
+    usable: IntArray
+
+
+def measure_calibration(evidence: Evidence) -> CalibrationPart:
+    """Measure a stretch."""
+    error, std = (evidence.error_table[columns].to_numpy(dtype=np.float64) for columns in (ERRORS, DEVIATIONS))
+    if evidence.rows.truth.direction_rad.any():
+        kept = scored_rows(evidence.rows, evidence.history, evidence.settings)
+        direction = evidence.rows.truth.direction_rad[kept]
+        error = np.column_stack([*along_axes(error[:, 0], error[:, 1], direction), error[:, 2]])
+    followed, hidden = evidence.errors.tracked, evidence.errors.state == HIDDEN
+    return _measured(error[followed], std[followed], hidden[followed])
+
+
+def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them.
+
+    ``anees`` is the ``nees`` of these two side by side: the average normalised estimation error squared over
+    longitudinal position, lateral position and speed, divided by the number of them that have a deviation (Bar-Shalom
+    et al. 2001, section 5.4.2). 1 is right, above is over-confident. A tracker may report a variance alone for each
+    axis, so errors of different axes are taken as uncorrelated.
+    """
+    nees, hidden = joined([part.nees for part in parts]), joined([part.hidden for part in parts])
+    inside, usable = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("inside", "usable"))
+    visible_and_hidden = {
+        "visible": _calibrated(nees[~hidden], inside[0], usable[0]),
+        "hidden": _calibrated(nees[hidden], inside[1], usable[1]),
+    }
+    anees = {name: table["nees"] for name, table in visible_and_hidden.items()}
+    everything = nees if len(parts) > 1 else nees.copy()
+    return _calibrated(everything, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden | {"anees": anees}
+
+
+def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
+    """Compare errors with their claimed deviations.
+
+    Args:
+        error: Errors of longitudinal position, lateral position and speed, shape (n, 3).
+        std: Their claimed standard deviations, shape (n, 3); an error whose deviation is nan or not positive is left
+            out.
+
+    Returns:
+        ``nees``: normalised estimation error squared over the three, divided by their number: 1 is honest, above is
+        over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance (Bar-Shalom
+        et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not move; an honest
+        filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of
+        errors within 1.96 standard deviations, of each quantity. ``n``: number of estimates. nan without estimates.
+    """
+    part = _measured(error, std, np.zeros(len(error), dtype=bool))
+    return _calibrated(part.nees, part.inside[0], part.usable[0])
+
+
+def _measured(error: FloatArray, std: FloatArray, hidden: BoolArray) -> CalibrationPart:
+    usable = np.isfinite(error) & np.isfinite(std) & (std > 0.0)
+    scaled = np.abs(np.divide(error, std, out=np.full_like(error, np.nan), where=usable))
+    known = usable.sum(axis=1)
+    some = known > 0
+    nees = np.nansum(scaled[some] ** 2, axis=1) / known[some]
+    inside = (scaled <= NORMAL_95) & usable
+    return CalibrationPart(
+        nees=nees,
+        hidden=hidden[some],
+        inside=np.stack([inside[~hidden].sum(axis=0), inside[hidden].sum(axis=0)]),
+        usable=np.stack([usable[~hidden].sum(axis=0), usable[hidden].sum(axis=0)]),
+    )
+
+
+def _calibrated(nees: FloatArray, inside: IntArray, usable: IntArray) -> dict[str, object]:
+    """Return the calibration; the order of ``nees`` is lost, since a long run's must not be copied for its median."""
+    share = np.divide(100.0 * inside, usable, out=np.full(3, np.nan), where=usable > 0)
+    return {
+        "nees": float(nees.mean()) if len(nees) else np.nan,
+        "nees_median": float(np.median(nees, overwrite_input=True)) if len(nees) else np.nan,
+        "coverage95": dict(zip(("lon", "lat", "speed"), share.tolist(), strict=True)),
+        "n": len(nees),
+    }

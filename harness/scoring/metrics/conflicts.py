@@ -1,0 +1,95 @@
+"""Surrogate safety measures of the traffic itself, for those who know them: TTC, DRAC and PET, from the truth alone.
+
+They tell how tense the traffic around the ego is, not how good a tracker is: every tracker of the same traffic has the
+same ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.driving.collision_time import time_to_collision
+from harness.scoring.driving.encroachment import post_encroachment_times
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, joined
+from mmpf.numerics.arrays import BoolArray, FloatArray
+
+SHORT_TTC_S, HARD_DRAC_MPS2 = (1.5, 3.0), 3.4
+"""Limits of a conflict in the literature."""
+
+
+def deceleration_to_avoid(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: FloatArray) -> FloatArray:
+    """Return the steady braking that just avoids a collision, DRAC (Cooper and Ferguson 1976); 0 where none must, (n,).
+
+    Infinite where the two touch already.
+    """
+    closing = speed_mps - leader_mps
+    needed = np.isfinite(gap_m) & (closing > 0.0)
+    with np.errstate(divide="ignore"):
+        braking = np.divide(0.5 * closing**2, np.maximum(gap_m, 0.0), out=np.zeros(len(gap_m)), where=needed)
+    return np.asarray(braking)
+
+
+@dataclass(frozen=True)
+class ConflictPart:
+    """The ego's conflicts in a stretch.
+
+    Attributes:
+        ttc_s: Time to collision with whoever is right ahead at each step with an ego, infinite for none.
+        drac_mps2: Deceleration to avoid a collision with it, likewise, 0 for none.
+        pet_s: Post-encroachment times of the ego and vehicles whose paths cross its own.
+    """
+
+    ttc_s: FloatArray
+    drac_mps2: FloatArray
+    pet_s: FloatArray
+
+
+def measure_conflicts(evidence: Evidence) -> ConflictPart | None:
+    """Measure a stretch; None where no driver was asked, since only then is it known who is ahead of the ego."""
+    asked = evidence.asked
+    if asked is None:
+        return None
+    belief, leader = asked.truth.belief, asked.truth.belief.leader
+    there = asked.there
+    return ConflictPart(
+        ttc_s=time_to_collision(leader.gap_m, belief.speed_mps, leader.speed_mps)[there],
+        drac_mps2=deceleration_to_avoid(leader.gap_m, belief.speed_mps, leader.speed_mps)[there],
+        pet_s=post_encroachment_times(asked.egos, asked.bodies, evidence.rows),
+    )
+
+
+def conflicts(parts: Sequence[ConflictPart | None], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Score the ego's conflicts.
+
+    Returns:
+        Over ``n`` steps: ``ttc_below_1_5_percent`` and ``ttc_below_3_percent`` of them, ``ttc_min_s``;
+        ``drac_above_3_4_percent``, ``drac_max_mps2`` and ``drac_p95_mps2`` (over the ``closing_n`` steps at which the
+        ego closes in); ``pet_n`` encounters, ``pet_min_s`` and ``pet_median_s``. nan where there is nothing to tell;
+        empty where nobody was asked.
+    """
+    known = [part for part in parts if part is not None]
+    if not known:
+        return {}
+    ttc, drac, pet = (joined([getattr(part, name) for part in known]) for name in ("ttc_s", "drac_mps2", "pet_s"))
+    finite, closing = ttc[np.isfinite(ttc)], drac[np.isfinite(drac) & (drac > 0.0)]
+
+    def percent(holds: BoolArray) -> float:
+        return 100.0 * float(holds.mean()) if len(holds) else np.nan
+
+    return {
+        "n": len(ttc),
+        "ttc_below_1_5_percent": percent(ttc < SHORT_TTC_S[0]),
+        "ttc_below_3_percent": percent(ttc < SHORT_TTC_S[1]),
+        "ttc_min_s": float(finite.min()) if len(finite) else np.nan,
+        "drac_above_3_4_percent": percent(drac > HARD_DRAC_MPS2),
+        "drac_p95_mps2": float(np.percentile(closing, 95)) if len(closing) else np.nan,
+        "drac_max_mps2": float(closing.max()) if len(closing) else np.nan,
+        "closing_n": len(closing),
+        "pet_n": len(pet),
+        "pet_min_s": float(pet.min()) if len(pet) else np.nan,
+        "pet_median_s": float(np.median(pet)) if len(pet) else np.nan,
+    }

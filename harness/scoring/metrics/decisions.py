@@ -1,0 +1,197 @@
+"""What tracks do to driving: the ego's driver is asked by the tracks and by the truth, and the answers held together.
+
+The ego drives as it did; nothing that the driver would do is done. So every tracker is asked of the same traffic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.decisions.decide import Decision
+from harness.scoring.driving.asked import Asked
+from harness.scoring.driving.brakings import FATES, KINDS, MISSED, MISSED_FATES, PHANTOM, PHANTOM_FATES
+from harness.scoring.driving.collision_time import time_to_collision
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.stretches import stretches
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN, OUT
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+KM = "decisions.km"
+MISSED_PER_KM, PHANTOM_PER_KM = "decisions.missed_per_km", "decisions.phantom_per_km"
+QUANTITIES = (
+    Quantity(
+        MISSED_PER_KM, "missed brakings a km",
+        decimals=2, heading="missed brakings a km", weight=KM, compared=True, tabled=True, reported=True,
+        optional=True,
+    ),
+    Quantity(
+        PHANTOM_PER_KM, "phantom brakings a km",
+        decimals=2, heading="phantom brakings a km", weight=KM, compared=True, tabled=True, reported=True,
+        optional=True,
+    ),
+    Quantity(
+        "decisions.accel_difference_mps2", "difference of demanded acceleration, m/s²",
+        decimals=3, heading="demand m/s²", weight="decisions.n", compared=True, tabled=True, reported=True,
+        optional=True,
+    ),
+    Quantity(
+        "decisions.lateness_s", "lateness of braking, s",
+        decimals=2, heading="lateness s", weight="decisions.onsets", compared=True, tabled=True, reported=True,
+        optional=True,
+    ),
+    Quantity(
+        "decisions.collision_time_error_s", "error of time to collision below 4 s, s",
+        decimals=2, heading="TTC error s", weight="decisions.collision_time_n", compared=True, tabled=True,
+        reported=True, optional=True,
+    ),
+    Quantity(
+        "decisions.unsafe_gaps_percent", "gaps accepted that the truth forbids, %",
+        decimals=1, heading="unsafe gaps %", weight="decisions.forbidden_gaps", compared=True, tabled=True,
+        reported=True, optional=True,
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DecisionPart:
+    """What the driver would have done in a stretch.
+
+    Attributes:
+        difference_mps2: By the tracks less by the truth at each judged step, shape (n,).
+        km: Distance that the ego drove at them.
+        kind: Of each missed or phantom braking, see ``Brakings``.
+        fate: Likewise.
+        hidden: Whether the vehicle to blame was hidden or never in the sensor's range, of each.
+        withheld: Whether it was in plain view and withheld by the tracker, of each.
+        lateness_s: Of each onset of braking.
+        collision_time_error_s: Of each step with a short time to collision.
+        forbidden: Gaps beside the ego that the truth forbids, over steps and sides.
+        accepted: Those of them that the tracks accept.
+    """
+
+    difference_mps2: FloatArray
+    km: float
+    kind: IntArray
+    fate: IntArray
+    hidden: BoolArray
+    withheld: BoolArray
+    lateness_s: FloatArray
+    collision_time_error_s: FloatArray
+    forbidden: int
+    accepted: int
+
+
+def measure_decisions(evidence: Evidence) -> DecisionPart | None:
+    """Measure a stretch; None where no driver was asked."""
+    asked, brakings, settings = evidence.asked, evidence.brakings, evidence.settings
+    if asked is None or brakings is None:
+        return None
+    state = np.append(evidence.rows.truth.state, -1)[brakings.truth_row]
+    by_truth, by_tracks = asked.truth.command, asked.tracks.command
+    forbidden, accepted = 0, 0
+    for of_truth, of_tracks, lane in (
+        (by_truth.accepts_left, by_tracks.accepts_left, asked.truth.belief.left.exists),
+        (by_truth.accepts_right, by_tracks.accepts_right, asked.truth.belief.right.exists),
+    ):
+        asked_for = asked.judged & lane & ~of_truth
+        forbidden += int(asked_for.sum())
+        accepted += int((asked_for & of_tracks).sum())
+    return DecisionPart(
+        difference_mps2=(by_tracks.accel_mps2 - by_truth.accel_mps2)[asked.judged],
+        km=float(asked.driven_m.sum()) / 1e3,
+        kind=brakings.kind,
+        fate=brakings.fate,
+        hidden=np.isin(state, (HIDDEN, OUT)),
+        withheld=brakings.withheld,
+        lateness_s=lateness(asked, evidence.rows.episode, settings),
+        collision_time_error_s=collision_time_errors(asked, settings),
+        forbidden=forbidden,
+        accepted=accepted,
+    )
+
+
+def lateness(asked: Asked, episode: IntArray, settings: ScoringSettings) -> FloatArray:
+    """Return how much later by the tracks than by the truth the driver begins to brake, of each onset, shape (k,).
+
+    An onset is a stretch of half a second or more in which the truth demands braking. Where the tracks do so when it
+    begins, the lateness is 0; where they never do, it is the whole stretch.
+    """
+    brakes = asked.truth.command.accel_mps2 <= settings.brakes_mps2
+    late = []
+    for first, last in zip(*stretches(brakes & asked.judged, episode), strict=True):
+        seconds = asked.step_s[first : last + 1]
+        begun_before = first > 0 and episode[first - 1] == episode[first] and not asked.judged[first - 1]
+        if seconds.sum() < settings.decision_s - TIME_TOLERANCE_S or begun_before:
+            continue
+        done = asked.tracks.command.accel_mps2[first : last + 1] <= settings.brakes_mps2
+        late.append(float(seconds[: int(done.argmax()) if done.any() else len(seconds)].sum()))
+    return np.array(late)
+
+
+def collision_time_errors(asked: Asked, settings: ScoringSettings) -> FloatArray:
+    """Return absolute errors of the time to collision with whoever is right ahead, where it is short, shape (k,)."""
+    true_s, believed_s = (
+        np.minimum(_to_collision(decision), settings.longest_collision_time_s)
+        for decision in (asked.truth, asked.tracks)
+    )
+    return np.asarray(np.abs(believed_s - true_s)[asked.judged & (true_s < settings.collision_time_s)])
+
+
+def _to_collision(decision: Decision) -> FloatArray:
+    leader = decision.belief.leader
+    return time_to_collision(leader.gap_m, decision.belief.speed_mps, leader.speed_mps)
+
+
+def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Score what the driver would have done.
+
+    Returns:
+        ``km`` and ``n`` steps that are judged; ``accel_difference_mps2`` and ``accel_difference_p99_mps2``, mean and
+        99th percentile of the absolute difference of demanded accelerations; ``missed`` and ``phantom`` brakings and
+        either ``_per_km``; ``missed_hidden``, those for a hidden vehicle, and ``missed_withheld``, those for one in
+        plain view that has no track which the driver believes; ``missed_by`` and ``phantom_by`` what the
+        track did; ``lateness_s`` over ``onsets``; ``collision_time_error_s`` over ``collision_time_n`` steps;
+        ``unsafe_gaps_percent`` of ``forbidden_gaps``. nan where there is nothing to tell; empty where nobody was asked.
+    """
+    asked = [part for part in parts if part is not None]
+    if not asked:
+        return {}
+    difference = np.abs(joined([part.difference_mps2 for part in asked]))
+    kind, fate, hidden, withheld = (
+        joined([getattr(part, name) for part in asked]) for name in ("kind", "fate", "hidden", "withheld")
+    )
+    late = joined([part.lateness_s for part in asked])
+    error_s = joined([part.collision_time_error_s for part in asked])
+    km, forbidden = sum(part.km for part in asked), sum(part.forbidden for part in asked)
+
+    def mean(values: FloatArray) -> float:
+        return float(values.mean()) if len(values) else np.nan
+
+    table: dict[str, object] = {
+        "km": km,
+        "n": len(difference),
+        "accel_difference_mps2": mean(difference),
+        "accel_difference_p99_mps2": float(np.percentile(difference, 99)) if len(difference) else np.nan,
+    }
+    for code in (MISSED, PHANTOM):
+        count = int((kind == code).sum())
+        table |= {KINDS[code]: count, f"{KINDS[code]}_per_km": count / km if km > 0.0 else np.nan}
+    table["missed_hidden"] = int(((kind == MISSED) & hidden).sum())
+    table["missed_withheld"] = int(withheld.sum())
+    for code, possible in ((MISSED, MISSED_FATES), (PHANTOM, PHANTOM_FATES)):
+        of_kind = fate[kind == code]
+        table[f"{KINDS[code]}_by"] = {FATES[place]: int((of_kind == place).sum()) for place in possible}
+    return table | {
+        "lateness_s": mean(late),
+        "onsets": len(late),
+        "collision_time_error_s": mean(error_s),
+        "collision_time_n": len(error_s),
+        "unsafe_gaps_percent": 100.0 * sum(part.accepted for part in asked) / forbidden if forbidden else np.nan,
+        "forbidden_gaps": forbidden,
+    }

@@ -1,0 +1,97 @@
+"""Is the stated existence of a track the probability that it is a vehicle?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.pairs import GATE_SIMILARITY
+from harness.scoring.evidence.sequence import tracks_in_sight
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.quantity import Quantity
+from mmpf.numerics.arrays import FloatArray, IntArray
+
+NAME = "existence_calibration"
+DECILES = 10
+QUANTITIES = (
+    Quantity(
+        f"{NAME}.largest_gap", "existence in sight: largest gap of stated and observed, points",
+        heading="existence gap", compared=True, tabled=True, reported=True, optional=True,
+    ),
+    Quantity(
+        f"{NAME}.brier", "existence in sight: Brier score",
+        decimals=3, weight=f"{NAME}.n", compared=True, tabled=True, reported=True, optional=True,
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ExistencePart:
+    """Sums over the reported tracks in sight in a stretch, by tenths of the stated existence, shape (10,).
+
+    Attributes:
+        count: Track-steps.
+        stated: Sum of what they state.
+        real: Those with a vehicle within the gate.
+        squared: Sum of squares of the difference of the two, over all tenths.
+    """
+
+    count: IntArray
+    stated: FloatArray
+    real: IntArray
+    squared: float
+
+
+def measure_existence(evidence: Evidence) -> ExistencePart:
+    """Measure a stretch."""
+    rows, pairs = evidence.rows, evidence.pairs
+    stated = evidence.existence
+    judged = np.flatnonzero(tracks_in_sight(rows, evidence.settings) & ~rows.tracks.unknowable & np.isfinite(stated))
+    real = np.zeros(len(rows.tracks), dtype=bool)
+    real[pairs.track[pairs.similarity >= GATE_SIMILARITY]] = True
+    says, is_real = stated[judged], real[judged]
+    # 0.3 times ten is more than three by rounding: the edges are those that people write.
+    decile = np.clip(np.searchsorted(np.arange(1, DECILES) / DECILES, says, side="right"), 0, DECILES - 1)
+    return ExistencePart(
+        count=np.bincount(decile, minlength=DECILES).astype(np.int64),
+        stated=np.bincount(decile, says, minlength=DECILES).astype(np.float64),
+        real=np.bincount(decile[is_real], minlength=DECILES).astype(np.int64),
+        squared=float(((says - is_real) ** 2).sum()),
+    )
+
+
+def existence_calibration(parts: Sequence[ExistencePart], basis: Basis) -> dict[str, object]:
+    """Hold stated existences against what is there.
+
+    Over the ``n`` track-steps of reported tracks in sight (detections decide, see ``tracks_in_sight``) that state one.
+    A track-step is real if any true vehicle, visible or not, is within the gate.
+
+    Returns:
+        ``deciles``: for each tenth of the stated existence ``from`` and ``to`` in [0, 1], ``n`` track-steps, and in
+        percent the mean ``stated`` and the ``observed`` share that is real. ``largest_gap``: the largest absolute
+        difference of the two among tenths with at least 200 track-steps, in points. ``brier``: mean squared
+        difference of the stated probability and what is there, 0 is best. nan where there is nothing to tell.
+    """
+    names = ("count", "stated", "real")
+    count, stated, real = (np.sum([getattr(part, name) for part in parts], axis=0) for name in names)
+    deciles = [
+        {
+            "from": k / DECILES,
+            "to": (k + 1) / DECILES,
+            "n": int(count[k]),
+            "stated": 100.0 * ratio(stated[k], count[k]),
+            "observed": 100.0 * ratio(real[k], count[k]),
+        }
+        for k in range(DECILES)
+    ]
+    many = count >= basis.settings.existence_track_steps
+    gaps = np.abs(stated[many] - real[many]) / count[many]
+    return {
+        "largest_gap": 100.0 * float(gaps.max()) if len(gaps) else np.nan,
+        "brier": ratio(sum(part.squared for part in parts), float(count.sum())),
+        "n": int(count.sum()),
+        "deciles": deciles,
+    }

@@ -1,0 +1,128 @@
+"""Scores on real detections: identity after gaps in them, of moving and of parked vehicles apart.
+
+Only where the source tells parked vehicles from others. A gap is an occlusion event (``events``); that
+of a parked vehicle asks less of a tracker, which finds it where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+NAME = "gaps"
+ALL, MOVING, PARKED = KINDS = ("all", "moving", "parked")
+LONG_S = 1.0
+
+
+def _quantities() -> tuple[Quantity, ...]:
+    told = []
+    for kind in KINDS:
+        words = "" if kind == ALL else f", {kind}"
+        told += [
+            Quantity(
+                f"{NAME}.{kind}.same_id", f"same identity after gaps{words}, %", True, weight=f"{NAME}.{kind}.events",
+                scale=100.0, pooled=f"same_id_after_gaps_{kind}", optional=True,
+            ),
+            Quantity(
+                f"{NAME}.{kind}.long_same_id", f"same identity after gaps of 1 s and more{words}, %", True,
+                weight=f"{NAME}.{kind}.long_events", scale=100.0, pooled=f"same_id_after_1_s_{kind}", optional=True,
+            ),
+            Quantity(
+                f"{NAME}.{kind}.position_m", f"position error in sight{words}, m", decimals=2,
+                weight=f"{NAME}.{kind}.n", pooled=f"position_m_{kind}", optional=True,
+            ),
+        ]  # fmt: skip
+    return tuple(told)
+
+
+QUANTITIES = _quantities()
+
+
+@dataclass(frozen=True)
+class GapsPart:
+    """What a stretch counts of moving and of parked vehicles; arrays of shape (2,).
+
+    Attributes:
+        known: Whether the source tells them apart.
+        events: Gaps.
+        same_id: Those of them after which a vehicle has its old track.
+        long_events: Gaps of a second and more.
+        long_same_id: The same of these.
+        followed: Vehicle-steps in sight that are followed.
+        error_sum: Sum of their distances from their tracks.
+    """
+
+    known: bool
+    events: IntArray
+    same_id: IntArray
+    long_events: IntArray
+    long_same_id: IntArray
+    followed: IntArray
+    error_sum: FloatArray
+
+
+def measure_gaps(evidence: Evidence) -> GapsPart:
+    """Count in a stretch."""
+    rows, events, errors = evidence.rows, evidence.events, evidence.errors
+    parked = rows.truth.parked
+    if parked is None:
+        none = np.zeros(2, dtype=np.int64)
+        return GapsPart(False, none, none, none, none, none, np.zeros(2))
+    of_event = parked[events.onset_row]
+    is_long = events.duration_s >= LONG_S - TIME_TOLERANCE_S
+    followed = errors.tracked & (errors.state != HIDDEN)
+    of_kept = parked[scored_rows(rows, evidence.history, evidence.settings)][followed]
+    error_m = np.hypot(errors.absolute[followed, 0], errors.absolute[followed, 1])
+    return GapsPart(
+        known=True,
+        events=_count(of_event),
+        same_id=_count(of_event[events.same_id]),
+        long_events=_count(of_event[is_long]),
+        long_same_id=_count(of_event[is_long & events.same_id]),
+        followed=_count(of_kept),
+        error_sum=np.bincount(of_kept.astype(np.int64), error_m, minlength=2).astype(np.float64),
+    )
+
+
+def scores_after_gaps(parts: Sequence[GapsPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return the scores of all, of moving and of parked vehicles.
+
+    Returns:
+        For each of ``KINDS``: ``events``, gaps of half a second to ten in a vehicle's detections, of which ``same_id``
+        end with the old track on it, ``same_id_percent``; ``long_events``, ``long_same_id`` and
+        ``long_same_id_percent`` of gaps of a second and more; ``position_m``, mean distance of the tracks of vehicles
+        in sight over the ``n`` vehicle-steps followed. Empty where nobody tells who is parked.
+    """
+    known = [part for part in parts if part.known]
+    if not known:
+        return {}
+    table: dict[str, object] = {}
+    for kind, chosen in zip(KINDS, ([0, 1], [0], [1]), strict=True):
+        counts = {
+            name: int(sum(getattr(part, name)[chosen].sum() for part in known))
+            for name in ("events", "same_id", "long_events", "long_same_id", "followed")
+        }
+        error_m = float(sum(part.error_sum[chosen].sum() for part in known))
+        n = counts.pop("followed")
+        table[kind] = {
+            **counts,
+            "same_id_percent": ratio(100.0 * counts["same_id"], counts["events"]),
+            "long_same_id_percent": ratio(100.0 * counts["long_same_id"], counts["long_events"]),
+            "position_m": ratio(error_m, n),
+            "n": n,
+        }
+    return table
+
+
+def _count(parked: BoolArray) -> IntArray:
+    return np.bincount(parked.astype(np.int64), minlength=2)

@@ -1,0 +1,144 @@
+"""Scores of hidden vehicles by what hid them: other vehicles, or walls of buildings.
+
+A vehicle behind a building stays hidden for longer, and where it comes back follows from the map; one behind a lorry
+comes back as the lorry moves. Only on roads with walls; elsewhere vehicles hide everything, and the table is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.evidence.events import other_track_after
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
+from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+NAME = "hidden_by"
+CAUSES = ("vehicle", "building")
+
+
+def _quantities() -> tuple[Quantity, ...]:
+    told = []
+    for name in CAUSES:
+        key, kind = f"{NAME}.{name}", f", behind a {name}"
+        told += [
+            Quantity(
+                f"{key}.hidden_cost_m", f"hidden cost{kind}, m",
+                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+            Quantity(
+                f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True,
+                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+            Quantity(
+                f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True,
+                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+            Quantity(
+                f"{key}.switch_percent", f"identity switched in occlusion{kind}, %",
+                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+        ]  # fmt: skip
+    return tuple(told)
+
+
+QUANTITIES = _quantities()
+
+
+@dataclass(frozen=True)
+class CausePart:
+    """What a stretch counts of each of ``CAUSES``.
+
+    Attributes:
+        known: Whether there are walls to hide anybody.
+        n: Vehicle-steps hidden of vehicles once seen, shape (2,).
+        cost_m: Sum of their distances to the tracks that follow them, shape (2,).
+        outcomes: Vehicle-steps hidden by outcome of their track, shape (2, outcomes).
+        events: Occlusions, shape (2,).
+        same_id: Those of them after which the vehicle has its old track, shape (2,).
+        switched: Those of them after which it has another one, shape (2,).
+    """
+
+    known: bool
+    n: IntArray
+    cost_m: FloatArray
+    outcomes: IntArray
+    events: IntArray
+    same_id: IntArray
+    switched: IntArray
+
+
+def measure_causes(evidence: Evidence) -> CausePart:
+    """Count in a stretch."""
+    rows, errors, events = evidence.rows, evidence.errors, evidence.events
+    by_wall = rows.hidden_by_wall
+    cause = np.zeros(len(rows.truth), dtype=np.int64) if by_wall is None else by_wall.astype(np.int64)
+    hidden = evidence.following.hidden
+    distance_m = evidence.following.distance_m[hidden]
+    of_errors, unseen = cause[scored_rows(rows, evidence.history, evidence.settings)], errors.state == HIDDEN
+    of_event = cause_between(cause == 1, rows.truth.state == HIDDEN, events.onset_row, events.return_row)
+
+    def count(codes: IntArray) -> IntArray:
+        return np.bincount(codes, minlength=len(CAUSES))
+
+    return CausePart(
+        known=by_wall is not None,
+        n=count(cause[hidden]),
+        cost_m=np.asarray(np.bincount(cause[hidden], distance_m, minlength=len(CAUSES)), dtype=np.float64),
+        outcomes=np.stack([count_outcomes(errors.outcome[unseen & (of_errors == k)]) for k in range(len(CAUSES))]),
+        events=count(of_event),
+        same_id=count(of_event[events.same_id]),
+        switched=count(of_event[other_track_after(rows, evidence.matching, events, evidence.settings)]),
+    )
+
+
+def cause_between(by_wall: BoolArray, hidden: BoolArray, onset: IntArray, back: IntArray) -> IntArray:
+    """Return what hid a vehicle for most of its hidden steps from one row to a later one, an index into ``CAUSES``.
+
+    Args:
+        by_wall: Whether walls hide more of the vehicle than others do, shape (n,) along the truth rows.
+        hidden: Whether it is hidden, shape (n,).
+        onset: First row of each time, shape (e,).
+        back: Last row of each, shape (e,).
+    """
+    walls, all_hidden = (np.append(0, np.cumsum(each)) for each in (by_wall & hidden, hidden))
+    of_walls, of_all = (each[back + 1] - each[onset] for each in (walls, all_hidden))
+    return np.asarray(2 * of_walls > of_all, dtype=np.int64)
+
+
+def scores_by_cause(parts: Sequence[CausePart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return the scores of hidden vehicles by what hid them.
+
+    Returns:
+        For each of ``CAUSES``: ``hidden_cost_m`` over the ``n`` vehicle-steps hidden of vehicles once seen, as that of
+        ``hidden``; shares ``hidden_tracked_percent``, ``hidden_lost_percent``, ``hidden_hijacked_percent`` and
+        ``hidden_untracked_percent`` of ``hidden_n`` vehicle-steps, as those of ``hidden_outcomes``; and of ``events``
+        occlusions, each of what hid the vehicle for most of it, ``same_id_percent``, after which it has its old track,
+        and ``switches``, after which it has another one, with their share ``switch_percent``. Empty where there are no
+        walls.
+    """
+    if not any(part.known for part in parts):
+        return {}
+    names = ("n", "cost_m", "outcomes", "events", "same_id", "switched")
+    n, cost_m, outcomes, events, same_id, switched = (
+        np.sum([getattr(part, name) for part in parts], axis=0) for name in names
+    )
+    return {
+        name: {
+            "hidden_cost_m": ratio(cost_m[code], n[code]),
+            "n": int(n[code]),
+            **{f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()},
+            "same_id_percent": 100.0 * ratio(same_id[code], events[code]),
+            "switch_percent": 100.0 * ratio(switched[code], events[code]),
+            "switches": int(switched[code]),
+            "events": int(events[code]),
+        }
+        for code, name in enumerate(CAUSES)
+    }

@@ -1,0 +1,145 @@
+"""What is known of hidden vehicles, all of them counted, and what the knowledge costs in tracks of nobody.
+
+The mean errors of ``mae`` hold while a vehicle is followed, so they are small for a tracker that lets go of the
+difficult ones. Here the vehicle-steps are the same for every tracker on the same detections, and whoever lets go pays
+the cut-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.common.bootstrap import cluster_bootstrap, sums_by_label
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.evidence.sequence import tracks_in_sight
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import BoolArray, FloatArray
+
+COST, COST_N, IDENTITY_COST = "hidden.hidden_cost_m", "hidden.n", "hidden.identity_cost_m"
+FALSE_HIDDEN = "hidden.false_hidden_tracks_per_scan"
+QUANTITIES = (
+    Quantity(
+        COST, "hidden cost (10 m if lost), m",
+        decimals=2, heading="hidden cost m", weight=COST_N, compared=True, curve=True, pooled="hidden_cost_m",
+        ablated=True, reported=True,
+    ),
+    Quantity(
+        FALSE_HIDDEN, "false hidden tracks a scan",
+        decimals=2, heading="false hidden", compared=True, curve=True, pooled="false_hidden_tracks_per_scan",
+        ablated=True, reported=True,
+    ),
+    Quantity(
+        "hidden.followed_percent", "hidden with a track within 10 m, %", True,
+        weight=COST_N, tabled=True, reported=True,
+    ),
+    Quantity(
+        IDENTITY_COST, "hidden cost by identity, m",
+        decimals=2, weight=COST_N, tabled=True, pooled="hidden_identity_cost_m", reported=True,
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CostSums:
+    """A cost over the hidden vehicle-steps of a stretch.
+
+    Attributes:
+        total_m: Sum over all of them.
+        by_vehicle_m: Sum over each vehicle's, shape (vehicles, 1).
+        steps: Number of each vehicle's, same shape.
+    """
+
+    total_m: float
+    by_vehicle_m: FloatArray
+    steps: FloatArray
+
+
+@dataclass(frozen=True)
+class HiddenPart:
+    """What is known of hidden vehicles in a stretch.
+
+    Attributes:
+        cost: Distances to the tracks that follow them.
+        own: Distances to the tracks that held them.
+        n: Vehicle-steps hidden.
+        followed: Those of them that somebody follows.
+        false_tracks: Reported tracks out of sight that follow nobody, over all scans.
+        scans: Number of scans.
+    """
+
+    cost: CostSums
+    own: CostSums
+    n: int
+    followed: int
+    false_tracks: int
+    scans: int
+
+
+def measure_hidden(evidence: Evidence) -> HiddenPart:
+    """Measure a stretch."""
+    following, rows = evidence.following, evidence.rows
+    hidden = following.hidden
+    vehicle = rows.truth.vehicle[hidden]
+
+    def cost(values_m: FloatArray) -> CostSums:
+        return CostSums(float(values_m.sum()), *sums_by_label(values_m, vehicle))
+
+    unseen = following.idle & ~tracks_in_sight(rows, evidence.settings)
+    return HiddenPart(
+        cost=cost(following.distance_m[hidden]),
+        own=cost(_by_identity(evidence)[hidden]),
+        n=int(hidden.sum()),
+        followed=int((following.track_row[hidden] >= 0).sum()),
+        false_tracks=int(unseen.sum()),
+        scans=len(rows.time_s),
+    )
+
+
+def cost_of_hidden(parts: Sequence[HiddenPart], basis: Basis) -> dict[str, object]:
+    """Score what is known of the vehicles that are hidden after they were seen.
+
+    Returns:
+        ``hidden_cost_m``: mean of the distance to the track that follows the vehicle (``following``)
+        over all vehicle-steps ``n``, the cut-off where nobody does; ``followed_percent``, the share of them that
+        somebody does. ``identity_cost_m``: the same mean by the track that held the vehicle when it was last detected,
+        the cut-off where it is gone or on another vehicle, or where none did. Both with their 95 % intervals over
+        vehicles under ``_ci95``. ``false_hidden_tracks_per_scan``: reported tracks out of sight that follow nobody.
+        nan where there is nothing to tell.
+    """
+    rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
+    n, scans = sum(part.n for part in parts), sum(part.scans for part in parts)
+
+    def mean(sums: Sequence[CostSums]) -> float:
+        return sum(each.total_m for each in sums) / n if n else np.nan
+
+    def interval(sums: Sequence[CostSums]) -> list[float] | None:
+        by_vehicle_m, steps = joined([each.by_vehicle_m for each in sums]), joined([each.steps for each in sums])
+        ends = cluster_bootstrap(by_vehicle_m, steps, rng, draws=draws)[0]
+        return None if np.isnan(ends.low) else [ends.low, ends.high]
+
+    cost, own = [part.cost for part in parts], [part.own for part in parts]
+    return {
+        "hidden_cost_m": mean(cost),
+        "hidden_cost_m_ci95": interval(cost),
+        "followed_percent": 100.0 * (sum(part.followed for part in parts) / n) if n else np.nan,
+        "identity_cost_m": mean(own),
+        "identity_cost_m_ci95": interval(own),
+        "n": n,
+        "false_hidden_tracks_per_scan": sum(part.false_tracks for part in parts) / scans if scans else np.nan,
+    }
+
+
+def _by_identity(evidence: Evidence) -> FloatArray:
+    """Return each vehicle's distance to the track that held it, at most the cut-off, shape (n,) along the truth."""
+    errors, cutoff_m = evidence.errors, evidence.settings.follow_cutoff_m
+    own: BoolArray = errors.tracked & (errors.state == HIDDEN)
+    distance_m = np.full(len(evidence.rows.truth), cutoff_m)
+    kept = scored_rows(evidence.rows, evidence.history, evidence.settings)[own]
+    distance_m[kept] = np.minimum(cutoff_m, np.hypot(errors.absolute[own, 0], errors.absolute[own, 1]))
+    return distance_m

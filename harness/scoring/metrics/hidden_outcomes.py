@@ -1,0 +1,54 @@
+"""What became of the tracks of hidden vehicles, to read their errors by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.scoring.evidence.errors import HIJACKED, LOST, OUTCOMES, TRACKED, UNTRACKED
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import IntArray
+
+TRACKED_PERCENT = "hidden_outcomes.tracked_percent"
+QUANTITIES = (Quantity(TRACKED_PERCENT, "hidden tracked, %", higher_is_better=True, compared=True),)
+
+
+def measure_outcomes(evidence: Evidence) -> IntArray:
+    """Count the outcomes of all vehicle-steps hidden, from the first detection on, up to the memory."""
+    return count_outcomes(evidence.errors.outcome[evidence.errors.state == HIDDEN])
+
+
+def outcomes_while_hidden(parts: Sequence[IntArray], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+    """Return the outcomes of all vehicle-steps hidden."""
+    return hidden_outcomes(np.sum(parts, axis=0))
+
+
+def count_outcomes(outcome: IntArray) -> IntArray:
+    """Count each outcome among hidden vehicle-steps, shape (n,)."""
+    return np.bincount(outcome, minlength=len(OUTCOMES))
+
+
+def hidden_outcomes(counts: IntArray) -> dict[str, float]:
+    """Return the shares of the outcomes of hidden vehicle-steps, which were counted along ``OUTCOMES``.
+
+    Returns:
+        Their number ``n``, and shares in percent, nan without any: the track that held the vehicle is alive and on no
+        other (``tracked``), gone (``lost``), on another vehicle (``hijacked``), or none held it at its last detection
+        (``untracked``).
+    """
+    n = int(counts.sum())
+
+    def percent(code: int) -> float:
+        return 100.0 * (int(counts[code]) / n) if n else np.nan
+
+    return {
+        "n": n,
+        "tracked_percent": percent(TRACKED),
+        "lost_percent": percent(LOST),
+        "hijacked_percent": percent(HIJACKED),
+        "untracked_percent": percent(UNTRACKED),
+    }

@@ -1,0 +1,171 @@
+"""Mean absolute errors by visibility and by time hidden, with intervals over vehicles.
+
+The error of a hidden vehicle counts only while its track is alive and its own, so a tracker that soon lets go of hidden
+vehicles has small errors over few rows: read it beside the share that is followed, compare trackers on the rows that
+both follow (``harness.scoring.metrics.paired``), or take ``harness.scoring.metrics.hidden_cost``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from harness.common.bootstrap import cluster_bootstrap, group_sums
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
+from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN, PARTIAL, VISIBLE
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+STATES = {"all": (VISIBLE, PARTIAL, HIDDEN), "visible": (VISIBLE,), "partial": (PARTIAL,), "hidden": (HIDDEN,)}
+NAMES = ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "position_m")
+VISIBLE_LON, VISIBLE_N, HIDDEN_LON, HIDDEN_N = "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"
+TWO_TO_THREE_S = "mae.by_seconds_hidden.2"
+QUANTITIES = (
+    Quantity(
+        VISIBLE_LON, "MAE visible (while followed), m",
+        decimals=2, heading="MAE seen m", weight=VISIBLE_N, compared=True, curve=True,
+    ),
+    Quantity(VISIBLE_LON, "MAE visible (while followed), m", decimals=3, weight=VISIBLE_N, pooled=VISIBLE_LON),
+    Quantity(
+        VISIBLE_N, "visible and followed, %", True,
+        weight="mae.visible.of_n", scale=100.0, tabled=True, pooled="visible_followed",
+    ),
+    Quantity("mae.visible.speed_mps", "speed MAE visible, m/s", decimals=2, compared=True),
+    Quantity("mae.partial.lon_m", "MAE partly hidden, m", decimals=2, compared=True),
+    Quantity(HIDDEN_LON, "MAE hidden while followed, m", decimals=2, compared=True),
+    Quantity(
+        HIDDEN_LON, "MAE hidden (while followed), m",
+        decimals=2, heading="MAE hidden m", weight=HIDDEN_N, curve=True, pooled=HIDDEN_LON,
+    ),
+    Quantity(
+        HIDDEN_N, "hidden and followed, %", True,
+        heading="followed %", weight="mae.hidden.of_n", scale=100.0, curve=True, pooled="hidden_followed",
+    ),
+    Quantity(HIDDEN_LON, "longitudinal error, hidden (while followed), m", decimals=2, ablated=True),
+    Quantity("mae.hidden.followed_percent", "hidden and followed, %", True, ablated=True),
+    Quantity(
+        f"{TWO_TO_THREE_S}.lon_m", "MAE hidden 2-3 s (while followed), m",
+        decimals=2, weight=f"{TWO_TO_THREE_S}.n", tabled=True,
+    ),
+    Quantity(
+        f"{TWO_TO_THREE_S}.tracked_percent", "hidden 2-3 s and followed, %", True,
+        weight=f"{TWO_TO_THREE_S}.hidden_n", tabled=True,
+    ),
+    Quantity("mae.hidden.speed_mps", "speed MAE hidden, m/s", decimals=2, compared=True),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ErrorSums:
+    """Absolute errors of a group of vehicle-steps in a stretch.
+
+    Attributes:
+        sums: Sum of each vehicle's errors along ``NAMES``, shape (vehicles, 5).
+        counts: Number of values behind each, same shape.
+        followed: Vehicle-steps that were followed; only they have errors.
+        outcomes: Number of vehicle-steps of each outcome, shape (outcomes,).
+    """
+
+    sums: FloatArray
+    counts: FloatArray
+    followed: int
+    outcomes: IntArray
+
+
+@dataclass(frozen=True)
+class ErrorPart:
+    """The errors of a stretch by visibility and by time hidden, in the order of ``STATES`` and of the bins."""
+
+    by_state: tuple[ErrorSums, ...]
+    by_bin: tuple[ErrorSums, ...]
+
+
+def measure_errors(evidence: Evidence) -> ErrorPart:
+    """Sum the errors of a stretch."""
+    errors = evidence.errors
+
+    def sums_of(chosen: BoolArray) -> ErrorSums:
+        kept = chosen & errors.tracked
+        sums, counts = _sums(errors.absolute[kept], errors.vehicle[kept])
+        return ErrorSums(sums, counts, int(kept.sum()), count_outcomes(errors.outcome[chosen]))
+
+    def hidden_for(from_s: float, to_s: float) -> BoolArray:
+        longer = errors.seconds_hidden > from_s + TIME_TOLERANCE_S
+        return longer & (errors.seconds_hidden <= to_s + TIME_TOLERANCE_S)
+
+    return ErrorPart(
+        by_state=tuple(sums_of(np.isin(errors.state, codes)) for codes in STATES.values()),
+        by_bin=tuple(sums_of(hidden_for(*ends)) for ends in pairwise(evidence.settings.hidden_bins_s)),
+    )
+
+
+def mean_errors_by_visibility(parts: Sequence[ErrorPart], basis: Basis) -> dict[str, object]:
+    """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
+
+    Returns:
+        ``visible``, ``partial``, ``hidden`` and ``all`` three together, as ``mean_errors`` has them, with the number of
+        vehicle-steps of which ``n`` were followed ``of_n`` and their share ``followed_percent``; and
+        ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and at most
+        ``to_s`` ago, with their ``hidden_outcomes``.
+    """
+    rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
+
+    def mean_of(groups: Sequence[ErrorSums]) -> dict[str, object]:
+        sums, counts = joined([group.sums for group in groups]), joined([group.counts for group in groups])
+        return _means(sums, counts, sum(group.followed for group in groups), rng, draws)
+
+    def followed(groups: Sequence[ErrorSums]) -> dict[str, object]:
+        of_n = int(sum(group.outcomes.sum() for group in groups))
+        share = 100.0 * (sum(group.followed for group in groups) / of_n) if of_n else np.nan
+        return {"of_n": of_n, "followed_percent": share}
+
+    table: dict[str, object] = {}
+    for place, name in enumerate(STATES):
+        groups = [part.by_state[place] for part in parts]
+        table[name] = mean_of(groups) | followed(groups)
+    bins: list[dict[str, object]] = []
+    for place, (from_s, to_s) in enumerate(pairwise(basis.settings.hidden_bins_s)):
+        groups = [part.by_bin[place] for part in parts]
+        outcomes = hidden_outcomes(np.sum([group.outcomes for group in groups], axis=0))
+        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(groups), "hidden_n": outcomes.pop("n"), **outcomes})
+    table["by_seconds_hidden"] = bins
+    return table
+
+
+def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generator, draws: int) -> dict[str, object]:
+    """Average absolute errors over rows.
+
+    Args:
+        absolute: Absolute errors, columns as in ``ErrorArrays``, shape (n, 4). nan is left out.
+        vehicle: Vehicle of each row, shape (n,).
+        rng: Source of the resamples.
+        draws: Number of resamples.
+
+    Returns:
+        Means, nan without rows, the number of rows ``n``, and the ends of each mean's 95 % bootstrap interval over
+        vehicles under ``_ci95``, None with fewer than two. ``position_m`` is the mean Euclidean error of the position.
+    """
+    return _means(*_sums(absolute, vehicle), len(absolute), rng, draws)
+
+
+def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Sum the errors and the Euclidean error of the position over each vehicle, both of shape (vehicles, 5)."""
+    values = np.column_stack((absolute, np.hypot(absolute[:, 0], absolute[:, 1])))
+    return group_sums(values, np.unique(vehicle, return_inverse=True)[1])
+
+
+def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int) -> dict[str, object]:
+    total = counts.sum(axis=0)
+    means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
+    intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))
+    return {
+        **dict(zip(NAMES, means.tolist(), strict=True)),
+        "n": n,
+        **{f"{name}_ci95": None if np.isnan(ends.low) else [ends.low, ends.high] for name, ends in intervals.items()},
+    }

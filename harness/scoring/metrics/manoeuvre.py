@@ -1,0 +1,199 @@
+"""Scores by what vehicles do: straight on, turning left or right, coming towards the ego, or on a roundabout.
+
+Only where positions are in the plane, and of roundabouts where the network tells of one; on a road with a frame of its
+own every vehicle goes straight on, and the table is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.evidence.history import first_of_group
+from harness.scoring.evidence.rows import RunRows, TruthRows
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
+from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
+
+MANOEUVRES = ("straight", "left", "right", "oncoming", "roundabout")
+STRAIGHT, LEFT, RIGHT, ONCOMING, ROUNDABOUT = range(5)
+NAME = "manoeuvre"
+
+TURN_RATE_RADPS = 0.2
+"""Mean rate of the heading from which a vehicle turns: above that on a bend of 100 m radius and in a lane change."""
+HALF_WINDOW_S = 1.0
+"""The rate is taken over this long before and after; a change of lanes turns there and back in that time."""
+SHORTEST_WINDOW_S = 1.0
+ONCOMING_RAD = 0.75 * np.pi
+"""Angle between a vehicle's heading and the ego's from which it comes towards the ego."""
+POSITION, SPEED = 0, 1
+
+
+def _quantities() -> tuple[Quantity, ...]:
+    told = []
+    for name in MANOEUVRES:
+        key, kind = f"{NAME}.{name}", f", {name}"
+        told += [
+            Quantity(
+                f"{key}.position_m", f"position error in sight{kind}, m",
+                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+            Quantity(
+                f"{key}.speed_mps", f"speed MAE in sight{kind}, m/s",
+                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+            Quantity(
+                f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True,
+                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+            Quantity(
+                f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True,
+                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
+            ),
+        ]  # fmt: skip
+    return tuple(told)
+
+
+QUANTITIES = _quantities()
+
+
+@dataclass(frozen=True)
+class ManoeuvrePart:
+    """What a stretch counts of each of ``MANOEUVRES``.
+
+    Attributes:
+        in_plane: Whether there are directions to tell manoeuvres by.
+        has_roundabouts: Whether roundabouts are known.
+        followed: Vehicle-steps in sight that are followed, shape (5,).
+        in_sight: Vehicle-steps in sight, shape (5,).
+        error_sum: Sums of the followed ones' absolute errors of position and speed, shape (2, 5).
+        outcomes: Vehicle-steps hidden by outcome, shape (5, outcomes).
+        events: Occlusions, shape (5,).
+        same_id: Those of them after which a vehicle has its old track, shape (5,).
+    """
+
+    in_plane: bool
+    has_roundabouts: bool
+    followed: IntArray
+    in_sight: IntArray
+    error_sum: FloatArray
+    outcomes: IntArray
+    events: IntArray
+    same_id: IntArray
+
+
+def manoeuvres(rows: RunRows) -> IntArray:
+    """Return what each vehicle does at each step, an index into ``MANOEUVRES``, shape (n,) along ``TruthRows``.
+
+    A vehicle turns where its heading changes by more than ``TURN_RATE_RADPS`` on average over the second before and the
+    second after; one that does not is oncoming if it heads against the ego, and goes straight on otherwise, be it along
+    or across the ego's way. Whoever is on a roundabout does that, whichever way it turns.
+    """
+    truth = rows.truth
+    rate = heading_rate(truth)
+    code = np.where(rate > 0.0, LEFT, RIGHT)
+    code[np.abs(rate) <= TURN_RATE_RADPS] = STRAIGHT
+    if rows.ego_direction_rad is not None:
+        away = wrapped(truth.direction_rad - rows.ego_direction_rad[truth.step])
+        code[(code == STRAIGHT) & (np.abs(away) > ONCOMING_RAD)] = ONCOMING
+    if rows.on_roundabout is not None:
+        code[rows.on_roundabout] = ROUNDABOUT
+    return code
+
+
+def heading_rate(truth: TruthRows) -> FloatArray:
+    """Return the mean rate of each vehicle's direction around each of its steps, rad/s, shape (n,).
+
+    It is taken over its record within a second to either side; 0 where that is shorter than a second.
+    """
+    if not len(truth):
+        return np.zeros(0)
+    first = first_of_group(truth.vehicle)
+    # Directions wind up, so that a difference over several steps is the angle turned.
+    turned = np.cumsum(np.where(first, 0.0, wrapped(np.diff(truth.direction_rad, prepend=0.0))))
+    period_s = float(truth.time_s.max() - truth.time_s.min()) + 4.0 * HALF_WINDOW_S
+    clock = truth.vehicle * period_s + truth.time_s
+    low = np.searchsorted(clock, clock - HALF_WINDOW_S - TIME_TOLERANCE_S)
+    high = np.searchsorted(clock, clock + HALF_WINDOW_S + TIME_TOLERANCE_S, side="right") - 1
+    took_s = truth.time_s[high] - truth.time_s[low]
+    long_enough = took_s >= SHORTEST_WINDOW_S - TIME_TOLERANCE_S
+    rate = np.divide(turned[high] - turned[low], took_s, out=np.zeros(len(truth)), where=long_enough)
+    return np.asarray(rate)
+
+
+def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart:
+    """Count in a stretch."""
+    rows, errors = evidence.rows, evidence.errors
+    code = manoeuvres(rows)
+    kept = scored_rows(rows, evidence.history, evidence.settings)
+    of_kept, hidden = code[kept], errors.state == HIDDEN
+    followed = errors.tracked & ~hidden
+    position_m = np.hypot(errors.absolute[:, 0], errors.absolute[:, 1])
+    values = np.stack([position_m, errors.absolute[:, 2]])[:, followed]
+    of_event = manoeuvre_between(code, evidence.events.onset_row, evidence.events.return_row)
+
+    def count(codes: IntArray) -> IntArray:
+        return np.bincount(codes, minlength=len(MANOEUVRES))
+
+    return ManoeuvrePart(
+        in_plane=rows.ego_direction_rad is not None,
+        has_roundabouts=rows.on_roundabout is not None,
+        followed=count(of_kept[followed]),
+        in_sight=count(of_kept[~hidden]),
+        error_sum=np.stack([np.bincount(of_kept[followed], row, minlength=len(MANOEUVRES)) for row in values]),
+        outcomes=np.stack([count_outcomes(errors.outcome[hidden & (of_kept == k)]) for k in range(len(MANOEUVRES))]),
+        events=count(of_event),
+        same_id=count(of_event[evidence.events.same_id]),
+    )
+
+
+def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return the scores of vehicles that go straight on, turn or come towards the ego.
+
+    Returns:
+        For each of ``MANOEUVRES``: mean absolute errors ``position_m`` and ``speed_mps`` of vehicles that are not
+        hidden over the ``n`` vehicle-steps followed of ``of_n``; shares ``hidden_tracked_percent``,
+        ``hidden_lost_percent``, ``hidden_hijacked_percent`` and ``hidden_untracked_percent`` of ``hidden_n``
+        vehicle-steps hidden; and ``same_id_percent`` of ``events`` occlusions, each of the manoeuvre of its return, or
+        of the turn in it, or of the roundabout. Empty on a road with a frame of its own; without ``roundabout`` where
+        none is known.
+    """
+    if not any(part.in_plane for part in parts):
+        return {}
+    followed, in_sight, error_sum, events, same_id, outcomes = (
+        np.sum([getattr(part, name) for part in parts], axis=0)
+        for name in ("followed", "in_sight", "error_sum", "events", "same_id", "outcomes")
+    )
+    table: dict[str, object] = {}
+    told = MANOEUVRES if any(part.has_roundabouts for part in parts) else MANOEUVRES[:ROUNDABOUT]
+    for code, name in enumerate(told):
+        hidden = {f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()}
+        table[name] = {
+            "position_m": ratio(error_sum[POSITION, code], followed[code]),
+            "speed_mps": ratio(error_sum[SPEED, code], followed[code]),
+            "n": int(followed[code]),
+            "of_n": int(in_sight[code]),
+            **hidden,
+            "same_id_percent": 100.0 * ratio(same_id[code], events[code]),
+            "events": int(events[code]),
+        }
+    return table
+
+
+def manoeuvre_between(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
+    """Return the manoeuvre of each time from one row of a vehicle to a later one.
+
+    It is a roundabout or a turn in it, or that at its end.
+    """
+    manoeuvre = code[back]
+    for turn in (LEFT, RIGHT, ROUNDABOUT):
+        before = np.concatenate([[0], np.cumsum(code == turn)])
+        manoeuvre = np.where(before[back + 1] > before[onset], turn, manoeuvre)
+    return np.asarray(manoeuvre, dtype=np.int64)

@@ -1,0 +1,101 @@
+"""Multi-object scores: HOTA, CLEAR and identity scores of the vehicles in sight, and of all that are remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.sequence import MotSequence
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.clear import ClearScores, clear, clear_of_parts
+from harness.scoring.metrics.hota import HotaPart, hota_of_parts, measure_hota
+from harness.scoring.metrics.identity import idf1, measure_identity
+from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.quantity import Quantity
+from mmpf.numerics.arrays import FloatArray
+
+STEPS_A_MINUTE = 600.0
+HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.truth_n"
+IN_SIGHT = (
+    Quantity(
+        HOTA, "HOTA in sight, %", True,
+        heading="HOTA %", compared=True, curve=True, ablated=True, reported=True,
+    ),
+    Quantity(HOTA, "HOTA in sight, %", True, weight=TRUTH_N, pooled="hota"),
+    Quantity(IDF1, "IDF1 in sight, %", True, heading="IDF1 %", compared=True, ablated=True, reported=True),
+    Quantity(IDF1, "IDF1 in sight, %", True, weight=TRUTH_N, pooled="idf1"),
+    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", reported=True),
+    Quantity(SWITCHES, "identity switches a run", heading="switches", curve=True, ablated=True),
+    Quantity(SWITCHES, "identity switches in sight", decimals=0, heading="switches", reported=True),
+    Quantity(
+        SWITCHES, "identity switches a vehicle-minute",
+        decimals=3, weight=TRUTH_N, scale=STEPS_A_MINUTE, pooled="id_switches_per_vehicle_minute",
+    ),
+    Quantity("mot.missed", "vehicle-steps missed in sight", decimals=0, heading="missed", reported=True),
+    Quantity("mot.false_tracks", "false track-steps in sight", decimals=0, heading="false", reported=True),
+)  # fmt: skip
+REMEMBERED = (
+    Quantity("mot_all.hota", "HOTA last 10 s, %", higher_is_better=True, compared=True),
+    Quantity("mot_all.idf1", "IDF1, seen within 10 s, %", higher_is_better=True, ablated=True),
+    Quantity("mot_all.false_tracks_per_scan", "false tracks a scan, all", decimals=2, ablated=True),
+)
+
+
+@dataclass(frozen=True)
+class MotPart:
+    """What the scores count in a stretch, whose steps are at the times ``time_s``, shape (steps,)."""
+
+    accuracy: HotaPart
+    events: ClearScores
+    identity: tuple[int, int]
+    time_s: FloatArray
+
+
+def measure_in_sight(evidence: Evidence) -> MotPart:
+    """Count over the vehicles of a stretch that are in sight."""
+    return measure_sequence(evidence.in_sight, evidence.rows.time_s)
+
+
+def measure_remembered(evidence: Evidence) -> MotPart:
+    """Count over the vehicles of a stretch that were detected within the memory."""
+    return measure_sequence(evidence.remembered, evidence.rows.time_s)
+
+
+def measure_sequence(sequence: MotSequence, time_s: FloatArray) -> MotPart:
+    """Count in a sequence whose steps are at the given times, shape (steps,)."""
+    return MotPart(measure_hota(sequence), clear(sequence), measure_identity(sequence), time_s)
+
+
+def multi_object_scores(parts: Sequence[MotPart], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+    """Score stretches that share no identity.
+
+    Returns:
+        ``hota`` with its halves ``deta`` and ``assa``, ``idf1`` and ``mota`` in percent, nan without truth;
+        ``id_switches``, ``fragmentations`` (times that a vehicle's tracking stopped and went on, be it because the
+        vehicle left the set), ``missed`` and ``false_tracks`` as counts of CLEAR, the last also per step; identity
+        switches per minute of a vehicle in the set; vehicle-steps ``truth_n`` and track-steps ``tracks_n``.
+    """
+    time_s = joined([part.time_s for part in parts])
+    truths, tracks = sum(part.accuracy.truths for part in parts), sum(part.accuracy.tracks for part in parts)
+    percent = 100.0 if truths else np.nan
+    accuracy = hota_of_parts([part.accuracy for part in parts])
+    events = clear_of_parts([part.events for part in parts])
+    matched, rows = (sum(part.identity[place] for part in parts) for place in (0, 1))
+    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.nan
+    return {
+        "hota": percent * accuracy.hota,
+        "deta": percent * accuracy.deta,
+        "assa": percent * accuracy.assa,
+        "idf1": percent * idf1(matched, rows),
+        "mota": percent * events.mota,
+        "id_switches": events.id_switches,
+        "fragmentations": events.fragmentations,
+        "missed": events.missed,
+        "false_tracks": events.false_tracks,
+        "false_tracks_per_scan": events.false_tracks / len(time_s) if len(time_s) else np.nan,
+        "id_switches_per_vehicle_minute": events.id_switches / (truths * step_s / 60.0) if truths else np.nan,
+        "truth_n": truths,
+        "tracks_n": tracks,
+    }

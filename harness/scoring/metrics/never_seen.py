@@ -1,0 +1,120 @@
+"""Is the expected number of unseen vehicles right, and worth more than knowing how dense traffic is?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.quantity import Quantity
+from mmpf.numerics.arrays import FloatArray, IntArray
+
+NAME = "never_seen"
+EDGES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
+"""Expected vehicles a stretch at which the classes of the reliability curve meet."""
+LEAST_PROBABILITY = 1e-4
+
+QUANTITIES = (
+    Quantity(
+        f"{NAME}.log_skill_percent", "unseen vehicles: log score over that of their mean density, %", True,
+        weight=f"{NAME}.stretches", tabled=True, reported=True, optional=True,
+    ),
+    Quantity(f"{NAME}.expected_over_counted", "unseen vehicles expected over counted", True, 2, optional=True),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class NeverSeenPart:
+    """Sums over the stretches of lane of a stretch of a run.
+
+    Attributes:
+        asked: Whether anybody said what to expect.
+        classes: How many stretches each class of the curve has, shape (6,).
+        expected: Vehicles expected in each class, shape (6,).
+        counted: Vehicles counted in each, shape (6,).
+        expected_squared: Sum of squares of what is expected.
+        expected_times_counted: Sum of products.
+        occupied: Stretches with a vehicle.
+        log_loss: Sum of the logarithmic losses of the probability that there is one.
+        squared_loss: Sum of its squared losses.
+    """
+
+    asked: bool
+    classes: IntArray
+    expected: FloatArray
+    counted: FloatArray
+    expected_squared: float
+    expected_times_counted: float
+    occupied: int
+    log_loss: float
+    squared_loss: float
+
+
+def measure_unseen(evidence: Evidence) -> NeverSeenPart:
+    """Measure a stretch of a run."""
+    none = np.zeros(0)
+    asked = evidence.unseen is not None
+    expected, counted = (none, none) if evidence.unseen is None else (evidence.unseen.expected, evidence.unseen.counted)
+    of_class = np.searchsorted(EDGES, expected, side="right")
+    occupied = counted > 0.0
+    probability = np.clip(-np.expm1(-expected), LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
+    size = len(EDGES) + 1
+    return NeverSeenPart(
+        asked=asked,
+        classes=np.bincount(of_class, minlength=size),
+        expected=np.bincount(of_class, expected, minlength=size).astype(np.float64),
+        counted=np.bincount(of_class, counted, minlength=size).astype(np.float64),
+        expected_squared=float((expected**2).sum()),
+        expected_times_counted=float((expected * counted).sum()),
+        occupied=int(occupied.sum()),
+        log_loss=float(-np.log(np.where(occupied, probability, 1.0 - probability)).sum()),
+        squared_loss=float(((probability - occupied) ** 2).sum()),
+    )
+
+
+def scores_of_unseen(parts: Sequence[NeverSeenPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return how well the expected number of vehicles without a track fits those that there are.
+
+    Returns:
+        Over stretches of lane within range, twice a second: ``expected`` and ``counted``, vehicles a stretch;
+        ``expected_over_counted``; ``slope``, that of the line through the origin that takes what is expected to what is
+        counted, 1 if right; ``log_skill_percent`` and ``brier_skill_percent``, by how much the logarithmic and the
+        squared loss of "somebody is there" are less than those of one probability for all stretches, the best that
+        there is in hindsight; ``curve``, the classes of the reliability curve; ``stretches``. Empty where no lanes are
+        known or nobody said what to expect.
+    """
+    stretches = sum(int(part.classes.sum()) for part in parts)
+    if not any(part.asked for part in parts):
+        return {}
+    classes, expected, counted = (
+        np.sum([getattr(part, name) for part in parts], axis=0) for name in ("classes", "expected", "counted")
+    )
+    squared, product, occupied, log_loss, squared_loss = (
+        sum(getattr(part, name) for part in parts)
+        for name in ("expected_squared", "expected_times_counted", "occupied", "log_loss", "squared_loss")
+    )
+    share = ratio(occupied, stretches)
+    return {
+        "expected": ratio(expected.sum(), stretches),
+        "counted": ratio(counted.sum(), stretches),
+        "expected_over_counted": ratio(expected.sum(), counted.sum()),
+        "slope": ratio(product, squared),
+        "log_skill_percent": _skill(log_loss, -stretches * _entropy(share)),
+        "brier_skill_percent": _skill(squared_loss, stretches * share * (1.0 - share)),
+        "curve": [
+            {"stretches": int(count), "expected": ratio(mean, count), "counted": ratio(there, count)}
+            for count, mean, there in zip(classes, expected, counted, strict=True)
+        ],
+        "stretches": stretches,
+    }
+
+
+def _entropy(share: float) -> float:
+    return float(sum(part * np.log(part) for part in (share, 1.0 - share) if part > 0.0))
+
+
+def _skill(loss: float, usual_loss: float) -> float:
+    return 100.0 * (1.0 - ratio(loss, usual_loss))

@@ -1,0 +1,94 @@
+"""What becomes of a track when its vehicle goes behind another and comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from harness.scoring.evidence.events import OcclusionEvents
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.quantity import Quantity
+from mmpf.numerics.arrays import BoolArray
+
+EVENTS = "occlusion.events"
+QUANTITIES = (
+    Quantity("occlusion.same_id_percent", "same identity, %", higher_is_better=True, compared=True),
+    Quantity(
+        "occlusion.survived", "occlusions survived, %", True,
+        heading="survived %", weight=EVENTS, scale=100.0, tabled=True,
+    ),
+    Quantity(
+        "occlusion.same_id", "same identity after occlusion, %", True,
+        heading="same id %", weight=EVENTS, scale=100.0, curve=True, pooled="same_id",
+    ),
+    Quantity("occlusion.hijacked", "hijacked in occlusion, %", weight=EVENTS, scale=100.0, tabled=True),
+    Quantity(
+        "occlusion.short.same_id", "same identity, hidden to 3 s, %", True,
+        weight="occlusion.short.events", scale=100.0, tabled=True,
+    ),
+    Quantity(
+        "occlusion.long.same_id", "same identity, hidden 3-10 s, %", True,
+        weight="occlusion.long.events", scale=100.0, tabled=True,
+    ),
+    Quantity("occlusion.short.same_id_percent", "same identity, hidden to 3 s, %", True, decimals=0, ablated=True),
+    Quantity("occlusion.long.same_id_percent", "same identity, hidden 3-10 s, %", True, decimals=0, ablated=True),
+)  # fmt: skip
+
+
+def measure_events(evidence: Evidence) -> OcclusionEvents:
+    """Return the events of a stretch."""
+    return evidence.events
+
+
+def occlusion_outcomes(parts: Sequence[OcclusionEvents], basis: Basis) -> dict[str, object]:
+    """Return the counts over all events, and those of ``short`` and ``long`` ones; see ``count_outcomes``."""
+    settings = basis.settings
+    names = [field.name for field in fields(OcclusionEvents)]
+    events = OcclusionEvents(**{name: joined([getattr(part, name) for part in parts]) for name in names})
+    return {
+        **count_outcomes(events, 0.0, settings.memory_s),
+        "short": count_outcomes(events, 0.0, settings.event_short_s),
+        "long": count_outcomes(events, settings.event_short_s, settings.memory_s),
+    }
+
+
+def count_outcomes(events: OcclusionEvents, longer_than_s: float, at_most_s: float) -> dict[str, float]:
+    """Count the outcomes of the events of a range of durations.
+
+    Returns:
+        ``events``, which are ``survived`` (the track is alive and not on another vehicle), ``hijacked`` (it is on
+        another one) or ``lost`` (it is gone, or there was none at the onset, which ``untracked`` counts);
+        ``same_id``, the survived ones on their vehicle again; ``alive_at_return``, those alive and not on another
+        vehicle at the very re-detection; shares of the events in percent; ``median_reacquire_s`` over the events that
+        were re-acquired.
+    """
+    chosen = (events.duration_s > longer_than_s + TIME_TOLERANCE_S) & (
+        events.duration_s <= at_most_s + TIME_TOLERANCE_S
+    )
+    total = int(chosen.sum())
+
+    def count(outcome: BoolArray) -> int:
+        return int((outcome & chosen).sum())
+
+    def percent(outcome: BoolArray) -> float:
+        return 100.0 * count(outcome) / total if total else np.nan
+
+    delay_s = events.reacquire_s[chosen & np.isfinite(events.reacquire_s)]
+    return {
+        "events": total,
+        "survived": count(events.survived),
+        "hijacked": count(events.hijacked),
+        "lost": count(events.lost),
+        "same_id": count(events.same_id),
+        "untracked": count(events.track_id < 0),
+        "alive_at_return": count(events.alive_at_return),
+        "survived_percent": percent(events.survived),
+        "hijacked_percent": percent(events.hijacked),
+        "lost_percent": percent(events.lost),
+        "same_id_percent": percent(events.same_id),
+        "median_reacquire_s": float(np.median(delay_s)) if len(delay_s) else np.nan,
+    }

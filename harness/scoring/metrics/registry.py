@@ -1,0 +1,186 @@
+"""The metrics, each registered under its key in ``metrics.json`` with what others are told of its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+
+from harness.common.numbers import without_nan
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import Evidence, gather
+from harness.scoring.metrics import (
+    calibration,
+    conflicts,
+    coverage,
+    decisions,
+    existence,
+    gaps,
+    gospa,
+    hidden_by,
+    hidden_cost,
+    hidden_outcomes,
+    in_plain_view,
+    mae,
+    manoeuvre,
+    mot,
+    never_seen,
+    occlusion,
+    unseen_turns,
+)
+from harness.scoring.metrics.parts import Basis, InParts
+from harness.scoring.metrics.quantity import Quantity
+from mmpf.registry import Registry
+
+Score = Callable[[Evidence], Mapping[str, object]]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric.
+
+    Attributes:
+        score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent. An empty
+            table says that the metric has no meaning on the run's road, and is left out.
+        quantities: Those of its numbers that tables show.
+    """
+
+    score: Score
+    quantities: tuple[Quantity, ...]
+
+
+METRICS: Registry[Metric] = Registry("metric")
+
+
+def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
+    """Return a decorator that makes a function a metric.
+
+    Args:
+        name: Key of its table in ``metrics.json``.
+        quantities: Those of its numbers that tables show.
+
+    Raises:
+        ValueError: The name is taken, or a quantity is none of the metric's.
+    """
+
+    def file_under_name(score: Score) -> Score:
+        for quantity in quantities:
+            if not quantity.key.startswith(f"{name}."):
+                raise ValueError(f"quantity {quantity.key!r} must begin with {name + '.'!r}, the metric's name")
+        METRICS.register(name)(Metric(score, quantities))
+        return score
+
+    return file_under_name
+
+
+register("hidden", *hidden_cost.QUANTITIES)(InParts(hidden_cost.measure_hidden, hidden_cost.cost_of_hidden))
+register("mae", *mae.QUANTITIES)(InParts(mae.measure_errors, mae.mean_errors_by_visibility))
+register("mot", *mot.IN_SIGHT)(InParts(mot.measure_in_sight, mot.multi_object_scores))
+register("mot_all", *mot.REMEMBERED)(InParts(mot.measure_remembered, mot.multi_object_scores))
+register("gospa", *gospa.IN_SIGHT)(InParts(gospa.measure_in_sight, gospa.gospa_in_sight))
+register("gospa_remembered", *gospa.REMEMBERED)(InParts(gospa.measure_remembered, gospa.gospa_remembered))
+register("occlusion", *occlusion.QUANTITIES)(InParts(occlusion.measure_events, occlusion.occlusion_outcomes))
+register(in_plain_view.NAME, *in_plain_view.QUANTITIES)(
+    InParts(in_plain_view.measure_plain_view, in_plain_view.scores_in_plain_view)
+)
+register("calibration", *calibration.QUANTITIES)(
+    InParts(calibration.measure_calibration, calibration.calibration_by_visibility)
+)
+register(existence.NAME, *existence.QUANTITIES)(InParts(existence.measure_existence, existence.existence_calibration))
+register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
+    InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
+)
+register(manoeuvre.NAME, *manoeuvre.QUANTITIES)(InParts(manoeuvre.measure_manoeuvres, manoeuvre.scores_by_manoeuvre))
+register("decisions", *decisions.QUANTITIES)(InParts(decisions.measure_decisions, decisions.decisions))
+register("conflicts")(InParts(conflicts.measure_conflicts, conflicts.conflicts))
+register(hidden_by.NAME, *hidden_by.QUANTITIES)(InParts(hidden_by.measure_causes, hidden_by.scores_by_cause))
+register(unseen_turns.NAME, *unseen_turns.QUANTITIES)(InParts(unseen_turns.measure_turns, unseen_turns.scores_of_turns))
+register(gaps.NAME, *gaps.QUANTITIES)(InParts(gaps.measure_gaps, gaps.scores_after_gaps))
+register(never_seen.NAME, *never_seen.QUANTITIES)(InParts(never_seen.measure_unseen, never_seen.scores_of_unseen))
+register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
+register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
+
+
+def quantities(*first: str) -> list[Quantity]:
+    """Return what all metrics tell of their numbers.
+
+    Args:
+        first: Metrics that come first; the others follow in the order of their registration.
+    """
+    metrics = METRICS.in_order()
+    names = dict.fromkeys((*first, *metrics))
+    return [quantity for name in names for quantity in metrics[name].quantities]
+
+
+def score_metrics(evidence: Evidence) -> dict[str, Any]:
+    """Return the table of every metric under its key; nan becomes None."""
+    return _plain({name: metric.score(evidence) for name, metric in METRICS.in_order().items()})
+
+
+def _plain(tables: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
+    plain: dict[str, Any] = without_nan({name: table for name, table in tables.items() if table})
+    return plain
+
+
+@dataclass
+class Totals:
+    """The metrics of a run that comes stretch by stretch; see ``harness.scoring.metrics.parts``.
+
+    Attributes:
+        basis: The rules and the seed.
+    """
+
+    basis: Basis
+    _parts: dict[str, list[Any]] = field(default_factory=dict)
+    _stretches: int = 0
+
+    @staticmethod
+    def whole_run_needed() -> bool:
+        """Return whether a metric is registered that is not in parts, so that the run must be a single stretch."""
+        return not all(isinstance(metric.score, InParts) for metric in METRICS.in_order().values())
+
+    def add(self, evidence: Evidence) -> None:
+        """Measure the next stretch.
+
+        Raises:
+            ValueError: It is a second one, and a metric needs the whole run.
+        """
+        if self._stretches and self.whole_run_needed():
+            raise ValueError("a metric that is not in parts can't score a run stretch by stretch")
+        self._stretches += 1
+        for name, metric in METRICS.in_order().items():
+            score = metric.score
+            measured = score.measure(evidence) if isinstance(score, InParts) else score(evidence)
+            self._parts.setdefault(name, []).append(measured)
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the table of every metric under its key; nan becomes None."""
+        tables: dict[str, Mapping[str, object]] = {}
+        for name, metric in METRICS.in_order().items():
+            score, parts = metric.score, self._parts[name]
+            tables[name] = score.total(parts, self.basis) if isinstance(score, InParts) else parts[0]
+        return _plain(tables)
+
+
+COLUMNS = (
+    *("step", "time_s", "vehicle_id", "truth_id", "track_id", "is_ego", "in_range", "state"),
+    *("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps"),
+)
+
+
+def completed(scores: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables by name, with null for every value of those metrics that are not among them."""
+    if all(name in scores for name in METRICS):
+        return dict(scores)
+    no_rows = pd.DataFrame(columns=list(COLUMNS))
+    evidence = gather(no_rows, no_rows, no_rows, ScoringSettings(), 0)
+    return {name: _nulled(table) for name, table in score_metrics(evidence).items()} | dict(scores)
+
+
+def _nulled(value: object) -> Any:  # noqa: ANN401
+    """Return nested tables with None for every value and no rows in any list."""
+    if isinstance(value, Mapping):
+        return {key: _nulled(item) for key, item in value.items()}
+    return [] if isinstance(value, list) else None

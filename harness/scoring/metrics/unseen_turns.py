@@ -1,0 +1,137 @@
+"""Is a vehicle that turned while nobody saw it reported on the way that it took?
+
+At a junction a hidden vehicle may leave by one of several ways, and a tracker has to believe in one. The vehicle's own
+record tells which was right: no map is needed, and no way is right that merely lies nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.scoring.evidence.matching import find_track_rows
+from harness.scoring.evidence.rows import RunRows, TruthRows
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.manoeuvre import LEFT, RIGHT, ROUNDABOUT, manoeuvre_between, manoeuvres
+from harness.scoring.metrics.parts import Basis
+from harness.scoring.metrics.quantity import Quantity
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+NAME = "unseen_turns"
+UNSEEN_S = 2.0
+"""Turns of vehicles that go undetected for at least this long count."""
+ON_ROUTE_M = 3.0
+"""A track that is farther from the way that the vehicle drove is on another way: the next lane begins there."""
+BEFORE_S, AFTER_S = 5.0, 5.0
+"""How much of the vehicle's record around the time without detection is its way."""
+
+QUANTITIES = (
+    Quantity(
+        f"{NAME}.right_route_percent", "right route after an unseen turn, %", True,
+        weight=f"{NAME}.events", tabled=True, reported=True, optional=True,
+    ),
+    Quantity(
+        f"{NAME}.foreseen_percent", "right route just before it came back, %", True,
+        weight=f"{NAME}.events", tabled=True, reported=True, optional=True,
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TurnsPart:
+    """What a stretch counts.
+
+    Attributes:
+        in_plane: Whether there are directions to tell turns by.
+        events: Unseen turns.
+        right: Those of them with the old track on the right route at the re-detection.
+        foreseen: Those of them with it there a step earlier already.
+    """
+
+    in_plane: bool
+    events: int
+    right: int
+    foreseen: int
+
+
+def measure_turns(evidence: Evidence) -> TurnsPart:
+    """Count in a stretch."""
+    rows, events = evidence.rows, evidence.events
+    code = manoeuvre_between(manoeuvres(rows), events.onset_row, events.return_row)
+    turned = np.isin(code, (LEFT, RIGHT, ROUNDABOUT)) & (events.duration_s >= UNSEEN_S - TIME_TOLERANCE_S)
+    onset, back = events.onset_row[turned], events.return_row[turned]
+    holder = evidence.matching.holder[onset]
+    cutoff_m = evidence.settings.follow_cutoff_m
+    return TurnsPart(
+        in_plane=rows.ego_direction_rad is not None,
+        events=len(onset),
+        right=int(on_right_route(rows, onset, back, back, holder, cutoff_m).sum()),
+        foreseen=int(on_right_route(rows, onset, back, back - 1, holder, cutoff_m).sum()),
+    )
+
+
+def on_right_route(
+    rows: RunRows, onset: IntArray, back: IntArray, judged: IntArray, track: IntArray, cutoff_m: float
+) -> BoolArray:
+    """Return which vehicles a track follows on the way that they drive, shape (e,).
+
+    Args:
+        rows: The run.
+        onset: Row of each vehicle's last detection, shape (e,).
+        back: Row of its re-detection, shape (e,).
+        judged: Row at which it is judged, shape (e,).
+        track: Code of its track, -1 if it has none, shape (e,).
+        cutoff_m: Distance from which a track does not follow a vehicle.
+    """
+    truth, tracks = rows.truth, rows.tracks
+    place = find_track_rows(rows, truth.step[judged], track)
+    right = np.zeros(len(onset), dtype=np.bool_)
+    for event in np.flatnonzero((place >= 0) & (track >= 0)):
+        at = np.array([tracks.lon_m[place[event]], tracks.lat_m[place[event]]])
+        row = judged[event]
+        away_m = np.hypot(at[0] - truth.lon_m[row], at[1] - truth.lat_m[row])
+        way = _way(truth, int(onset[event]), int(back[event]), cutoff_m)
+        right[event] = away_m < cutoff_m and distance_to_line(at, way) <= ON_ROUTE_M
+    return right
+
+
+def _way(truth: TruthRows, onset: int, back: int, beyond_m: float) -> FloatArray:
+    """Return the places that a vehicle went past around two of its rows, both ends drawn out, shape (k, 2)."""
+    same = np.flatnonzero(truth.vehicle == truth.vehicle[onset])
+    time_s = truth.time_s[same]
+    inside = (time_s >= truth.time_s[onset] - BEFORE_S) & (time_s <= truth.time_s[back] + AFTER_S)
+    kept = same[inside]
+    line = np.stack([truth.lon_m[kept], truth.lat_m[kept]], axis=-1)
+    ends = truth.direction_rad[kept[[0, -1]]]
+    reach = beyond_m * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
+    return np.concatenate([line[:1] - reach[:1], line, line[-1:] + reach[1:]])
+
+
+def distance_to_line(place: FloatArray, line: FloatArray) -> float:
+    """Return how far a place, shape (2,), is from a line through points, shape (k, 2)."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    length = np.maximum((step**2).sum(axis=1), 1e-12)
+    share = np.clip(((place - start) * step).sum(axis=1) / length, 0.0, 1.0)
+    return float(np.hypot(*(place - start - share[:, None] * step).T).min())
+
+
+def scores_of_turns(parts: Sequence[TurnsPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return how often the right route is told.
+
+    Returns:
+        Of ``events``, occlusions of at least 2 s in which a vehicle turns or is on a roundabout:
+        ``right_route_percent``, those in which the track that held it is reported, at the moment of its re-detection,
+        within 10 m of it and within 3 m of the way that it drove; ``foreseen_percent``, the same a step earlier, before
+        the detection could tell. Empty on a road with a frame of its own.
+    """
+    if not any(part.in_plane for part in parts):
+        return {}
+    events, right, foreseen = (sum(getattr(part, name) for part in parts) for name in ("events", "right", "foreseen"))
+    return {
+        "right_route_percent": 100.0 * right / events if events else np.nan,
+        "foreseen_percent": 100.0 * foreseen / events if events else np.nan,
+        "events": events,
+    }

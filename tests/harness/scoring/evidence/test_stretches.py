@@ -1,0 +1,112 @@
+"""A run that is scored stretch by stretch has the scores of the same run in one piece."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.common.bootstrap import cluster_bootstrap
+from harness.decisions.decide import driver_of
+from harness.scoring import RunScorer, score_run
+from harness.scoring.driving.asked import Driven
+from harness.scoring.metrics import registry
+from harness.scoring.metrics.registry import register
+from mmpf.map.road import Lane, Road
+from tests.harness.scoring.scenes import traffic
+
+EPISODES, STEPS = 3, 80
+
+
+@pytest.fixture(scope="module")
+def pieces():
+    """Return the tables of three episodes with other vehicles' places in each, one after the other."""
+
+    def moved(table: pd.DataFrame, number: int) -> pd.DataFrame:
+        step = table["step"] + number * STEPS
+        return table.assign(step=step, time_s=0.1 * step, episode=number)
+
+    scenes = [traffic(steps=STEPS, vehicles=12 + number, seed=number) for number in range(EPISODES)]
+    return [tuple(moved(table, number) for table in scene) for number, scene in enumerate(scenes)]
+
+
+def in_one(pieces) -> tuple[pd.DataFrame, ...]:
+    return tuple(pd.concat(tables, ignore_index=True) for tables in zip(*pieces, strict=True))
+
+
+def numbers(table, prefix=""):
+    items = table.items() if isinstance(table, dict) else enumerate(table)
+    for key, value in items:
+        if isinstance(value, dict | list):
+            yield from numbers(value, f"{prefix}{key}.")
+        elif "ci95" not in f"{prefix}{key}":
+            yield f"{prefix}{key}", value
+
+
+def test_all_scores_are_those_of_the_run_in_one_piece(pieces):
+    scorer = RunScorer(seed=4)
+    tables = [scorer.add(*piece) for piece in pieces]
+    whole = score_run(*in_one(pieces), seed=4)
+    expected, found = dict(numbers(whole.metrics)), dict(numbers(scorer.metrics()))
+    assert found.keys() == expected.keys()
+    for key, value in expected.items():
+        assert found[key] == (pytest.approx(value, rel=1e-12) if value is not None else None), key
+    place = ["step", "vehicle_id"]
+    errors = pd.concat([each.errors for each in tables]).sort_values(place, ignore_index=True)
+    pd.testing.assert_frame_equal(errors, whole.errors.sort_values(place, ignore_index=True), check_categorical=False)
+    assert whole.metrics["mot"]["truth_n"] > 0
+
+
+def test_what_the_driver_would_do_is_that_of_the_run_in_one_piece(pieces):
+    lanes = tuple(Lane(number=k + 1, right_m=3.6 * k - 1.8, left_m=3.6 * k + 1.8) for k in range(5))
+    driven = Driven(driver_of("hdm"), Road(lanes=lanes))
+    pieces = [
+        (truth.assign(speed_mps=truth["speed_mps"] + 5.0 * truth["is_ego"]), seen, tracks[tracks["step"] % STEPS < 50])
+        for truth, seen, tracks in pieces
+    ]
+    scorer = RunScorer(4, driven)
+    tables = [scorer.add(*piece) for piece in pieces]
+    whole = score_run(*in_one(pieces), seed=4, driven=driven)
+    expected, found = (dict(numbers(registry["decisions"])) for registry in (whole.metrics, scorer.metrics()))
+    assert found == pytest.approx(expected, nan_ok=True)
+    assert expected["missed"] > 0
+    for name, table in (("brakings", whole.brakings), ("commands", whole.commands)):
+        joined = pd.concat([getattr(each, name) for each in tables], ignore_index=True)
+        pd.testing.assert_frame_equal(joined, table)
+
+
+def test_intervals_over_stretches_are_near_those_over_the_run_in_one_piece(pieces):
+    scorer = RunScorer(seed=4)
+    for piece in pieces:
+        scorer.add(*piece)
+    expected = score_run(*in_one(pieces), seed=4).metrics["mae"]["all"]["lon_m_ci95"]
+    found = scorer.metrics()["mae"]["all"]["lon_m_ci95"]
+    assert found == pytest.approx(expected, abs=0.2 * (expected[1] - expected[0]))
+
+
+def test_a_metric_of_the_whole_run_lets_no_run_come_in_stretches(pieces, monkeypatch):
+    monkeypatch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
+    assert RunScorer().takes_stretches
+
+    @register("toy")
+    def toy(evidence) -> dict[str, object]:
+        return {"steps": len(evidence.rows.time_s)}
+
+    scorer = RunScorer()
+    assert not scorer.takes_stretches
+    scorer.add(*pieces[0])
+    with pytest.raises(ValueError, match="stretch by stretch"):
+        scorer.add(*pieces[1])
+
+
+def test_resamples_of_very_many_vehicles_are_drawn_in_blocks(monkeypatch):
+    rng = np.random.default_rng(0)
+    sums, counts = rng.normal(3.0, 1.0, (500, 1)), np.ones((500, 1))
+    at_once = cluster_bootstrap(sums, counts, np.random.default_rng(1))
+    monkeypatch.setattr("harness.common.bootstrap.MOST_WEIGHTS", 20_000)
+    in_blocks = cluster_bootstrap(sums, counts, np.random.default_rng(1))
+    assert in_blocks[0].low == pytest.approx(at_once[0].low, rel=1e-12)
+    assert in_blocks[0].high - in_blocks[0].low == pytest.approx(2 * 1.96 / math.sqrt(500), rel=0.2)

@@ -1,0 +1,143 @@
+"""What hidden vehicles cost, against every assignment tried one by one."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from harness.scoring import score_run
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import gather
+from tests.harness.scoring.scenes import Scene, traffic
+
+CUTOFF_M = 10.0
+SEEN, UNSEEN = list(range(5)), list(range(5, 10))
+STEPS = len(SEEN) + len(UNSEEN)
+
+
+def hiding(scene: Scene, name: str, lon: float, lat: float = 0.0, detections: int = 5) -> Scene:
+    """Add a vehicle that is detected in its last steps in sight and hidden afterwards."""
+    step = np.arange(STEPS)
+    detected = (step < len(SEEN)) & (step >= len(SEEN) - detections)
+    return scene.vehicle(name, lon, lat, np.where(step < len(SEEN), "visible", "hidden"), detected)
+
+
+def hidden_scores(scene: Scene) -> dict:
+    return score_run(*scene.tables()).metrics["hidden"]
+
+
+def least_cost(vehicles, tracks) -> tuple[list[float], int]:
+    """Try every way to give vehicles tracks or none; return each vehicle's distance and how many tracks are left."""
+    best, left = None, 0
+    places = [*range(len(tracks)), *[-1] * len(vehicles)]
+    for choice in set(itertools.permutations(places, len(vehicles))):
+        costs = [
+            CUTOFF_M if k < 0 else min(CUTOFF_M, float(np.hypot(*(v - tracks[k]))))
+            for v, k in zip(vehicles, choice, strict=True)
+        ]
+        if best is None or sum(costs) < sum(best) - 1e-12:
+            served = sum(cost < CUTOFF_M for cost in costs)
+            best, left = costs, len(tracks) - served
+    return best or [], left
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_cost_and_false_tracks_are_those_of_the_best_of_all_assignments(seed):
+    rng = np.random.default_rng(seed)
+    cars, guesses = rng.uniform(20, 45, (3, 2)) * [1, 0.2], rng.uniform(20, 45, (4, 2)) * [1, 0.2]
+    scene = Scene(STEPS)
+    for number, (lon, lat) in enumerate(cars):
+        if number:
+            hiding(scene, f"car{number}", lon, lat)
+        else:
+            scene.vehicle("seen", lon, lat, detected=True)
+    for number, (lon, lat) in enumerate(guesses):
+        scene.track(number, lon, lat, at=UNSEEN)
+    costs, left = least_cost(cars, guesses)
+    told = score_run(*scene.tables()).metrics
+    assert told["hidden"]["hidden_cost_m"] == pytest.approx(np.mean(costs[1:]))
+    assert told["hidden"]["n"] == 2 * len(UNSEEN)
+
+    gospa, share = told["gospa_remembered"], len(UNSEEN) / STEPS
+    asked_before = 3  # Steps in sight from the third detection on, in which nothing is reported.
+    lost = sum(cost == CUTOFF_M for cost in costs)
+    assert gospa["localisation"] == pytest.approx(share * sum(cost for cost in costs if cost < CUTOFF_M))
+    assert gospa["missed"] == pytest.approx(0.5 * CUTOFF_M * (share * lost + 3 * asked_before / STEPS))
+    assert gospa["false"] == pytest.approx(0.5 * CUTOFF_M * share * left)
+    assert gospa["mean"] == pytest.approx(gospa["localisation"] + gospa["missed"] + gospa["false"])
+
+
+def test_a_track_on_a_seen_vehicle_can_not_serve_a_hidden_one():
+    scene = hiding(Scene(STEPS).vehicle("seen", 30.0, detected=True), "gone", 34.0)
+    assert hidden_scores(scene.track(1, 30.5))["hidden_cost_m"] == CUTOFF_M
+    assert hidden_scores(scene.track(2, 36.0, at=UNSEEN))["hidden_cost_m"] == pytest.approx(2.0)
+
+
+def test_nobody_pays_less_by_letting_go_of_the_difficult_vehicles():
+    scene = hiding(hiding(Scene(STEPS), "near", 20.0), "far", 60.0).track(1, 20.0)
+    timid, bold = scene.tables(), scene.track(2, np.where(np.arange(STEPS) < 5, 60.0, 66.0)).tables()
+    timid, bold = (score_run(*tables).metrics for tables in (timid, bold))
+    assert timid["mae"]["hidden"]["position_m"] == 0.0 < bold["mae"]["hidden"]["position_m"]
+    assert timid["hidden"]["hidden_cost_m"] == pytest.approx(0.5 * CUTOFF_M)
+    assert bold["hidden"]["hidden_cost_m"] == pytest.approx(3.0)
+
+
+def test_vehicles_detected_twice_are_not_asked_for_and_their_tracks_not_false():
+    told = hidden_scores(hiding(Scene(STEPS), "glimpsed", 30.0, detections=2).track(1, 30.0))
+    assert (told["n"], told["hidden_cost_m"], told["false_hidden_tracks_per_scan"]) == (0, None, 0.0)
+
+
+def test_a_track_out_of_sight_that_follows_nobody_is_false_and_one_in_sight_is_not():
+    """Half a second after its last detection a track is out of sight."""
+    scene = Scene(30).clutter(range(3), 50.0).track(1, 50.0)
+    assert hidden_scores(scene)["false_hidden_tracks_per_scan"] == pytest.approx((30 - 8) / 30)
+
+
+def test_a_vehicle_beyond_the_memory_excuses_the_track_that_is_still_on_it():
+    steps = 130
+    state = np.where(np.arange(steps) < 5, "visible", "hidden")
+    scene = Scene(steps).vehicle("gone", 30.0, state=state, detected=np.arange(steps) < 5).track(1, 30.0)
+    told = hidden_scores(scene)
+    assert (told["n"], told["hidden_cost_m"], told["false_hidden_tracks_per_scan"]) == (100, 0.0, 0.0)
+
+
+def test_tracks_that_change_vehicles_cost_by_identity_alone():
+    scene = hiding(hiding(Scene(STEPS), "left", 20.0), "right", 60.0)
+    step = np.arange(STEPS)
+    scene.track(1, np.where(step < 5, 20.0, 60.0)).track(2, np.where(step < 5, 60.0, 20.0))
+    told = hidden_scores(scene)
+    assert told["hidden_cost_m"] == 0.0
+    assert told["identity_cost_m"] == CUTOFF_M
+    assert told["followed_percent"] == 100.0
+
+
+def test_the_vehicles_asked_for_do_not_depend_on_the_tracker():
+    truth, detections, tracks = traffic(steps=120)
+    whole, none = (
+        gather(truth, detections, kept, ScoringSettings(), 0).following for kept in (tracks, tracks.iloc[:0])
+    )
+    np.testing.assert_array_equal(whole.hidden, none.hidden)
+    np.testing.assert_array_equal(whole.counted, none.counted)
+    assert score_run(truth, detections, tracks.iloc[:0]).metrics["hidden"]["hidden_cost_m"] == CUTOFF_M
+
+
+def test_the_cost_by_identity_is_that_of_the_error_table():
+    truth, detections, tracks = traffic(steps=200)
+    scored = score_run(truth, detections, tracks)
+    evidence = gather(truth, detections, tracks, ScoringSettings(), 0)
+    asked = np.flatnonzero(evidence.following.hidden)
+    keys = {
+        (step, truth["vehicle_id"][row])
+        for step, row in zip(
+            evidence.rows.truth.step[asked].tolist(), evidence.rows.truth.name_row[asked].tolist(), strict=True
+        )
+    }
+    costs = [
+        min(CUTOFF_M, float(np.hypot(row.lon_error_m, row.lat_error_m))) if row.outcome == "tracked" else CUTOFF_M
+        for row in scored.errors.itertuples()
+        if (row.step, row.vehicle_id) in keys
+    ]
+    assert len(costs) == scored.metrics["hidden"]["n"] > 100
+    assert scored.metrics["hidden"]["identity_cost_m"] == pytest.approx(np.mean(costs))

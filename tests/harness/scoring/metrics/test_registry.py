@@ -1,0 +1,113 @@
+"""Metrics are registered once, under a name of their own, and none moves another's numbers."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harness.decisions.decide import driver_of
+from harness.scoring import score_run
+from harness.scoring.driving.asked import Driven
+from harness.scoring.metrics import registry
+from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import completed, quantities, register
+from harness.storage.grid_rows import flattened
+from mmpf.map.road import highway
+from tests.harness.scoring.scenes import traffic
+
+PAGE = Path(__file__).parents[3] / "docs" / "scores.md"
+
+
+@pytest.fixture(autouse=True)
+def own_registry(monkeypatch) -> None:
+    """Let what a test registers end with it."""
+    monkeypatch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
+
+
+@pytest.fixture(scope="module")
+def tables():
+    return traffic(steps=60, vehicles=20)
+
+
+def test_a_registered_function_is_scored_and_its_nan_is_none(tables):
+    @register("toy")
+    def toy(evidence) -> dict[str, object]:
+        return {"steps": len(evidence.rows.time_s), "nothing": np.float64("nan")}
+
+    assert score_run(*tables).metrics["toy"] == {"steps": 60, "nothing": None}
+
+
+def test_another_metrics_random_draws_leave_all_numbers_as_they_were(tables):
+    before = score_run(*tables).metrics
+
+    @register("toy")
+    def toy(evidence) -> dict[str, object]:
+        return {"drawn": evidence.new_rng().random()}
+
+    after = score_run(*tables).metrics
+    assert after.pop("toy")["drawn"] == np.random.default_rng(0).random()
+    assert after == before
+
+
+def test_a_name_that_is_taken_and_a_quantity_of_another_metric_are_refused():
+    with pytest.raises(ValueError, match="'mae' is registered already"):
+        register("mae")(dict)
+    with pytest.raises(ValueError, match=r"'mea.n' must begin with 'toy.'"):
+        register("toy", Quantity("mea.n", "samples"))(dict)
+    assert "toy" not in registry.METRICS.in_order()
+
+
+def unseen():
+    columns = ("step", "time_s", "from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m", "expected")
+    return pd.DataFrame([(0, 0.0, 0.0, 0.0, 25.0, 0.0, 0.1)], columns=columns)
+
+
+# On every road, and optional since runs that are older have none of it.
+YOUNGER = ("in_plain_view.", "existence_calibration.", "calibration.")
+
+
+def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
+    truth, detections, tracks = tables
+    told = {key: each.optional for each in quantities() for key in (each.key, each.weight) if key}
+    driven = Driven(driver_of("hdm"), highway())
+    every_road = truth.assign(direction_rad=1.0, wall_fraction=0.0, on_roundabout=False, parked=False)
+    every = score_run(every_road, detections, tracks, driven=driven, unseen=unseen()).metrics
+    assert told.keys() <= flattened(every).keys()
+    on_road = flattened(score_run(*tables).metrics).keys()
+    assert {key for key, optional in told.items() if not optional} <= on_road
+    of_some_roads = {key for key, optional in told.items() if optional and not key.startswith(YOUNGER)}
+    assert not of_some_roads & on_road
+
+
+def test_what_was_not_scored_is_null_under_the_same_keys(tables):
+    def leaves(table, prefix=""):
+        for key, value in table.items():
+            if isinstance(value, dict):
+                yield from leaves(value, f"{prefix}{key}.")
+            elif key not in ("by_seconds_hidden", "vehicles", "deciles"):
+                yield f"{prefix}{key}", value
+
+    scores = score_run(*tables).metrics
+    unscored = dict(leaves(completed({})))
+    assert unscored.keys() == dict(leaves(scores)).keys()
+    assert set(unscored.values()) == {None}
+    assert completed({"gospa": scores["gospa"]})["gospa"] == scores["gospa"]
+    assert completed(scores) == scores
+
+
+def test_every_metric_is_explained_in_the_documentation():
+    for name in registry.METRICS:
+        assert f"| `{name}." in PAGE.read_text(encoding="utf-8"), name
+
+
+def test_the_documentations_example_is_a_metric(tables):
+    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    exec(example, {})
+    scored = score_run(*tables)
+    rows = scored.errors.query("state == 'visible' and outcome == 'tracked'")
+    assert (rows["lon_error_m"].abs() < scored.metrics["worst"]["lon_m"]).mean() == pytest.approx(0.95, abs=0.01)
