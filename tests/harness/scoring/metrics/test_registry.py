@@ -20,7 +20,7 @@ from harness.storage.grid_rows import flattened
 from mmpf.map.road import highway
 from tests.harness.scoring.scenes import traffic
 
-PAGE = Path(__file__).parents[3] / "docs" / "scores.md"
+PAGE = Path(__file__).parents[4] / "docs" / "scores.md"
 
 
 @pytest.fixture(autouse=True)
