@@ -13,6 +13,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.config.model import SensorConfig
 from harness.grid.pool import ONE_THREAD
+from harness.lab.tuning import search
 from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main
 from harness.lab.tuning.spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.lab.tuning.trials import Found, Scores, Trial
