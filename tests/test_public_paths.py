@@ -23,7 +23,7 @@ PAGES = (
     ROOT / "tests" / "plugin_example" / "plugin_example.py",
 )
 PUBLIC = ("harness.plugins", "harness", "mmpf")
-COMMANDS = ("harness.lab.tuning.search", "harness.lab.fit.sensor_fit", "harness.lab.fit.detectability_fit")
+COMMANDS = ("harness.lab.tuning.search", "harness.lab.fit.detectability_fit")
 """Modules that are run by ``python -m``, and imported by no page."""
 DOTTED = re.compile(r"(?<![\w./-])(?:harness|mmpf)(?:\.(?!md\b)[A-Za-z_]\w*)+")
 IMPORT = re.compile(r"^\s*(?:>>> )?(?:from|import) ((?:harness|mmpf)[\w.]*)(?: import (.+))?$", re.MULTILINE)

@@ -11,7 +11,6 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.lab.study.expected import say_roughly_predicted
-from harness.lab.study.rival_noise import at_their_best
 from harness.lab.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
@@ -107,16 +106,12 @@ def make_study(
     result = run_study(
         plan.study,
         cases,
-        {occlusion: _under(occlusion, plan.study, models) for occlusion in OCCLUSIONS[plan.study]},
+        dict.fromkeys(OCCLUSIONS[plan.study], models),
         particles=plan.particles,
         seed=plan.seed,
         progress=progress,
     )
     return result, plan.setting(network, cases.count)
-
-
-def _under(occlusion: str, study: str, models: dict[str, MotionModel]) -> dict[str, MotionModel]:
-    return at_their_best(models, study) if occlusion == PARTIAL else models
 
 
 def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:

@@ -4,7 +4,28 @@ import numpy as np
 import pytest
 
 from harness.lab.fit.detectability_fit import Recalls, fit_beta_binomial, main, recalls_of, without_long_runs
-from tests.harness.lab.fit.test_sensor_fit import STEPS, drive_of
+from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels
+
+STEPS = 12
+
+
+def drive_of(labels: list[tuple[int, int, float, float]], given: list[tuple[int, float, float]]) -> Drive:
+    """Return a drive of labels (thing, step, x, y) and detections (step, x, y), boxes of 4 m by 2 m along x."""
+    labels = sorted(labels, key=lambda row: row[1])
+    thing, step, x, y = (np.array(column) for column in zip(*labels, strict=True))
+    box = np.zeros(len(x)), np.full(len(x), 4.0), np.full(len(x), 2.0)
+    yes = np.ones(len(x), dtype=bool)
+    found = sorted(given)
+    at, gx, gy = (np.array(column, dtype=float) for column in zip(*found, strict=True))
+    boxes = np.zeros(len(at)), np.full(len(at), 4.0), np.full(len(at), 2.0)
+    still = np.zeros(STEPS)
+    return Drive(
+        "made up",
+        EgoPath(still, still, still),
+        np.array(["a", "b", "c"]),
+        Labels(step, x.astype(float), y.astype(float), *box, thing, yes, ~yes),
+        GivenBoxes(at.astype(np.int64), gx, gy, *boxes, np.ones(len(at))),
+    )
 
 
 def test_the_beta_law_behind_made_up_vehicles_is_found_again():
