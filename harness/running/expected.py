@@ -11,7 +11,7 @@ LOADING_S = 15.0
 """What a process spends on loading what is compiled."""
 USUAL_DENSITY, USUAL_PARTICLES = 30.0, 1000
 # Milliseconds of a step for each vehicle per km and lane; the longest name that fits counts.
-STEP_MS = {"": 1.0, "mmpf": 1.3, "oracle": 0.3, "stonesoup": 4.0, "stonesoup-gnn": 2.0, "stonesoup-jpda-aware": 11.0}
+STEP_MS = {"": 1.0, "mmpf": 1.3, "oracle": 0.3, "stonesoup": 4.0, "stonesoup-gnn": 2.0}
 # What of a step's time does not shrink with the particles.
 LEAST_SHARE = 0.2
 

@@ -51,16 +51,9 @@ _CATALOGUE = {
     "stonesoup-jpda-stitched": _stone_soup(
         "stonesoup-jpda, and a re-appearing vehicle takes its old identity", "StitchedJpdaOptions"
     ),
-    "stonesoup-jpda-aware": _stone_soup(
-        "stonesoup-jpda-stitched with measured sizes, shadows, leaders that are followed, and ten seconds of memory",
-        "AwareJpdaOptions",
-    ),
     "immortal-kalman": _stone_soup(
         "Stone Soup: Kalman filters whose confirmed tracks never end within range, nearest neighbour association",
         "ImmortalOptions",
-    ),
-    "stonesoup-particle": _stone_soup(
-        "Stone Soup: a particle filter per track, global nearest neighbour association", "ParticleOptions"
     ),
     "box-kalman": _Entry(
         "harness.trackers.rivals.box_kalman",

@@ -29,7 +29,7 @@ MIXTURE_PARTICLES, REPETITIONS = 40_000, 15
 COARSE = "coarse"
 USUAL_SHARE = 0.4
 """How much of the time that they may take trackers use, most of them far less than all of it."""
-STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda", "stonesoup-particle")
+STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda")
 DEFAULT_TRACKERS = ("mmpf:gmm", "mmpf:cvm", *STONE_SOUP, *(f"{name}:{COARSE}" for name in STONE_SOUP[:2]))
 
 
@@ -80,8 +80,7 @@ def contender_of(name: str, particles: int) -> Contender:
     if tracker.startswith("stonesoup"):
         if variant not in ("", COARSE):
             raise InputError(f"`trackers` {name}: give {tracker} as it ships, or {tracker}:{COARSE}")
-        own = 300 if tracker == "stonesoup-particle" else None
-        return Contender(name, tracker, {"coarse_gate": True} if variant else {}, None, own)
+        return Contender(name, tracker, {"coarse_gate": True} if variant else {})
     return Contender(name, name)
 
 

@@ -141,7 +141,6 @@ SEARCH_SPACES: dict[str, Space] = {
     "stonesoup-gnn": _STONE_SOUP,
     "stonesoup-jpda": _JPDA,
     "stonesoup-jpda-stitched": _STITCHED,
-    "stonesoup-jpda-aware": {"longest_missed": _ratio(3.0, 60.0), **_STITCHED},
     "immortal-kalman": {
         "association": ("distance", "mahalanobis"),
         "gate_lon_m": _ratio(2.0, 15.0),
@@ -151,7 +150,6 @@ SEARCH_SPACES: dict[str, Space] = {
         **_BIRTH,
         **_DOUBTFUL,
     },
-    "stonesoup-particle": _STONE_SOUP,
     "box-kalman": {"association": ("overlap", "mahalanobis"), **_BOXES},
     # Its three parts make the method what it is: no search switches one off.
     "oc-sort": {

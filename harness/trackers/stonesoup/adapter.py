@@ -7,7 +7,6 @@ initiator are not reported.
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +14,12 @@ from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
 from stonesoup.types.track import Track
 
-from harness.trackers.stonesoup.awareness import Awareness
 from harness.trackers.stonesoup.options import KalmanOptions
 from harness.trackers.stonesoup.parts import (
     BeyondRangeDeleter,
     DetectionMaker,
     NumberedInitiator,
     forget_before_last_update,
-    lent_global_generator,
     to_datetime,
     to_seconds,
 )
@@ -42,7 +39,6 @@ class StoneSoupTracker:
         assembly: Assembly,
         options: KalmanOptions,
         clutter_density_per_m2: float,
-        rng: np.random.Generator | None = None,
         stitcher: IdentityStitcher | None = None,
     ) -> None:
         """Wrap a tracker that has been put together.
@@ -51,14 +47,12 @@ class StoneSoupTracker:
             assembly: The tracker and its parts.
             options: Its settings.
             clutter_density_per_m2: Expected false detections per square metre.
-            rng: Lent to Stone Soup as the global generator during each step; None if the tracker draws nothing.
             stitcher: Hands on identities; None leaves them as they are.
         """
         self._assembly = assembly
         self._options = options
         self._layout = options.layout
         self._clutter_density_per_m2 = clutter_density_per_m2
-        self._rng = rng
         self._stitcher = stitcher
         measured = self._layout.lon, self._layout.lat, self._layout.speed
         self._detections = DetectionMaker(self._layout.size, measured, options.noise_factor)
@@ -76,10 +70,7 @@ class StoneSoupTracker:
         self._follow_ego(scan)
         moment = to_datetime(scan.time_s)
         detections = self._detections.make(scan.detections, moment)
-        if self._assembly.awareness is not None:
-            self._assembly.awareness.look_ahead(scan, list(self._assembly.tracker.tracks))
-        with nullcontext() if self._rng is None else lent_global_generator(self._rng):
-            self._assembly.tracker.update_tracker(moment, detections)
+        self._assembly.tracker.update_tracker(moment, detections)
         return self._report(scan.time_s)
 
     def _follow_ego(self, scan: Scan) -> None:
@@ -97,8 +88,6 @@ class StoneSoupTracker:
         # Before anything is forgotten, a new track's first state is its first detection.
         started = {track.id: to_seconds(track.states[0].timestamp) for track in living}
         self._first_seen_s = {number: self._first_seen_s.get(number, first_s) for number, first_s in started.items()}
-        if self._assembly.awareness is not None:
-            self._assembly.awareness.learn(time_s, living)
         for track in living:
             forget_before_last_update(track)
         last_s = np.array([to_seconds(track.states[0].timestamp) for track in living])
@@ -146,11 +135,9 @@ class Assembly:
         initiator: Starts its tracks.
         range_deleter: Ends the ones that have left the sensor's range.
         hypothesisers: Those that know the density of clutter.
-        awareness: What is known of each track beyond its state; None if nobody asks.
     """
 
     tracker: MultiTargetTracker | MultiTargetMixtureTracker
     initiator: NumberedInitiator
     range_deleter: BeyondRangeDeleter
     hypothesisers: tuple[PDAHypothesiser, ...] = ()
-    awareness: Awareness | None = None

@@ -10,7 +10,6 @@ from pydantic import Field
 from harness.trackers.doubtful import DoubtfulOptions
 from harness.trackers.stonesoup.stitching import StitchingOptions
 from mmpf.options.base import Positive, Probability, Settings, in_unit
-from mmpf.options.filter import Footprint
 
 
 class KalmanOptions(Settings):
@@ -93,34 +92,6 @@ class StitchedJpdaOptions(JpdaOptions):
 
     stitching: StitchingOptions = StitchingOptions()
     """When a new track takes a lost one's identity."""
-
-
-class AwareJpdaOptions(StitchedJpdaOptions):
-    """Settings of the JPDA tracker that knows of sizes, shadows and leaders."""
-
-    detection_probability: Probability | None = None
-    """Detection probability in plain view, used in association; None takes the sensor's."""
-    longest_unseen_s: Positive = 10.0
-    """A confirmed track ends when unseen for longer."""
-    largest_std_lon_m: Positive = 15.0
-    """A track spread wider than this ends."""
-    vehicle: Footprint = Footprint()
-    """Size of a vehicle before it is measured."""
-    hidden_probability: Probability = 0.02
-    """Detection probability of a vehicle that lies in the other tracks' shadows."""
-    occluder_unseen_s: Positive = 1.0
-    """A track that was seen within this time casts a shadow."""
-    follow_after_s: Positive = 0.3
-    """A track unseen for longer follows its leader by the intelligent driver model."""
-    longest_missed: Annotated[Positive, in_unit("detections")] = 20.0
-    """A track ends when so many detections of it were to be expected since the last one."""
-
-
-class ParticleOptions(StoneSoupOptions):
-    """Settings of the particle tracker."""
-
-    particles: Annotated[int, Field(ge=10)] = 300
-    """Particles per track."""
 
 
 @dataclass(frozen=True)

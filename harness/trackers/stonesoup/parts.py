@@ -1,15 +1,13 @@
 """The pieces between this project and Stone Soup: detections, tracks, initiation and the order of things.
 
-Stone Soup keeps tracks and detections in Python sets, whose order follows memory addresses, and its particle code
-draws from NumPy's global generator. Both would make two equal runs differ, so everything here is kept in ordered sets,
-and the global generator is lent for the length of a step.
+Stone Soup keeps tracks and detections in Python sets, whose order follows memory addresses. That would make two equal
+runs differ, so everything here is kept in ordered sets.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -26,11 +24,10 @@ from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
 from mmpf.numerics.arrays import IntArray
-from mmpf.scan import BodySizes, Detections
+from mmpf.scan import Detections
 
 _NOISE_STEP = 1.1
 _MEASURED = "measured values with their standard deviations"
-MEASURED_SIZE = "measured length and width with their standard deviations"
 _COARSE_MARGIN = 1.5
 _EPOCH = datetime(2000, 1, 1)
 
@@ -43,17 +40,6 @@ def to_datetime(time_s: float) -> datetime:
 def to_seconds(moment: datetime) -> float:
     """Return the scan time of a moment."""
     return (moment - _EPOCH).total_seconds()
-
-
-@contextmanager
-def lent_global_generator(rng: np.random.Generator) -> Iterator[None]:
-    """Seed NumPy's global generator from ``rng`` for the length of the block and restore it afterwards."""
-    state = np.random.get_state()  # noqa: NPY002 - the generator that Stone Soup draws from
-    np.random.seed(int(rng.integers(2**32)))  # noqa: NPY002
-    try:
-        yield
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
 
 
 class DetectionMaker:
@@ -99,10 +85,7 @@ class DetectionMaker:
             measurement_model=self._model(
                 tuple(_NOISE_STEP ** round(math.log(std, _NOISE_STEP)) for std in stds), _tenths(detections, k)
             ),
-            metadata={
-                _MEASURED: tuple(zip(map(float, values), stds, strict=True)),
-                MEASURED_SIZE: _measured_size(detections.sizes, k),
-            },
+            metadata={_MEASURED: tuple(zip(map(float, values), stds, strict=True))},
         )
 
     def _model(self, stds: tuple[float, ...], correlation: float) -> LinearGaussian:
@@ -125,13 +108,6 @@ def _tenths(detections: Detections, k: int) -> float:
     if detections.correlation is None:
         return 0.0
     return float(np.clip(round(10.0 * detections.correlation[k]) / 10.0, -0.9, 0.9))
-
-
-def _measured_size(sizes: BodySizes | None, k: int) -> tuple[tuple[float, float], ...] | None:
-    if sizes is None:
-        return None
-    length = float(sizes.length_m[k]), float(sizes.std_length_m[k])
-    return length, (float(sizes.width_m[k]), float(sizes.std_width_m[k]))
 
 
 class CoarselyGated(Hypothesiser):

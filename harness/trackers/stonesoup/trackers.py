@@ -6,11 +6,9 @@ after several detections and deleted when unseen for long or spread wide.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -27,7 +25,6 @@ from stonesoup.hypothesiser.base import Hypothesiser
 from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.initiator.base import Initiator
-from stonesoup.initiator.simple import GaussianParticleInitiator
 from stonesoup.measures import EuclideanWeighted, Mahalanobis
 from stonesoup.models.transition.linear import (
     CombinedLinearGaussianTransitionModel,
@@ -36,27 +33,20 @@ from stonesoup.models.transition.linear import (
 )
 from stonesoup.predictor import Predictor
 from stonesoup.predictor.kalman import KalmanPredictor
-from stonesoup.predictor.particle import ParticlePredictor
-from stonesoup.resampler.particle import ESSResampler
 from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
 from stonesoup.types.array import StateVector
 from stonesoup.types.state import GaussianState
 from stonesoup.updater import Updater
 from stonesoup.updater.kalman import KalmanUpdater
-from stonesoup.updater.particle import ParticleUpdater
 
 from harness.trackers.doubtful import as_reported
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting, trackers
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
-from harness.trackers.stonesoup.aware_parts import CarFollowingPredictor, MissedInViewDeleter, ShadowAwareHypothesiser
-from harness.trackers.stonesoup.awareness import Awareness
 from harness.trackers.stonesoup.options import (
-    AwareJpdaOptions,
     ImmortalOptions,
     JpdaOptions,
     KalmanOptions,
-    ParticleOptions,
     StitchedJpdaOptions,
     StoneSoupOptions,
 )
@@ -66,7 +56,6 @@ from harness.trackers.stonesoup.parts import (
     NumberedInitiator,
     OrderedMultiMeasurementInitiator,
     WithinReach,
-    lent_global_generator,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher
 
@@ -93,30 +82,6 @@ def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) 
     """``stonesoup-jpda``, and a newly confirmed track near a lost one takes its identity."""
     chosen = _chosen(StitchedJpdaOptions, setting, options)
     return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
-
-
-@trackers.register("stonesoup-jpda-aware")
-def build_aware_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """``stonesoup-jpda-stitched`` with measured sizes, shadow-aware detection probabilities and car following."""
-    chosen = _chosen(AwareJpdaOptions, setting, options)
-    awareness, layout = Awareness(chosen, setting.sensor, setting.road), chosen.layout
-    predictor = CarFollowingPredictor(
-        _transition_model(chosen), awareness=awareness, speed_row=layout.speed, lon_row=layout.lon
-    )
-    make = partial(ShadowAwareHypothesiser, awareness=awareness)
-    assembly = _jpda_assembly(chosen, setting, predictor, make)
-    deleters = [*assembly.tracker.deleter.deleters, MissedInViewDeleter(awareness, chosen.longest_missed)]
-    assembly.tracker.deleter = CompositeDeleter(deleters, intersect=False)
-    return _in_frame(
-        setting,
-        chosen,
-        StoneSoupTracker(
-            replace(assembly, awareness=awareness),
-            chosen,
-            chosen.clutter_factor * setting.sensor.clutter_density_per_m2,
-            stitcher=IdentityStitcher(chosen.stitching),
-        ),
-    )
 
 
 @trackers.register("immortal-kalman")
@@ -147,13 +112,11 @@ def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str,
     alike: dict[str, object] = {
         "lat_noise": chosen.lon_noise,
         "birth_lat_speed_std_mps": chosen.birth_speed_std_mps,
-        # Acceleration and following are along x alone, which is no vehicle's direction.
+        # Acceleration is along x alone, which is no vehicle's direction.
         "motion": "cv",
     }
     if isinstance(chosen, ImmortalOptions):
         alike["gate_lat_m"] = chosen.gate_lon_m
-    if isinstance(chosen, AwareJpdaOptions):
-        alike["follow_after_s"] = math.inf
     return chosen.model_copy(update=alike)
 
 
@@ -167,47 +130,22 @@ def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
     return EuclideanWeighted(1.0 / np.square(reach_m), mapping=position, mapping2=position)
 
 
-@trackers.register("stonesoup-particle")
-def build_particle(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """A bootstrap particle filter for each track, with global nearest neighbour association."""
-    chosen = _chosen(ParticleOptions, setting, options)
-    single, held = _initiators(chosen, *_kalman(chosen))
-    predictor = ParticlePredictor(_transition_model(chosen))
-    updater = ParticleUpdater(measurement_model=None, resampler=ESSResampler())
-    with lent_global_generator(setting.rng):
-        drawing = GaussianParticleInitiator(initiator=held, number_particles=chosen.particles)
-    associator = _nearest_neighbour(chosen, predictor, updater)
-    assembly = _assembly(MultiTargetTracker, chosen, setting, (single, drawing), associator, updater)
-    return _in_frame(
-        setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2, rng=setting.rng)
-    )
-
-
 def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> Tracker:
-    assembly = _jpda_assembly(options, setting, KalmanPredictor(_transition_model(options)), PDAHypothesiser)
+    predictor, updater = _kalman(options)
     clutter = options.clutter_factor * setting.sensor.clutter_density_per_m2
-    return _in_frame(setting, options, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
-
-
-def _jpda_assembly(
-    options: JpdaOptions,
-    setting: TrackerSetting,
-    predictor: KalmanPredictor,
-    make: Callable[..., PDAHypothesiser],
-) -> Assembly:
     probability = options.detection_probability
-    updater = KalmanUpdater(measurement_model=None)
-    hypothesiser = make(
+    hypothesiser = PDAHypothesiser(
         predictor=predictor,
         updater=updater,
-        clutter_spatial_density=options.clutter_factor * setting.sensor.clutter_density_per_m2,
+        clutter_spatial_density=clutter,
         prob_detect=setting.sensor.detection_probability if probability is None else probability,
         prob_gate=float(chi2.cdf(options.gate_std**2, 2)),
     )
     initiators = _initiators(options, predictor, updater)
     associator = JPDAwithEHM2(_coarsely_gated(options, hypothesiser))
     assembly = _assembly(MultiTargetMixtureTracker, options, setting, initiators, associator, updater)
-    return replace(assembly, hypothesisers=(hypothesiser,))
+    assembly = replace(assembly, hypothesisers=(hypothesiser,))
+    return _in_frame(setting, options, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
 
 
 def _assembly(

@@ -22,15 +22,13 @@ from harness.trackers.conformance.scripted_scenes import (
     scripted_scans,
 )
 from harness.trackers.protocol import Tracker, TrackerSetting
-from harness.trackers.stonesoup.parts import DetectionMaker, lent_global_generator
+from harness.trackers.stonesoup.parts import DetectionMaker
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 NAMES = [
     "stonesoup-gnn",
     "stonesoup-jpda",
     "stonesoup-jpda-stitched",
-    "stonesoup-jpda-aware",
-    "stonesoup-particle",
 ]
 CARS = [
     ScriptedCar("ahead", EGO_START_M + 30.0, lane=3, speed_mps=23.0),
@@ -71,21 +69,6 @@ def test_another_process_with_other_memory_addresses_makes_the_same_bytes(name: 
         [sys.executable, "-c", program], cwd=Path(__file__).parents[4], capture_output=True, text=True, check=True
     )
     assert other.stdout.strip() == fingerprint(name)
-
-
-def test_the_particle_tracker_follows_its_seed_and_leaves_the_global_generator_alone():
-    scans = scripted_scans(CARS, times(1.0), np.random.default_rng(2))
-    before = np.random.get_state()[1].tobytes()  # noqa: NPY002
-    first, other = (follow("stonesoup-particle", scans, seed)[-1] for seed in (0, 1))
-    assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002
-    assert first.lon_m.tobytes() != other.lon_m.tobytes()
-
-
-def test_the_global_generator_is_restored_when_the_block_fails():
-    before = np.random.get_state()[1].tobytes()  # noqa: NPY002
-    with pytest.raises(ZeroDivisionError), lent_global_generator(np.random.default_rng(0)):
-        np.random.random() / 0  # noqa: NPY002
-    assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002
 
 
 @pytest.mark.parametrize("name", NAMES)
