@@ -313,9 +313,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 execute if values["keep"] is None else keeping(execute, Path(values["out"])),
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                user=on_stderr(
-                    quiet, None if values["scheduler"] is not None else values["workers"] or os.cpu_count() or 1
-                ),
+                user=on_stderr(quiet),
                 command=command,
             )
         if values["keep"] is not None:

@@ -68,7 +68,7 @@ def command(options: Options) -> None:
     )
     steps = len(plan.vehicles) * plan.steps
     with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
-        result = without_nan(run_bench(plan, advance, lambda line: None if quiet else typer.echo(line, err=True)))
+        result = without_nan(run_bench(plan, advance))
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     write_text(out / "bench.json", text)

@@ -89,7 +89,7 @@ def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> Fin
 
     workers = values["workers"] or os.cpu_count() or 1
     how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
-    finished = run_drives(request, values["out"], how, on_stderr(quiet, workers), command)
+    finished = run_drives(request, values["out"], how, on_stderr(quiet), command)
     _write_pages(finished, quiet)
     return finished
 

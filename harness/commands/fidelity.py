@@ -63,12 +63,8 @@ def command(options: Options) -> None:
         workers=options["workers"],
     )
 
-    def say(line: str) -> None:
-        if not quiet:
-            typer.echo(line, err=True)
-
     with progress_bar("fidelity", request.runs(network), quiet, before="fidelity: the first simulations") as advance:
-        result = compare_traffic(network, request, advance, say)
+        result = compare_traffic(network, request, advance)
     write_fidelity(result, out)
     if not quiet:
         print_fidelity(result)

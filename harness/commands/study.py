@@ -159,7 +159,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
             out,
             lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
             resume=(out / RUNS).exists() or (out / "grid.json").exists(),
-            user=Telling(quiet, workers=os.cpu_count() or 1),
+            user=Telling(quiet),
             command="harness study ablation",
         )
         return pd.read_parquet(out / RUNS)

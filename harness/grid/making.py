@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from harness.common.durations import say_roughly
 from harness.common.errors import RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
 from harness.grid.cells import Cell, Grid
-from harness.grid.expected import expected_s, work_s
 from harness.grid.pool import OnRow
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
@@ -37,23 +35,20 @@ class Telling:
     Attributes:
         quiet: Whether to leave out the progress bar.
         warn: Called with a line that should be read.
-        tell: Called with what was read of each file of recorded traffic, and how long all will roughly take.
-        workers: How many runs are made at a time, for the guess of how long all take; None if that is unknown.
+        tell: Called with what was read of each file of recorded traffic.
     """
 
     quiet: bool = True
     warn: Callable[[str], object] = str
     tell: Callable[[str], object] = str
-    workers: int | None = None
 
 
-def on_stderr(quiet: bool, workers: int | None) -> Telling:
+def on_stderr(quiet: bool) -> Telling:
     """Return what tells the user on stderr: warnings always, the rest unless quiet."""
     return Telling(
         quiet,
         warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
         tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
-        workers=workers,
     )
 
 
@@ -119,8 +114,6 @@ def make_rows(
             (out / name).unlink(missing_ok=True)
         title = making.kind if not done else f"{making.kind} ({len(done)} of {len(grid.runs)} done before)"
         left = len(grid.runs) - len(done)
-        if user.workers is not None:
-            say_roughly(user.tell, expected_s(cells, user.workers), f"{left} runs, {user.workers} at a time")
         with progress_bar(title, left, user.quiet, before=f"{title}: loading, warming up traffic") as advance:
 
             def keep(key: str, row: Row) -> None:
@@ -135,9 +128,11 @@ def make_rows(
 
 
 def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
-    """Return what is left to run, the longest first, so that no worker is left alone with it in the end."""
+    """Return what is left to run, the densest first, so that no worker is left alone with it in the end."""
     left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
-    return sorted((cell for cell in left if cell.runs), key=lambda cell: -work_s(cell))
+    return sorted(
+        (cell for cell in left if cell.runs), key=lambda cell: -(cell.config.traffic.density or 0.0) * len(cell.runs)
+    )
 
 
 @contextmanager

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from pathlib import Path
 
 from harness.analysis.sources import STANDARD
 from harness.common.errors import InputError
 from harness.common.files import replacing
 from harness.grid.grid import GridRequest
-from harness.grid.making import TABLE, Telling
+from harness.grid.making import TABLE, on_stderr
 from harness.grid.pool import run_cells
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.storage import run_folder as runfolder
@@ -55,11 +54,6 @@ def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) 
         out,
         lambda cells, on_row: run_cells(cells, workers, None, on_row),
         resume=resume,
-        user=Telling(
-            quiet,
-            warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
-            tell=lambda line: None if quiet else sys.stderr.write(f"{line}\n"),
-            workers=workers,
-        ),
+        user=on_stderr(quiet),
         command=f"harness compare --suite {name}",
     )

@@ -14,14 +14,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from harness.common.durations import say_roughly
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import as_json
 from harness.common.progress import progress_bar, working
 from harness.common.signals import told_to_end
 from harness.config.model import RunConfig
-from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
 from harness.running.follow import StageTimes, follow
 from harness.running.keeping import RunKeeper
 from harness.running.looks import Looks, Streams
@@ -223,8 +221,6 @@ class _Attempt:
                 sys.stderr.write(line + "\n")
 
         say(looks.report)
-        expected_s = LOADING_S + expected_traffic_s(self.config) + expected_tracking_s(self.config)
-        say_roughly(say, expected_s, "this run")
         runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
         told = as_believed(looks, self.config)
         keeper = self.keeper = RunKeeper(

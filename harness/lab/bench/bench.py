@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from harness.common.durations import say_roughly
 from harness.common.errors import InputError
 from harness.lab.bench.busy import busy_machine
 from harness.lab.bench.measure import Contender, as_row, time_in_turns, warm_up
@@ -27,7 +26,6 @@ STEPS = 40
 SLOPE_FROM = 25
 MIXTURE_PARTICLES, REPETITIONS = 40_000, 15
 COARSE = "coarse"
-USUAL_SHARE = 0.4
 """How much of the time that they may take trackers use, most of them far less than all of it."""
 STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda")
 DEFAULT_TRACKERS = ("mmpf:gmm", "mmpf:cvm", *STONE_SOUP, *(f"{name}:{COARSE}" for name in STONE_SOUP[:2]))
@@ -84,13 +82,12 @@ def contender_of(name: str, particles: int) -> Contender:
     return Contender(name, name)
 
 
-def run_bench(plan: BenchPlan, advance: Callable[[], None], say: Callable[[str], object] = str) -> dict[str, Any]:
+def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, Any]:
     """Measure everything.
 
     Args:
         plan: What is measured.
         advance: Called after each scan of each scene.
-        say: Told roughly how long it will take, if that is long.
 
     Returns:
         ``beside``, ``rows``, ``gmm`` and ``slopes`` as plain values.
@@ -103,7 +100,6 @@ def run_bench(plan: BenchPlan, advance: Callable[[], None], say: Callable[[str],
         warm_up(contenders, bench_scene(min(plan.vehicles), plan.steps, np.random.default_rng(plan.seed)))
     except (UnknownNameError, TypeError) as error:
         raise InputError(f"`trackers`: {error}") from None
-    say_roughly(say, USUAL_SHARE * plan.budget_s * len(plan.vehicles) * len(contenders), "the measurement")
     rows: list[dict[str, Any]] = []
     # As in a run: all trackers' matrix products are small, and one thread is the fastest on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"), busy_machine(plan.beside):

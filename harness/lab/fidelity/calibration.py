@@ -15,7 +15,7 @@ from harness.lab.fidelity.candidate import Candidate, averaged, first_candidate,
 from harness.lab.fidelity.fields import read_fields
 from harness.lab.fidelity.measured import MeasuredSite, measure, measure_vehicles, read_measured, write_measured
 from harness.lab.fidelity.samples import VehicleStatistics, merged
-from harness.lab.fidelity.simulate import RunJob, say_roughly_all, simulate_all
+from harness.lab.fidelity.simulate import RunJob, simulate_all
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
@@ -143,9 +143,6 @@ def calibrate(
         trials.append(trial)
         say(_line(len(trials), trial))
 
-    together = len(request.seeds) * len(names)
-    runs, minutes = request.trials * together, request.duration_s / 60.0
-    say_roughly_all(say, runs, minutes, request.workers, together)
     found = search(network, site, first, request, keep, on_run)
     return CalibrationResult(site, tuple(trials), found, request.fields is not None or bool(request.recordings))
 

@@ -15,7 +15,7 @@ from harness.lab.fidelity.fields import Fields, read_fields
 from harness.lab.fidelity.lanes import LaneShare, lane_shares
 from harness.lab.fidelity.measured import MeasuredSite, measure, read_measured
 from harness.lab.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged, recorded_samples, recording_files
-from harness.lab.fidelity.simulate import Run, RunJob, say_roughly_all, simulate_all
+from harness.lab.fidelity.simulate import Run, RunJob, simulate_all
 from harness.lab.fidelity.statistics import PeriodStatistics, Target, period_statistics, targets
 from harness.truth.network.network import Network
 
@@ -137,9 +137,7 @@ class Fidelity:
         }
 
 
-def compare_traffic(
-    network: Network, request: FidelityRequest, on_run: Callable[[], None], say: Callable[[str], object] = str
-) -> Fidelity:
+def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable[[], None]) -> Fidelity:
     """Simulate the periods and compare them with what was measured.
 
     Raises:
@@ -158,7 +156,6 @@ def compare_traffic(
     files = recording_files(request.recordings)
     recorded = recorded_samples(files, network.name) if files else None
     jobs = [RunJob(network, demand, request.duration_s, seed) for demand in demands for seed in request.seeds]
-    say_roughly_all(say, len(jobs), request.duration_s / 60.0, request.workers)
     runs = simulate_all(jobs, request.workers, on_run)
     count = len(request.seeds)
     grouped = {demand: runs[k * count : (k + 1) * count] for k, demand in enumerate(demands)}

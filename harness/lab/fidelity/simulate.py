@@ -10,13 +10,11 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.process import BaseProcess
 from threading import Thread
 
-from harness.common.durations import say_roughly
 from harness.lab.fidelity.fields import Fields, fields_from_frames
 from harness.lab.fidelity.samples import Sampler, Samples
 from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import open_traffic
 
-SECONDS_PER_MINUTE = 7.0
 """Processor time of a simulated minute of rush hour."""
 
 
@@ -58,22 +56,6 @@ class RunJob:
         finally:
             truth.close()
         return Run(fields, sampler.samples())
-
-
-def say_roughly_all(
-    say: Callable[[str], object], runs: int, minutes: float, workers: int, together: int | None = None
-) -> None:
-    """Say how long so many runs will take.
-
-    Args:
-        say: Told the line.
-        runs: How many runs.
-        minutes: Simulated minutes of each.
-        workers: How many are made at a time.
-        together: How many may be made at a time; all if None.
-    """
-    at_a_time = max(1, min(together or runs, workers))
-    say_roughly(say, SECONDS_PER_MINUTE * minutes * runs / at_a_time, f"{runs} runs of {minutes:g} min")
 
 
 def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[Run]:

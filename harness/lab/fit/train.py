@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.common.durations import say_roughly
 from harness.common.errors import InputError
 from harness.lab.fit.card import errors_by_regime, write_card
 from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
@@ -50,7 +49,6 @@ SWEEP_SAMPLES = 15_000
 SWEEP_ITERATIONS = 30
 HELD_OUT_SAMPLES = 20_000
 # Processor time of a recording, and of the fits.
-RECORDING_S, FITTING_S = 25.0, 600.0
 
 Say = Callable[[str], None]
 
@@ -103,9 +101,6 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING}, {LANE_CHANGE} or turning")
     for_training = scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S)
     for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S)
-    recordings = len(for_training) + len(for_tuning)
-    what = f"{recordings} recordings, less if they are there already, and the fits"
-    say_roughly(say, RECORDING_S * recordings + FITTING_S, what)
     training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
     plan.out.mkdir(parents=True, exist_ok=True)
     if plan.case == LANE_CHANGE:

@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 
-from harness.common.durations import say_roughly
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.lab.fit.card import write_card
@@ -26,7 +25,6 @@ ON_NETWORKS = "junction,priority,roundabout"
 TURNING = "turning"
 DURATION_S = 100.0
 # Processor time of a recording.
-RECORDING_S = 4.0
 
 TURN_PER_M = 0.01
 INTO_TURN_M, TURNS_FASTER_MPS = 3.0, 3.0
@@ -74,7 +72,6 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
     for network in networks:
         if network.plane is None or not network.demands:
             raise InputError(f"`net` {network.name}: give networks in the plane with demands, such as {ON_NETWORKS}")
-    say_roughly(say, RECORDING_S * len(networks) * len(seeds), "recordings, less if they are there already")
     maps = [_recorded(network, seeds, cache, say) for network in networks]
     out.mkdir(parents=True, exist_ok=True)
     names = ",".join(network.name for network in networks)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.lab.study.expected import say_roughly_predicted
 from harness.lab.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
@@ -101,7 +100,6 @@ def make_study(
     if plan.study not in MODELS:
         raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
     models = {name: _model(plan, name) for name in plan.model_names}
-    say_roughly_predicted(say, plan.recordings, plan.runs * plan.cases * plan.particles)
     cases = cases_of_plan(plan, network, say)
     result = run_study(
         plan.study,

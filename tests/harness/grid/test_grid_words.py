@@ -10,11 +10,9 @@ from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.config.options import checked
 from harness.grid import grid as planning
-from harness.grid.cells import Cell, PlannedRun, distinct_trackers
-from harness.grid.expected import expected_s, work_s
+from harness.grid.cells import PlannedRun, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, title_of
 from harness.grid.options import GridOptions, request_of
-from harness.running.expected import LOADING_S, expected_tracking_s, expected_traffic_s
 from tests.harness.stand_ins import echo_tracker
 
 FEW = "fewer densities, seeds or values, for example `densities` 5:65:10, `seeds` 10"
@@ -193,15 +191,6 @@ def test_a_run_is_told_from_others_by_these_columns():
     assert replayed.identity()["replay"] == "where.csv"
     assert "mismatch" not in replayed.identity()
     assert replayed.key.startswith("us101-where-s3-mmpf")
-
-
-def test_the_guess_of_a_cell_is_its_traffic_and_all_its_runs():
-    cell = plan_grid(GridRequest(densities="20", seeds="1", trackers="mmpf,pmbm", duration_s=30.0)).cells[0]
-    tracking = [expected_tracking_s(run.config) for run in cell.runs]
-    assert work_s(cell) == pytest.approx(expected_traffic_s(cell.config) + sum(tracking))
-    alone = Cell(cell.runs[:1])
-    assert expected_s([cell, alone], 2) == pytest.approx(LOADING_S + (work_s(cell) + work_s(alone)) / 2)
-    assert expected_s([cell], 0) == expected_s([cell], 5) == pytest.approx(LOADING_S + work_s(cell))
 
 
 def asked(**options) -> GridRequest:

@@ -49,8 +49,8 @@ def drawn(monkeypatch) -> list:
     return noted
 
 
-def telling(said: list, workers: int | None = None) -> Telling:
-    return Telling(True, warn=lambda line: said.append(f"warned {line}"), tell=said.append, workers=workers)
+def telling(said: list) -> Telling:
+    return Telling(True, warn=lambda line: said.append(f"warned {line}"), tell=said.append)
 
 
 def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn):
@@ -136,12 +136,11 @@ def test_a_grid_over_recordings_leaves_one_figure_and_pooled_numbers(tmp_path, d
     assert drawn == [((pooled,), tmp_path / "hidden.png")]
 
 
-def test_rows_go_into_files_of_their_own_and_the_longest_cells_are_run_first(tmp_path, monkeypatch):
-    monkeypatch.setattr(making, "work_s", lambda cell: cell.config.seed)
+def test_rows_go_into_files_of_their_own_and_the_densest_cells_are_run_first(tmp_path):
     execute = MadeUp()
     run_stress(REQUEST, tmp_path / "out", execute)
     assert [(cell.config.seed, cell.config.traffic.density) for cell in execute.cells] == [
-        (1, 20.0), (1, 40.0), (0, 20.0), (0, 40.0),
+        (0, 40.0), (1, 40.0), (0, 20.0), (1, 20.0),
     ]  # fmt: skip
     run = plan_grid(REQUEST).runs[0]
     assert json.loads((tmp_path / "out" / "runs" / f"{run.key}.json").read_text()) == {
@@ -204,16 +203,6 @@ def test_a_grid_without_runs_warns_of_no_other_version(tmp_path):
     assert said == []
 
 
-def test_how_long_it_takes_is_told_for_what_is_left_and_so_many_workers(tmp_path, monkeypatch):
-    said: list = []
-    monkeypatch.setattr(making, "expected_s", lambda cells, workers: 100.0 * len(cells) + workers)
-    stopped(tmp_path / "out", 3)
-    run_stress(REQUEST, tmp_path / "out", MadeUp(), resume=True, user=telling(said, 3))
-    assert said == ["5 runs, 3 at a time: roughly 7 minutes, longer on a busy machine"]
-    run_stress(REQUEST, tmp_path / "another", MadeUp(), user=telling(said, None))
-    assert len(said) == 1
-
-
 def test_the_bar_is_headed_by_what_is_made_and_what_was_done_before(tmp_path, monkeypatch):
     bars: list = []
 
@@ -262,13 +251,13 @@ def test_what_the_system_refuses_ends_in_one_line_that_says_what_is_kept(error, 
 
 def test_the_user_is_warned_on_stderr_and_told_the_rest_unless_quiet(capsys):
     for quiet in (False, True):
-        user = on_stderr(quiet, 4)
-        assert (user.quiet, user.workers) == (quiet, 4)
+        user = on_stderr(quiet)
+        assert user.quiet == quiet
         user.warn("this")
         user.tell("that")
     assert capsys.readouterr().err == "warning: this\nthat\nwarning: this\n"
     plain = Telling()
-    assert (plain.quiet, plain.workers, plain.warn("x"), plain.tell("y")) == (True, None, "x", "y")
+    assert (plain.quiet, plain.warn("x"), plain.tell("y")) == (True, "x", "y")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from harness.lab.study.expected import say_roughly_predicted
 from harness.lab.study.study import COMPLETE, LABELS, score_row
 from harness.lab.study.transfer.models import (
     COMPONENTS,
@@ -56,7 +55,6 @@ from mmpf.motion.state import ACCEL, LON
 STUDY = "transfer"
 MODELS = 12
 TEST_SETS = 3
-FITTING_S = 150.0
 """Processor time of all fits."""
 UP_TO_5_S = tuple(horizon for horizon in HORIZONS_S if horizon <= 5.0)
 BEYOND_5_S = tuple(horizon for horizon in HORIZONS_S if horizon > 5.0)
@@ -121,8 +119,6 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         InputError: Real recordings are missing or broken.
     """
     pairs_path, files = pairs_file(plan.real_data), snippet_files(plan.real_data)
-    recordings = plan.recordings + 2 * plan.training_recordings
-    say_roughly_predicted(say, recordings, MODELS * TEST_SETS * plan.cases * plan.particles, FITTING_S)
     training, held_out = split_pairs(pair_windows(pairs_path, STEPS, STEP_S), plan.seed)
     sets = [
         held_out_set(PAIRS, [(held_out, HORIZONS_S)]),
