@@ -72,7 +72,7 @@ def command(options: Options) -> None:
 
     Examples:
       python -m harness calibrate --trials 4 --minutes 5
-      python -m harness calibrate --fields ../shared/realdata/us101_fields --write
+      python -m harness calibrate --fields us101_fields --write
       python -m harness calibrate --keep-drivers --trials 5 --write
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """

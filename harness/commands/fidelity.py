@@ -42,9 +42,8 @@ def command(options: Options) -> None:
     Examples:
       python -m harness fidelity --seeds 0:1 --minutes 5
       python -m harness fidelity --demand us101-0805 --workers 2
-      python -m harness fidelity --fields ../shared/realdata/us101_fields
-             --recordings ../shared/realdata/ngsim
-             --recordings ../shared/realdata/commonroad
+      python -m harness fidelity --fields us101_fields
+             --recordings ngsim --recordings commonroad
     """
     from harness.common.progress import progress_bar  # noqa: PLC0415
     from harness.config.lists import names, seed_values  # noqa: PLC0415

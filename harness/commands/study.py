@@ -39,7 +39,7 @@ class Options(TypedDict):
     cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
     real_data: Annotated[
         Path | None,
-        Option("transfer: folder of real recordings. (default: $MMPF_REALDATA, or shared/realdata beside)"),
+        Option("transfer: folder of real recordings. (default: $MMPF_REALDATA)"),
     ]
     out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
     json: Annotated[bool, Option("Print results.json on stdout, nothing else there.", default=False)]
@@ -60,7 +60,7 @@ def command(options: Options) -> None:
     Examples:
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
-      python -m harness study transfer --real-data ../shared/realdata
+      python -m harness study transfer --real-data recordings
       python -m harness study ablation
     """
     from harness.config.lists import seed_values  # noqa: PLC0415

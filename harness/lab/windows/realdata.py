@@ -1,4 +1,4 @@
-"""Where recordings of real roads lie: not part of the project, beside it or where the user says."""
+"""Where recordings of real roads lie: they are not part of the project, so the user says where."""
 
 from __future__ import annotations
 
@@ -17,20 +17,18 @@ def real_data_folder(given: Path | None = None) -> Path:
     """Return the folder of real recordings.
 
     Args:
-        given: What the user said; None for the environment variable ``MMPF_REALDATA``, or ``shared/realdata`` beside
-            the project.
+        given: What the user said; None for the environment variable ``MMPF_REALDATA``.
 
     Raises:
-        InputError: There is no such folder.
+        InputError: Neither is given, or there is no such folder.
     """
-    beside = Path(__file__).resolve().parents[4] / "shared" / "realdata"
-    folder = given or Path(os.environ.get(VARIABLE, beside))
-    if not folder.is_dir():
+    folder = given or os.environ.get(VARIABLE)
+    if not folder or not Path(folder).is_dir():
         raise InputError(
-            f"`{PARAMETER}`: no real recordings in {folder}; name their folder with `{PARAMETER}` "
-            f"or the variable {VARIABLE}"
+            f"`{PARAMETER}`: {f'no real recordings in {folder}' if folder else 'no folder of real recordings is given'}; "
+            f"name their folder with `{PARAMETER}` or the variable {VARIABLE}"
         )
-    return folder
+    return Path(folder)
 
 
 def pairs_file(folder: Path) -> Path:

@@ -27,7 +27,7 @@ from mmpf.motion.kinematic import ProcessNoise, kinematic
 from tests.harness.lab.fit.recorded_pairs import write_pairs
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
 
-REAL = Path(os.environ.get("MMPF_REALDATA", Path(__file__).parents[5].parent / "shared" / "realdata"))
+REAL = Path(os.environ.get("MMPF_REALDATA", "no recordings"))
 STEP_S = 0.1
 STILL = ProcessNoise(0.0, 0.0)
 
@@ -132,8 +132,9 @@ def test_inputs_beyond_the_training_range_are_counted(windows):
     assert speed["std"] == pytest.approx(values.std())
 
 
-def test_without_real_recordings_the_study_ends_with_two_and_one_line(tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("MMPF_REALDATA", str(tmp_path / "nowhere"))
+@pytest.mark.parametrize("folder", ["", "nowhere"])
+def test_without_real_recordings_the_study_ends_with_two_and_one_line(folder, capsys, monkeypatch):
+    monkeypatch.setenv("MMPF_REALDATA", folder)
     assert run_command_line(["study", "transfer"]) == 2
     message = capsys.readouterr().err.strip()
     assert "--real-data" in message
