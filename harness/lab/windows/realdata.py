@@ -24,10 +24,8 @@ def real_data_folder(given: Path | None = None) -> Path:
     """
     folder = given or os.environ.get(VARIABLE)
     if not folder or not Path(folder).is_dir():
-        raise InputError(
-            f"`{PARAMETER}`: {f'no real recordings in {folder}' if folder else 'no folder of real recordings is given'}; "
-            f"name their folder with `{PARAMETER}` or the variable {VARIABLE}"
-        )
+        wrong = f"no real recordings in {folder}" if folder else "no folder of real recordings is given"
+        raise InputError(f"`{PARAMETER}`: {wrong}; name it with `{PARAMETER}` or the variable {VARIABLE}")
     return Path(folder)
 
 
