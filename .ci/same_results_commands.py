@@ -58,7 +58,6 @@ RECORDINGS = {
 }
 DRIVES = {
     "drive-brake": "--provoke brake --density 20",
-    "drive-gap": "--provoke gap --density 20",
     "drive-cross": "--provoke cross --net priority --heed-unseen 0.1",
     "drive-stopped": "--provoke stopped --density 15 --flow 15",
     "drive-dark": "--provoke dark --density 20",

@@ -208,15 +208,3 @@ def believed_by_each(frame: Frame, rows: IntArray, road: Road) -> Belief:
     )
     own = {name: getattr(frame, name)[rows] for name in ("lon_m", "lat_m", "speed_mps", "lane", "length_m", "width_m")}
     return believe(bodies, Egos(episode=np.zeros(count, dtype=np.int64), **own), road)
-
-
-def biased(belief: Belief, bias_m: float) -> Belief:
-    """Return a belief in which every gap ahead is longer than it seemed."""
-    if bias_m == 0.0:
-        return belief
-    ahead = belief.leaders
-    left, right = (
-        replace(side, leader=replace(side.leader, gap_m=side.leader.gap_m + bias_m))
-        for side in (belief.left, belief.right)
-    )
-    return replace(belief, leaders=replace(ahead, gap_m=ahead.gap_m + bias_m), left=left, right=right)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from harness.closedloop.figure import drives_figure
-from harness.closedloop.plan import BIAS, TRACKED_S, DriveRequest, PlannedDrive, plan_drives
+from harness.closedloop.plan import TRACKED_S, DriveRequest, PlannedDrive, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 FIGURE = "collisions_and_hard_brakes.png"
 WORKER = "harness.closedloop.worker"
 PAGES_OF_EACH = 3
-"""Of each belief and bias so many collisions, the hardest, get a page with a replay; the others keep their folders."""
+"""Of each belief so many collisions, the hardest, get a page with a replay; the others keep their folders."""
 BEFORE_S = 3.0
 REPLAY = "replay"
 
@@ -169,7 +169,7 @@ def _hardest(grid: Grid, table: pd.DataFrame) -> list[str]:
     keyed = table.assign(key=[run.key for run in grid.runs])[collided]
     if not len(keyed):
         return []
-    hard = keyed.sort_values(IMPACT, ascending=False, kind="stable").groupby(["variant", BIAS], sort=False)
+    hard = keyed.sort_values(IMPACT, ascending=False, kind="stable").groupby("variant", sort=False)
     return [str(key) for key in hard.head(PAGES_OF_EACH)["key"]]
 
 

@@ -21,15 +21,13 @@ from harness.closedloop.beliefs import (
     Perception,
     TrackedPerception,
     TruePerception,
-    biased,
     ego_of,
     true_bodies,
 )
-from harness.closedloop.changing import LaneChange
 from harness.closedloop.handover import HandOver
 from harness.closedloop.inview import SeldomDetected
 from harness.closedloop.passing import Passage
-from harness.closedloop.plan import CROSS, DRIVEN_S, GAP, KINDS, TRACKED_S, PlannedDrive
+from harness.closedloop.plan import CROSS, DRIVEN_S, STREAMS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
 from harness.closedloop.traffic import Traffic, with_ego
 from harness.closedloop.withheld import PlainSight
@@ -51,7 +49,6 @@ from harness.scoring.metrics.closedloop import (
     WAY_ENDED,
     Contact,
     Driven,
-    score_change,
     score_crossing,
     score_drive,
 )
@@ -102,7 +99,7 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         planned: By what belief.
     """
     config, seed = planned.config, planned.config.seed
-    stream = np.random.SeedSequence(seed, spawn_key=(KINDS.index(at.kind),))
+    stream = np.random.SeedSequence(seed, spawn_key=(STREAMS[at.kind],))
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
     sensor = build_sensor(figures)
     if planned.detected is not None:
@@ -117,8 +114,6 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         noise=_child(stream, SENSOR),
     )
     road = traffic.network.road
-    if at.kind == GAP:
-        loop.change = LaneChange(loop.driver, road, at.lane, traffic.step_s, planned.gap_bias_m)
     if road.graph is not None:
         loop.passage = Passage.over(road.graph, at.route, traffic.step_s, planned.heed_unseen)
     looks = Looks(
@@ -134,8 +129,6 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         loop.unseen = UnseenOfTracks(believed.road, believed.sensor)
     follow(believed, build, recorder, _child(stream, TRACKER), (loop.watch,), times)
     drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
-    if loop.change is not None:
-        drove |= score_change(loop.change.changed())
     if loop.passage is not None and loop.passage.crossings:
         drove |= score_crossing(loop.passage.crossed(at.provoked if at.kind == CROSS else "", loop.contact))
     episode: dict[str, Any] = {
@@ -144,8 +137,6 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         "candidates": at.candidates,
         "looked_through": at.looked_through,
     }
-    if at.lane:
-        episode["lane"] = at.lane
     if planned.flow_mps is not None:
         episode["flow_mps"] = planned.flow_mps
     if at.seen_before is not None:
@@ -172,13 +163,11 @@ class _Loop:
     noise: np.random.SeedSequence
     ended: str = IN_TIME
     contact: Contact | None = None
-    change: LaneChange | None = None
     passage: Passage | None = None
     unseen: UnseenOfTracks | None = None
     sight: PlainSight = field(default_factory=PlainSight)
     _steps: list[tuple[float, ...]] = field(default_factory=list)
     _demand: float = 0.0
-    _aim_m: float | None = None
 
     def looks(self) -> Iterator[Look]:
         """Yield the tracking seconds, then what comes of the driver's commands, until the episode is over."""
@@ -190,10 +179,6 @@ class _Loop:
         for step in range(first, first + round(DRIVEN_S / self.traffic.step_s)):
             with sumo_errors_in_words(self.traffic.running.sumo):
                 steering.act(self._demand, float(self._frame.speed_mps[self._frame.ego]), self.traffic.step_s)
-                if self.at.kind == GAP:
-                    steering.insist(self._frame, self.traffic.network.road, self.traffic.step_s)
-                if self._aim_m is not None:
-                    steering.steer(self._aim_m, float(self._frame.lat_m[self._frame.ego]))
             frame, time_s = self.traffic.advance(), round((step - first + 1) * self.traffic.step_s, 6)
             if self.at.ego not in frame.vehicle_id:
                 # Where the user's configuration lets SUMO take away who collides, it is gone by now.
@@ -232,11 +217,9 @@ class _Loop:
             return
         ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
         sure = bodies.sure()
-        if self.change is not None:
-            self._aim_m = self.change.decide(sure, real, ego)
         minded, really = self._pass(look.frame, sure, real, ego, unseen)
-        self._demand, _ = self._demanded(bodies, ego, self.planned.gap_bias_m, minded)
-        needed, leader = self._demanded(real, ego, 0.0, really)
+        self._demand, _ = self._demanded(bodies, ego, minded)
+        needed, leader = self._demanded(real, ego, really)
         self._steps.append(
             (
                 float(ego.speed_mps[0]),
@@ -270,20 +253,16 @@ class _Loop:
         by_belief, by_truth = (partial(passage.minded, course=course, room_m=room_m) for room_m in (holds, must))
         return by_belief, by_truth
 
-    def _demanded(self, bodies: Bodies, ego: Egos, bias_m: float, minded: Minded) -> tuple[float, Others]:
-        """Return the acceleration that the driver demands, between two lanes by those ahead in both, and its leader."""
-        road = self.traffic.network.road
-        egos = (ego,) if self.change is None else self.change.in_each_lane(ego)
+    def _demanded(self, bodies: Bodies, ego: Egos, minded: Minded) -> tuple[float, Others]:
+        """Return the acceleration that the driver demands, and the ego's leader."""
+        road, sure = self.traffic.network.road, bodies.sure()
 
-        def decided(by: Bodies, each: Egos) -> Decision:
-            return decide_by(self.driver, minded(biased(believe(by, each, road), bias_m)))
+        def decided(by: Bodies) -> Decision:
+            return decide_by(self.driver, minded(believe(by, ego, road)))
 
-        demands, sure = [], bodies.sure()
-        for each in egos:
-            decision = decided(sure, each)
-            both = with_doubt(decision, decided(bodies, each)) if bodies.has_doubtful else decision.command.accel_mps2
-            demands.append(float(both[0]))
-        return min(demands), biased(believe(sure, egos[0], road), bias_m).leader
+        decision = decided(sure)
+        both = with_doubt(decision, decided(bodies)) if bodies.has_doubtful else decision.command.accel_mps2
+        return float(both[0]), believe(sure, ego, road).leader
 
     def driven(self) -> Driven:
         """Return the steps from the hand-over on."""

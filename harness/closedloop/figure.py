@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from harness.closedloop.plan import BRAKE, CROSS, GAP
+from harness.closedloop.plan import BRAKE, CROSS
 from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, Score
 from harness.common.plots import strip
 from harness.scoring.metrics.closedloop import COLLIDED, HARD_BRAKES, QUANTITIES, TTC
@@ -20,7 +20,6 @@ STYLES = {
     FREE_ONES: ("#0072B2", "s"),
     PROVOKED_ONES: ("#D55E00", "^"),
     BRAKE: ("#CC79A7", "v"),
-    GAP: ("#009E73", "D"),
     CROSS: ("#E69F00", "P"),
     SEEN_BEFORE: ("#56B4E9", "<"),
     NEVER_SEEN: ("#F0E442", ">"),
@@ -29,7 +28,7 @@ STYLES = {
 
 def drives_figure(found: Sequence[Score], title: str) -> Figure:
     """Draw means with 95 % intervals of collisions, short times to collision and hard brakes, by belief."""
-    rows = list(dict.fromkeys((score.belief, score.gap_bias_m) for score in found))
+    rows = list(dict.fromkeys(score.belief for score in found))
     figure = Figure(figsize=(10.0, 1.6 + 0.45 * len(rows)), layout="constrained")
     panels = figure.subplots(1, len(SHOWN), sharey=True, squeeze=False)[0]
     kinds = list(dict.fromkeys(score.episodes for score in found))
@@ -39,7 +38,7 @@ def drives_figure(found: Sequence[Score], title: str) -> Figure:
             own = [score for score in found if score.metric == metric and score.episodes == kind]
             known = [score for score in own if score.mean is not None]
             offset = SPREAD / max(len(kinds), 3) * (place - 0.5 * (len(kinds) - 1))
-            at = [rows.index((score.belief, score.gap_bias_m)) + offset for score in known]
+            at = [rows.index(score.belief) + offset for score in known]
             means = [score.mean or 0.0 for score in known]
             panel.scatter(means, at, color=colour, marker=mark, s=28, label=f"{kind} episodes", zorder=3)
             for score, height in zip(known, at, strict=True):
@@ -51,7 +50,7 @@ def drives_figure(found: Sequence[Score], title: str) -> Figure:
         furthest = max(panel.get_xlim()[1], LEAST_AXIS)
         panel.set_xlim(-0.03 * furthest, furthest)
         strip(panel)
-    panels[0].set_yticks(range(len(rows)), [f"{name} +{bias:g} m" if bias else name for name, bias in rows])
+    panels[0].set_yticks(range(len(rows)), rows)
     panels[0].invert_yaxis()
     if found:
         figure.legend(

@@ -13,15 +13,13 @@ import numpy as np
 
 from harness.closedloop.approaches import hidden_with_right_of_way
 from harness.closedloop.beliefs import believed_by_each, ego_of, true_bodies
-from harness.closedloop.gaps import Occupied
 from harness.closedloop.inview import CHANGES_LANE_MPS, FARTHEST_LEADER_M, leader_in_view, stands_ahead
-from harness.closedloop.plan import BRAKE, CROSS, DARK, DRIVEN_S, FREE, GAP, KINDS, STOPPED, TRACKED_S
+from harness.closedloop.plan import BRAKE, CROSS, DARK, DRIVEN_S, FREE, STOPPED, STREAMS, TRACKED_S
 from harness.closedloop.routes import Way, edge_of, way_of
 from harness.closedloop.sight import hidden_after_sight
 from harness.closedloop.traffic import Traffic, with_ego
 from harness.config.sensor import SensorSettings
 from harness.decisions.belief import NOBODY, Belief, believe
-from harness.decisions.drivers.protocol import Driver
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import BROKEN_DOWN, drawn_car
 from harness.truth.sumo.fill import Placement
@@ -29,9 +27,9 @@ from harness.truth.sumo.simulation import CAR_LENGTH_M
 from mmpf.map.control import YIELD
 from mmpf.numerics.arrays import BoolArray, IntArray
 
-LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, GAP: 1, CROSS: 1, STOPPED: 1, DARK: 2}
+LOOK_AGAIN_S = {FREE: 2, BRAKE: 2, CROSS: 1, STOPPED: 1, DARK: 2}
 """Time between moments that are searched for candidates of each kind."""
-GIVE_UP_S = {FREE: 40, BRAKE: 40, GAP: 40, CROSS: 600, STOPPED: 120, DARK: 40}
+GIVE_UP_S = {FREE: 40, BRAKE: 40, CROSS: 600, STOPPED: 120, DARK: 40}
 """After so long there are none."""
 SECTION_MARGIN_M = 20.0
 # An ego needs so much road as it covers in an episode at this speed at most.
@@ -56,7 +54,6 @@ class HandOver:
         candidates: How many cars could have been the ego.
         looked_through: How many of them were looked at until one fitted, over all moments.
         frames: The tracking seconds, the last frame is the hand-over's.
-        lane: Number of the lane that the ego's route needs; 0 where it keeps its own.
         way: The lanes that it is to drive on a network without a main road; None on one with.
         seen_before: Whether the vehicle that it must let pass had been in sight, or never had; None where it is no such
             episode.
@@ -69,7 +66,6 @@ class HandOver:
     candidates: int
     looked_through: int
     frames: tuple[Frame, ...]
-    lane: int = 0
     way: Way | None = None
     seen_before: bool | None = None
     stands: Placement | None = None
@@ -84,7 +80,6 @@ def hand_overs(
     traffic: Traffic,
     kinds: Sequence[str],
     settings: SensorSettings,
-    driver: Driver,
     rng: np.random.Generator,
     flow_mps: float | None = None,
 ) -> Iterator[HandOver | str]:
@@ -94,18 +89,17 @@ def hand_overs(
         traffic: The traffic; it goes on between hand-overs.
         kinds: Kinds of episodes, each once.
         settings: The sensor.
-        driver: Whose criterion of gaps it is.
         rng: Decides between candidates. Each kind has the same draws whichever others are asked for.
         flow_mps: Speed at which the traffic is to flow; None where it is not told.
     """
     step_s, waiting = traffic.step_s, [kind for kind in kinds if kind != CROSS or _has_right_of_way(traffic)]
-    streams = dict(zip(KINDS, rng.spawn(len(KINDS)), strict=True))
+    spawned = rng.spawn(max(STREAMS.values()) + 1)
     hopeless, looked = [kind for kind in kinds if kind not in waiting], dict.fromkeys(waiting, 0)
     for _ in range(round(TRACKED_S / step_s)):
         traffic.advance()
     for second in range(max(GIVE_UP_S[kind] for kind in kinds)):
         for kind in [kind for kind in waiting if second < GIVE_UP_S[kind] and second % LOOK_AGAIN_S[kind] == 0]:
-            found = _find(traffic, kind, settings, driver, streams[kind], flow_mps)
+            found = _find(traffic, kind, settings, spawned[STREAMS[kind]], flow_mps)
             looked[kind] += found.looked_through
             if found.ego:
                 waiting.remove(kind)
@@ -127,7 +121,6 @@ def _find(
     traffic: Traffic,
     kind: str,
     settings: SensorSettings,
-    driver: Driver,
     rng: np.random.Generator,
     flow_mps: float | None,
 ) -> HandOver:
@@ -139,7 +132,7 @@ def _find(
     if kind == STOPPED and traffic.network.plane is None:
         concerned = _standing(traffic, settings, order, rng, flow_mps)
     else:
-        concerned = _concerned(traffic, kind, settings, driver, order, ways)
+        concerned = _concerned(traffic, kind, settings, order, ways)
     for place, row in enumerate(order):
         about = concerned(place)
         if kind == FREE or about.provoked:
@@ -152,7 +145,6 @@ def _find(
                 candidates=len(rows),
                 looked_through=place + 1,
                 frames=frames,
-                lane=about.lane,
                 way=ways.get(int(row)),
                 seen_before=about.seen_before,
                 stands=about.stands,
@@ -165,7 +157,6 @@ class _Concerned:
     """Whom a provocation of a car would concern; see ``HandOver``."""
 
     provoked: str = ""
-    lane: int = 0
     seen_before: bool | None = None
     stands: Placement | None = None
 
@@ -184,7 +175,7 @@ def _standing(
 
 
 def _concerned(
-    traffic: Traffic, kind: str, settings: SensorSettings, driver: Driver, rows: IntArray, ways: Mapping[int, Way]
+    traffic: Traffic, kind: str, settings: SensorSettings, rows: IntArray, ways: Mapping[int, Way]
 ) -> Callable[[int], _Concerned]:
     """Return what tells of each of some cars whom a provocation of it would concern."""
     now, road = traffic.frames[-1], traffic.network.road
@@ -196,9 +187,6 @@ def _concerned(
     if kind == DARK and traffic.network.plane is None:
         belief = believed_by_each(now, rows, road)
         return lambda place: _Concerned(leader_in_view(traffic, belief, place, int(rows[place]), settings))
-    if kind == GAP and traffic.network.plane is None:
-        occupied = Occupied(traffic, driver, rows)
-        return lambda place: _Concerned(*occupied.by_hidden(place, settings))
     if kind == CROSS and traffic.network.plane is not None:
 
         def with_right_of_way(place: int) -> _Concerned:

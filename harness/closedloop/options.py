@@ -42,9 +42,9 @@ class DriveOptions(TypedDict, total=False):
     provoke: Annotated[
         str,
         Option(
-            "Provocations, in turns: brake (the hidden leader's leader brakes hard), gap (the route needs the lane "
-            "beside, where a hidden car is in the way), cross (a hidden car has right of way over the ego), stopped (a "
-            "vehicle stands in its lane, in plain view), dark (the leader, seldom detected, brakes hard).",
+            "Provocations, in turns: brake (the hidden leader's leader brakes hard), cross (a hidden car has right of "
+            "way over the ego), stopped (a vehicle stands in its lane, in plain view), dark (the leader, seldom "
+            "detected, brakes hard).",
             panel=DRIVES,
             default="brake",
         ),
@@ -72,14 +72,6 @@ class DriveOptions(TypedDict, total=False):
     ]
     driver: Annotated[
         str | None, Option("Who drives: hdm, idm, mobil, or module:factory. (default: hdm)", panel=DRIVES)
-    ]
-    gap_bias: Annotated[
-        str,
-        Option(
-            "Metres by which believed gaps are too long, a list: a check that collisions grow.",
-            panel=DRIVES,
-            default="0",
-        ),
     ]
     heed_unseen: Annotated[
         float | None,
@@ -126,7 +118,6 @@ def request_of(values: Mapping[str, Any]) -> DriveRequest:
             driver=values["driver"],
             sensor=values["sensor"],
             provoke=values["provoke"],
-            gap_bias=values["gap_bias"],
             heed_unseen=values["heed_unseen"],
             settings=(*_broken_down(values["broken_down"]), *setting_words(values["settings"])),
             flow=values["flow"],

@@ -1,7 +1,7 @@
 """From the lists that a user writes to the episodes and beliefs of a closed loop: a grid, whose cells are seeds.
 
 Two episodes come from each seed's traffic, one that goes on as it would and one that is provoked. A cell is a seed's
-traffic; its runs are drives by each belief with each bias.
+traffic; its runs are drives by each belief.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ import numpy as np
 
 from harness.closedloop.beliefs import TRUTH, WITHOUT_TRACKER
 from harness.common.errors import InputError
-from harness.config.lists import MOST_SEED, names, numbers
+from harness.config.lists import MOST_SEED, names
 from harness.config.model import RunConfig, TrafficConfig
 from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 
-FREE, BRAKE, GAP, CROSS, STOPPED, DARK = "free", "brake", "gap", "cross", "stopped", "dark"
-PROVOKED = (BRAKE, GAP, CROSS, STOPPED, DARK)
-KINDS = (FREE, *PROVOKED)
-KIND, BIAS = "episode.kind", "gap_bias_m"
-AXES = (KIND, BIAS)
+FREE, BRAKE, CROSS, STOPPED, DARK = "free", "brake", "cross", "stopped", "dark"
+PROVOKED = (BRAKE, CROSS, STOPPED, DARK)
+STREAMS = {FREE: 0, BRAKE: 1, CROSS: 3, STOPPED: 4, DARK: 5}
+"""Number of each kind's own stream of random numbers; the second was that of a kind that is gone."""
+KIND = "episode.kind"
+AXES = (KIND,)
 TRACKED_S, DRIVEN_S = 5.0, 20.0
 BELIEFS_EXAMPLE = "truth,oracle-kalman,mmpf,detections"
 STAND_IN = "detections"
@@ -54,7 +55,6 @@ class DriveRequest:
         driver: Driver by name, or module:factory.
         sensor: Sensor profile.
         provoke: Kinds of provocation, a list, in turns.
-        gap_bias: Metres by which believed gaps are too long, a list.
         heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
         settings: ``KEY=VALUE`` words that hold for all.
         flow: Speed at which the traffic flows, metres a second; None for one that each seed draws where a vehicle is
@@ -71,7 +71,6 @@ class DriveRequest:
     driver: str | None = None
     sensor: str | None = None
     provoke: str = BRAKE
-    gap_bias: str = "0"
     heed_unseen: float | None = None
     settings: tuple[str, ...] = ()
     flow: float | None = None
@@ -92,14 +91,12 @@ class PlannedDrive(PlannedRun):
 
     Attributes:
         kind: ``free``, or how it is provoked.
-        gap_bias_m: By how much believed gaps are too long.
         heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
         flow_mps: Speed at which the seed's traffic flows; None for the network's.
         detected: Share of scans in which the leader of an episode ``dark`` is detected; None of others.
     """
 
     kind: str = FREE
-    gap_bias_m: float = 0.0
     heed_unseen: float | None = None
     flow_mps: float | None = None
     detected: float | None = None
@@ -107,21 +104,19 @@ class PlannedDrive(PlannedRun):
     @property
     def key(self) -> str:
         """Name of its result file."""
-        told = [self.config.as_table(), self.variant, self.kind, self.gap_bias_m]
+        told: list[object] = [self.config.as_table(), self.variant, self.kind]
         if self.heed_unseen is not None:
             told.append(self.heed_unseen)
         told += [f"{name} {value}" for name, value in (("flow", self.flow_mps), ("detected", self.detected)) if value]
         content = json.dumps(told, sort_keys=True)
         readable = f"s{self.config.seed}-{self.kind}-{self.variant}"
-        if self.gap_bias_m:
-            readable += f"-bias-{self.gap_bias_m:g}"
         readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[:80]
         return f"{readable}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
 
     def identity(self) -> dict[str, Any]:
         """Return the columns that tell this drive from the others; ``variant`` alone names the belief."""
         tracker = None if self.variant in WITHOUT_TRACKER else self.config.tracker.name
-        own = {"tracker": tracker, "model": None, "update": None, KIND: self.kind, BIAS: self.gap_bias_m}
+        own = {"tracker": tracker, "model": None, "update": None, KIND: self.kind}
         return super().identity() | own
 
 
@@ -132,7 +127,6 @@ def plan_drives(request: DriveRequest) -> Grid:
         InputError: A list is wrong, or a name is unknown.
     """
     beliefs = names(request.beliefs, "beliefs", BELIEFS_EXAMPLE)
-    biases = numbers(request.gap_bias, "gap_bias", "0,2,5,10")
     kinds = names(request.provoke, "provoke", ",".join(PROVOKED))
     for kind in kinds:
         if kind not in PROVOKED:
@@ -151,13 +145,11 @@ def plan_drives(request: DriveRequest) -> Grid:
                 config=configs[belief].model_copy(update=update),
                 variant=belief,
                 kind=kind,
-                gap_bias_m=bias,
                 heed_unseen=request.heed_unseen,
                 flow_mps=flow_mps,
                 detected=(request.detected or DETECTED) if kind == DARK else None,
             )
             for kind in both
-            for bias in biases
             for belief in beliefs
         )
         cells.append(Cell(tuple(drives)))

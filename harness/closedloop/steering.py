@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.handover import HandOver
-from harness.closedloop.plan import BRAKE, DARK, GAP
-from harness.closedloop.traffic import row_of
-from harness.decisions.belief import believe
-from harness.decisions.drivers.following import SAFE_DECEL_MPS2, following
+from harness.closedloop.plan import BRAKE, DARK
 from harness.scoring.metrics.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import stand
 from harness.truth.sumo.session import Sumo
-from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
 NO_CHECKS, ALL_CHECKS = 0, 31
@@ -25,8 +18,6 @@ PROVOKED_BRAKING_MPS2, STANDS_S = -5.0, 1.0
 NO_SPEED = -1.0
 """By this speed SUMO's own driver takes a vehicle back."""
 KEEPS_LANE_M, BETWEEN_WITHIN_M = 1.8, 250.0
-ON_COURSE_M = 0.05
-"""So near to where it steers for the ego is there."""
 
 
 class Steering:
@@ -41,9 +32,9 @@ class Steering:
         """Let SUMO neither check the ego's speed nor change its lane from now on."""
         self._sumo.vehicle.setSpeedMode(self._at.ego, NO_CHECKS)
         self._sumo.vehicle.setLaneChangeMode(self._at.ego, NO_CHECKS)
-        if self._at.kind in (BRAKE, GAP, DARK):
+        if self._at.kind in (BRAKE, DARK):
             self._sumo.vehicle.setSpeedMode(self._at.provoked, NO_CHECKS)
-        if self._at.kind in (GAP, DARK):
+        if self._at.kind == DARK:
             self._sumo.vehicle.setLaneChangeMode(self._at.provoked, NO_CHECKS)
         if self._at.stands is not None:
             stand(self._sumo, self._at.provoked, self._at.stands)
@@ -62,28 +53,6 @@ class Steering:
         near = np.abs(now.lon_m - now.lon_m[now.ego]) < BETWEEN_WITHIN_M
         for name in now.vehicle_id[beside & near].tolist():
             self._sumo.vehicle.setLaneChangeMode(name, NO_CHECKS)
-
-    def steer(self, aim_m: float, lat_m: float) -> None:
-        """Let the ego move sideways towards a lateral position, whoever is there."""
-        if abs(aim_m - lat_m) > ON_COURSE_M:
-            self._sumo.vehicle.changeSublane(self._at.ego, aim_m - lat_m)
-
-    def insist(self, frame: Frame, road: Road, step_s: float) -> None:
-        """Let the provoked vehicle of an episode ``gap`` go on as fast as it did, minding who is in its lane.
-
-        It drives by the truth, but makes room for nobody who is not in its lane yet, and brakes no harder for who is
-        than a safe gap asks of it.
-        """
-        name = self._at.provoked
-        if name not in frame.vehicle_id:
-            return
-        its = replace(frame, ego=row_of(frame, name))
-        belief = believe(true_bodies(its), ego_of(its), road)
-        accel_mps2 = max(float(following(belief, belief.leader)[0]), -SAFE_DECEL_MPS2)
-        began = self._at.frames[-1]
-        fastest_mps = float(began.speed_mps[row_of(began, name)])
-        speed_mps = float(its.speed_mps[its.ego]) + accel_mps2 * step_s
-        self._sumo.vehicle.setSpeed(name, min(max(0.0, speed_mps), fastest_mps))
 
     def _brake(self, step_s: float) -> None:
         """Brake the provoked vehicle until it stands, and let it go on after a while."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
-from harness.closedloop.plan import BIAS, CROSS, DARK, FREE, GAP, KIND, PROVOKED, STOPPED
+from harness.closedloop.plan import CROSS, DARK, FREE, KIND, PROVOKED, STOPPED
 from harness.common.bootstrap import few_groups_ci
 from harness.common.effects import paired_effect
 from harness.common.markdown import markdown_table
@@ -34,7 +34,6 @@ class Score:
 
     Attributes:
         belief: The belief.
-        gap_bias_m: By how much its gaps are too long.
         episodes: ``all``, ``free``, ``provoked``, or a kind of provocation where there are several.
         metric: Key of the quantity.
         n: Episodes with a value.
@@ -45,7 +44,6 @@ class Score:
     """
 
     belief: str
-    gap_bias_m: float
     episodes: str
     metric: str
     n: int
@@ -56,7 +54,7 @@ class Score:
 
 
 def scores(table: pd.DataFrame) -> list[Score]:
-    """Score every belief, bias and kind of episode.
+    """Score every belief and kind of episode.
 
     Args:
         table: The rows of ``runs.parquet``.
@@ -67,11 +65,11 @@ def scores(table: pd.DataFrame) -> list[Score]:
     done = done[done[ENDED] != NO_CANDIDATE]
     found = []
     for name, episodes in _groups(done):
-        truth = episodes[(episodes["variant"] == TRUTH) & (episodes[BIAS] == 0.0)]
-        for belief, bias in dict.fromkeys(zip(episodes["variant"], episodes[BIAS], strict=True)):
-            rows = episodes[(episodes["variant"] == belief) & (episodes[BIAS] == bias)]
+        truth = episodes[episodes["variant"] == TRUTH]
+        for belief in dict.fromkeys(episodes["variant"]):
+            rows = episodes[episodes["variant"] == belief]
             told = [each for each in QUANTITIES if np.isfinite(column_of(episodes, each.key)).any()]
-            found += [_score(belief, bias, name, quantity, rows, truth) for quantity in told]
+            found += [_score(belief, name, quantity, rows, truth) for quantity in told]
     return found
 
 
@@ -101,12 +99,6 @@ EXPLANATION = (
     "tracker withholds a braking is missed also where the belief brakes less by 1 m/s² or more, or does not brake with "
     "a time to collision below 4 s, for half of a second out of one. Impact speed is the mean over collisions."
 )
-OF_GAPS = (
-    "In episodes *gap* the ego needs the lane beside it, where a hidden vehicle is in its way. *Changed* says whether "
-    "its middle got across the line; a *forbidden change* is one that it began though by the truth it might not; "
-    "*unsafe gaps* are the moments at which it believed that it may, of those at which it might not."
-)
-
 OF_CROSSINGS = (
     "In episodes *cross* the ego comes up to a place where it must let a hidden car pass. *Yielded* says whether it "
     "did, or waited until the end; *waited* is the time slower than 1 m/s before the place; *PET* is the "
@@ -119,7 +111,7 @@ OF_STOPPED = (
     "the hand-over it is just out of the sensor's range."
 )
 OF_DARK = "In episodes *dark* the leader, in plain view but detected in a share of the scans only, brakes by 5 m/s²."
-EXPLANATIONS = {GAP: OF_GAPS, CROSS: OF_CROSSINGS, STOPPED: OF_STOPPED, DARK: OF_DARK}
+EXPLANATIONS = {CROSS: OF_CROSSINGS, STOPPED: OF_STOPPED, DARK: OF_DARK}
 
 
 def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -137,15 +129,13 @@ def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
         yield NEVER_SEEN, done[seen == 0.0]
 
 
-def _score(
-    belief: str, bias: float, episodes: str, quantity: Quantity, rows: pd.DataFrame, truth: pd.DataFrame
-) -> Score:
+def _score(belief: str, episodes: str, quantity: Quantity, rows: pd.DataFrame, truth: pd.DataFrame) -> Score:
     values = column_of(rows, quantity.key)
     known = np.isfinite(values)
     seeds = rows["seed"].to_numpy(dtype=np.int64)
     mean = float(values[known].mean()) if known.any() else None
     excess, interval = _excess(rows, truth, quantity)
-    return Score(belief, bias, episodes, quantity.key, int(known.sum()), mean, _ci(values, seeds), excess, interval)
+    return Score(belief, episodes, quantity.key, int(known.sum()), mean, _ci(values, seeds), excess, interval)
 
 
 def _ci(values: FloatArray, seeds: np.ndarray[tuple[int], np.dtype[np.int64]]) -> tuple[float, float] | None:
@@ -199,41 +189,33 @@ def _heading(name: str, part: Sequence[Score]) -> str:
 def _answers(found: Sequence[Score]) -> list[str]:
     """Return a line for each belief: in how many episodes it collides, and how often it brakes hard."""
     lines = []
-    for belief, bias in dict.fromkeys((score.belief, score.gap_bias_m) for score in found):
-        own = {
-            score.metric: score
-            for score in found
-            if (score.belief, score.gap_bias_m, score.episodes) == (belief, bias, ALL)
-        }
+    for belief in dict.fromkeys(score.belief for score in found):
+        own = {score.metric: score for score in found if (score.belief, score.episodes) == (belief, ALL)}
         collided, brakes = own.get(COLLIDED), own.get(HARD_BRAKES)
         if collided is None or collided.mean is None:
             continue
         hit = round(0.01 * collided.mean * collided.n)
-        line = f"- **{_name(belief, bias)}**: {hit} of {collided.n} episodes end in a collision"
+        line = f"- **{belief}**: {hit} of {collided.n} episodes end in a collision"
         if brakes is not None and brakes.mean is not None:
             line += f"; {brakes.mean:.1f} hard brakes a km"
         lines.append(f"{line}.")
     return lines
 
 
-def _name(belief: str, bias: float) -> str:
-    return f"{belief} +{bias:g} m" if bias else belief
-
-
 def _table(part: Sequence[Score]) -> list[str]:
     """Return a table with a row for each quantity: each belief's mean, then how far it is from the truth's."""
-    of = {(score.metric, score.belief, score.gap_bias_m): score for score in part}
-    beliefs = list(dict.fromkeys((score.belief, score.gap_bias_m) for score in part))
-    others = [belief for belief in beliefs if belief != (TRUTH, 0.0)]
+    of = {(score.metric, score.belief): score for score in part}
+    beliefs = list(dict.fromkeys(score.belief for score in part))
+    others = [belief for belief in beliefs if belief != TRUTH]
     rows = []
     for quantity in QUANTITIES:
-        own = {belief: of[quantity.key, *belief] for belief in beliefs if (quantity.key, *belief) in of}
+        own = {belief: of[quantity.key, belief] for belief in beliefs if (quantity.key, belief) in of}
         if not own:
             continue
         means = [_cell(own[belief].mean, own[belief].ci95, quantity.decimals, "") for belief in beliefs]
         excesses = [_cell(own[belief].excess, own[belief].excess_ci95, quantity.decimals, "+") for belief in others]
         rows.append([quantity.label, *means, *excesses])
-    headings = [*(_name(*belief) for belief in beliefs), *(f"{_name(*belief)} less truth" for belief in others)]
+    headings = [*beliefs, *(f"{belief} less truth" for belief in others)]
     return markdown_table(["measured by the truth", *headings], rows)
 
 
@@ -250,10 +232,10 @@ def _collisions(table: pd.DataFrame) -> list[str]:
     if not len(collided):
         return []
     collided = collided.sort_values([IMPACT, "seed", "variant"], ascending=[False, True, True], kind="stable")
-    headings = ("impact m/s", "belief", "gap bias m", "seed", "episode", "after s", "with", "replay")
+    headings = ("impact m/s", "belief", "seed", "episode", "after s", "with", "replay")
     rows = [
         [
-            f"{row[IMPACT]:.1f}", row["variant"], f"{row[BIAS]:g}", str(row["seed"]), row[KIND],
+            f"{row[IMPACT]:.1f}", row["variant"], str(row["seed"]), row[KIND],
             f"{row['drive.collision_time_s']:.1f}", row["drive.collided_with"],
             f"[look]({row['replay']})" if row.get("replay") else "-",
         ]

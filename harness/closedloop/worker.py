@@ -25,7 +25,6 @@ from harness.closedloop.kept import keep_drive
 from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
 from harness.common.errors import RunError
-from harness.decisions.decide import driver_of
 from harness.grid.cells import Cell
 from harness.grid.rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
@@ -144,8 +143,7 @@ def _episodes(traffic: Traffic, cell: Cell) -> Iterator[HandOver | str]:
     kinds = list(dict.fromkeys(run.kind for run in cell.runs if isinstance(run, PlannedDrive)))
     sensor = cell.config.sensor
     rng = np.random.default_rng(np.random.SeedSequence(cell.config.seed, spawn_key=(CHOICES,)))
-    driver = driver_of(cell.config.decisions.driver)
-    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), driver, rng, flow_of(cell))
+    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), rng, flow_of(cell))
 
 
 def _driven(traffic: Traffic, at: HandOver, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:

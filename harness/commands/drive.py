@@ -32,9 +32,7 @@ def command(options: Options) -> None:
     over for 20 s to a driver that knows only the belief; the others react.
     All beliefs begin with the same traffic and the same sensor. In every
     second episode the leader's leader, hidden from the sensor at that moment
-    but seen before, brakes at 5 m/s2; or, with --provoke gap, the ego has to
-    change to a lane in which such a hidden car is in its way, and does as soon
-    as it believes that the gap is safe; or, with --provoke cross, it comes up
+    but seen before, brakes at 5 m/s2; or, with --provoke cross, the ego comes up
     to a crossing where a hidden car has right of way over it; or, in plain view,
     a vehicle stands in its lane (stopped), or its leader, which is seldom
     detected, brakes (dark).
@@ -45,8 +43,6 @@ def command(options: Options) -> None:
 
     Examples:
       python -m harness drive --density 45 --beliefs truth,mmpf,detections
-      python -m harness drive --beliefs truth --gap-bias 0,2,5,10 --episodes 20
-      python -m harness drive --density 45 --provoke gap --beliefs mmpf,detections
       python -m harness drive --net priority --provoke cross --heed-unseen 0.1
       python -m harness drive --provoke stopped --flow 15 --beliefs mmpf,pmbm
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume

@@ -38,18 +38,6 @@ QUANTITIES = (
     Quantity(f"{TABLE}.mean_speed_mps", "mean speed, m/s", higher_is_better=True, decimals=2, compared=True),
     Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2, compared=True),
     Quantity(
-        f"{TABLE}.changed_percent", "episodes in which the ego got to the lane that it needed, %",
-        higher_is_better=True, decimals=1, compared=True,
-    ),
-    Quantity(
-        f"{TABLE}.forbidden_change_percent", "episodes in which it began to change where the truth forbids it, %",
-        decimals=1, compared=True,
-    ),
-    Quantity(
-        f"{TABLE}.unsafe_gaps_percent", "gaps accepted of those that the truth forbids, %",
-        decimals=2, compared=True,
-    ),
-    Quantity(
         f"{TABLE}.crossed_percent", "episodes in which the ego got across, %",
         higher_is_better=True, decimals=1, compared=True,
     ),
@@ -71,7 +59,7 @@ QUANTITIES = (
         decimals=1, compared=True,
     ),
 )  # fmt: skip
-"""The last nine are of episodes alone in which the ego needs another lane, or comes to where it must yield."""
+"""The last six are of episodes alone in which the ego comes to where it must yield."""
 SHORT_PET_S = 1.5
 PRIMARY = (COLLIDED, TTC, HARD_BRAKES)
 """What ``compare`` judges of a closed loop unless asked otherwise."""
@@ -115,37 +103,6 @@ class Contact:
     time_s: float
     impact_mps: float
     into: bool
-
-
-@dataclass(frozen=True)
-class Changed:
-    """What came of a change of lanes that the ego's route needed.
-
-    Attributes:
-        across_s: When the ego's middle was across the line, since the hand-over; None for never.
-        begins: For each time that it began to change, whether the truth allowed it.
-        may: Whether it believed at each step until it was across that it may, shape (n,).
-        might: Whether it might by the truth, shape (n,).
-    """
-
-    across_s: float | None
-    begins: tuple[bool, ...]
-    may: BoolArray
-    might: BoolArray
-
-
-def score_change(changed: Changed) -> dict[str, object]:
-    """Return what a change of lanes adds to the table ``drive``; what there is none of is None."""
-    forbidden = ~changed.might
-    unsafe = 100.0 * float(changed.may[forbidden].mean()) if forbidden.any() else None
-    return {
-        "changed_percent": 0.0 if changed.across_s is None else 100.0,
-        "change_s": changed.across_s,
-        "changes_begun": len(changed.begins),
-        "forbidden_change_percent": 0.0 if all(changed.begins) else 100.0,
-        "forbidden_gaps": int(forbidden.sum()),
-        "unsafe_gaps_percent": unsafe,
-    }
 
 
 @dataclass(frozen=True)

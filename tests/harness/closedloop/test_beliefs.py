@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.closedloop.beliefs import HumanPerception, TrackedPerception, biased, ego_of, true_bodies
-from harness.decisions.belief import believe
+from harness.closedloop.beliefs import HumanPerception, TrackedPerception
 from harness.running.recorder import ColumnRecorder
 from harness.scoring.driving.believed import egos_of, tracked_bodies
 from harness.scoring.evidence.rows import read_run
@@ -71,20 +70,6 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
         for step, bodies in enumerate(found):
             there = sorted(getattr(bodies, name))
             assert there == pytest.approx(expected[step], abs=2e-3 if name[0] == "d" else 2e-4, nan_ok=True), name
-
-
-def test_a_bias_makes_every_gap_ahead_longer_and_none_behind():
-    frame = frame_of([0.0, 20.0, -15.0, 30.0], [1.8, 1.8, 1.8, 5.4])
-    frame.lane[:] = ROAD.lane_number_at(frame.lon_m, frame.lat_m)
-    belief = believe(true_bodies(frame), ego_of(frame), ROAD)
-    longer = biased(belief, 5.0)
-    assert longer.leader.gap_m[0] == pytest.approx(belief.leader.gap_m[0] + 5.0)
-    assert longer.follower.gap_m[0] == belief.follower.gap_m[0]
-    assert np.isinf(longer.leaders.gap_m[0, 2])
-    gaps = [
-        (getattr(belief, side).leader.gap_m[0], getattr(longer, side).leader.gap_m[0]) for side in ("left", "right")
-    ]
-    assert [after - before for before, after in gaps if np.isfinite(before)] == [pytest.approx(5.0)]
 
 
 def test_a_human_sees_what_is_not_hidden_and_errs_as_an_ornstein_uhlenbeck_process_does():

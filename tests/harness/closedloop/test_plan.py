@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.closedloop.plan import BRAKE, CROSS, FREE, GAP, DriveRequest, plan_drives, with_truth
+from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, DriveRequest, plan_drives, with_truth
 from harness.common.errors import InputError
 
 
@@ -17,14 +17,14 @@ def test_every_second_episode_is_provoked_and_each_pair_has_a_seed_of_its_own():
 
 
 def test_provocations_take_turns_and_leave_what_is_free_as_it_is():
-    both, usual = (plan_drives(request(provoke=kinds)).runs for kinds in ("cross,gap", "brake"))
-    assert [run.kind for run in both if run.variant == "truth"] == [FREE, CROSS, FREE, GAP, FREE]
+    both, usual = (plan_drives(request(provoke=kinds)).runs for kinds in ("cross,dark", "brake"))
+    assert [run.kind for run in both if run.variant == "truth"] == [FREE, CROSS, FREE, DARK, FREE]
     assert [run.key for run in both if run.kind == FREE] == [run.key for run in usual if run.kind == FREE]
 
 
-def test_every_belief_and_bias_drives_every_episode():
-    grid = plan_drives(request(gap_bias="0,5"))
-    assert len(grid.runs) == 5 * 3 * 2
+def test_every_belief_drives_every_episode():
+    grid = plan_drives(request())
+    assert len(grid.runs) == 5 * 3
     assert len({run.key for run in grid.runs}) == len(grid.runs)
 
 
@@ -79,7 +79,6 @@ def test_the_truth_is_added_where_it_is_missing():
     ("changes", "said"),
     [
         ({"beliefs": "truth,"}, "`beliefs`"),
-        ({"gap_bias": "0,two"}, "`gap_bias`"),
         ({"provoke": "fog"}, "`provoke` fog"),
         ({"density": 500.0}, "`density`"),
         ({"beliefs": "truth,mmpf+nonsense"}, "`beliefs`"),

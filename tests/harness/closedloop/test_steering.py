@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.closedloop.handover import HandOver
-from harness.closedloop.plan import BRAKE, GAP
+from harness.closedloop.plan import BRAKE
 from harness.closedloop.steering import STANDS_S, Steering, overlaps
 from mmpf.map.road import highway
 from tests.harness.closedloop.frames import frame_of
@@ -18,7 +18,7 @@ class VehicleApi:
     """Does at once what it is told to."""
 
     def __init__(self, speeds):
-        self.speeds, self.freed, self.shifts = dict(speeds), [], []
+        self.speeds, self.freed = dict(speeds), []
 
     def getIDList(self):  # noqa: N802
         return tuple(self.speeds)
@@ -36,9 +36,6 @@ class VehicleApi:
         pass
 
     setLaneChangeMode = setSpeedMode  # noqa: N815
-
-    def changeSublane(self, name, shift):  # noqa: N802
-        self.shifts.append((name, shift))
 
 
 def steering(collisions=(), **speeds):
@@ -66,31 +63,6 @@ def test_the_ego_does_what_is_demanded_and_never_drives_backwards():
     assert vehicle.speeds["ego"] == pytest.approx(1.2)
     hands.act(-9.0, 0.5, STEP_S)
     assert vehicle.speeds["ego"] == 0.0
-
-
-def insisting(lon, lat, speed, **columns):
-    """Return the speed of v1 after a step in which it insists; it was as fast at the hand-over."""
-    now = frame_of(lon, lat, speed, **columns)
-    vehicle, hands = steering(v0=speed[0], v1=speed[1])
-    hands._at = HandOver(GAP, "v0", "v1", 1, 1, (now,))
-    hands.insist(now, ROAD, STEP_S)
-    return vehicle.speeds["v1"]
-
-
-def test_who_is_in_the_way_of_a_change_goes_on_as_fast_as_it_did_whoever_is_about_to_cut_in():
-    assert insisting([0.0, -8.0], [5.4, 1.8], [8.0, 14.0], lane=[2, 1]) == 14.0
-
-
-def test_it_brakes_for_who_is_in_its_lane_but_no_harder_than_a_safe_gap_asks():
-    assert insisting([0.0, -8.0], [1.8, 1.8], [8.0, 14.0]) == pytest.approx(14.0 - 4.0 * STEP_S)
-    assert insisting([0.0, -400.0], [1.8, 1.8], [8.0, 14.0]) == 14.0
-
-
-def test_the_ego_moves_sideways_by_what_it_lacks_until_it_is_there():
-    vehicle, hands = steering(ego=10.0)
-    hands.steer(5.4, 3.0)
-    hands.steer(5.4, 5.38)
-    assert vehicle.shifts == [("ego", pytest.approx(2.4))]
 
 
 def test_bodies_overlap_where_a_plain_loop_over_corners_finds_a_common_point():

@@ -5,18 +5,18 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from harness.closedloop.plan import BIAS, BRAKE, CROSS, FREE, GAP, KIND
+from harness.closedloop.plan import BRAKE, CROSS, FREE, KIND
 from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, as_markdown, scores
 from harness.scoring.metrics.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
 
-CHANGED = "drive.changed_percent"
-OF_DRIVING = [quantity for quantity in QUANTITIES if quantity.compared and "chang" not in quantity.key]
+CROSSED = "drive.crossed_percent"
+OF_DRIVING = [quantity for quantity in QUANTITIES if quantity.compared and "cross" not in quantity.key]
 
 
 def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):
     rng = np.random.default_rng(1)
     rows = [
-        {"seed": seed, KIND: kind, "variant": belief, BIAS: 0.0, "succeeded": True, "error": None, ENDED: IN_TIME}
+        {"seed": seed, KIND: kind, "variant": belief, "succeeded": True, "error": None, ENDED: IN_TIME}
         | {quantity.key: float(rng.uniform(0.0, 5.0)) for quantity in OF_DRIVING}
         | {COLLIDED: 0.0, IMPACT: np.nan, "episode.looked_through": 3.0}
         for seed in range(seeds)
@@ -64,16 +64,16 @@ def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left
     assert "1 more have no candidate" in as_markdown("t", found, table, [])
 
 
-def test_changes_of_lanes_are_told_of_the_episodes_that_have_them_and_each_provocation_apart():
-    table = table_of(kinds=(FREE, BRAKE, GAP))
-    needs = table[KIND] == GAP
-    table.loc[needs, CHANGED] = np.where(table["variant"][needs] == "truth", 100.0, 0.0)
+def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
+    table = table_of(kinds=(FREE, BRAKE, CROSS))
+    needs = table[KIND] == CROSS
+    table.loc[needs, CROSSED] = np.where(table["variant"][needs] == "truth", 100.0, 0.0)
     found = scores(table)
-    assert (one(found, "truth", CHANGED).n, one(found, "truth", CHANGED).mean) == (6, 100.0)
-    assert one(found, "mmpf", CHANGED, GAP).excess == -100.0
-    assert not [score for score in found if score.metric == CHANGED and score.episodes in (FREE_ONES, BRAKE)]
-    assert "forbidden change" in as_markdown("t", found, table, [])
-    assert not [score for score in scores(table_of()) if score.episodes in (BRAKE, GAP) or score.metric == CHANGED]
+    assert (one(found, "truth", CROSSED).n, one(found, "truth", CROSSED).mean) == (6, 100.0)
+    assert one(found, "mmpf", CROSSED, CROSS).excess == -100.0
+    assert not [score for score in found if score.metric == CROSSED and score.episodes in (FREE_ONES, BRAKE)]
+    assert "*PET*" in as_markdown("t", found, table, [])
+    assert not [score for score in scores(table_of()) if score.episodes in (BRAKE, CROSS) or score.metric == CROSSED]
 
 
 def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():
@@ -87,7 +87,7 @@ def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():
 
 
 def test_where_every_drive_failed_there_are_no_scores_and_the_failures_are_told():
-    table = table_of()[["seed", KIND, "variant", BIAS, "error"]].assign(succeeded=False)
+    table = table_of()[["seed", KIND, "variant", "error"]].assign(succeeded=False)
     assert not scores(table)
     assert "- a: failed" in as_markdown("t", [], table, ["a: failed"])
 

@@ -9,11 +9,9 @@ from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.closedloop import (
     BY_COLLISION,
     IN_TIME,
-    Changed,
     Contact,
     Crossed,
     Driven,
-    score_change,
     score_crossing,
     score_drive,
 )
@@ -82,22 +80,6 @@ def test_a_collision_is_a_whole_percentage_of_its_episode():
     scored = score_drive(stop_behind(5.0, 20.0, 4.0), BY_COLLISION, contact, SETTINGS)
     assert (scored["collided_percent"], scored["impact_mps"], scored["collided_with"]) == (100.0, 3.5, "v1")
     assert score_drive(stop_behind(60.0, 20.0, 4.0), IN_TIME, None, SETTINGS)["impact_mps"] is None
-
-
-def test_a_change_of_lanes_tells_what_was_believed_of_the_gaps_that_the_truth_forbids():
-    may, might = np.array([True, False, True, True, False]), np.array([False, False, True, False, True])
-    scored = score_change(Changed(2.5, (True, False), may, might))
-    assert (scored["changed_percent"], scored["change_s"], scored["changes_begun"]) == (100.0, 2.5, 2)
-    assert scored["forbidden_change_percent"] == 100.0
-    assert scored["forbidden_gaps"] == 3
-    assert scored["unsafe_gaps_percent"] == pytest.approx(100.0 * 2 / 3)
-
-
-def test_an_ego_that_never_may_and_never_does_has_changed_nothing():
-    never = np.zeros(3, dtype=bool)
-    scored = score_change(Changed(None, (), never, ~never))
-    assert (scored["changed_percent"], scored["forbidden_change_percent"]) == (0.0, 0.0)
-    assert scored["unsafe_gaps_percent"] is None
 
 
 def test_of_the_moments_at_which_the_truth_has_it_hold_those_count_at_which_it_goes():
