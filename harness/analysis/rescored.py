@@ -10,10 +10,6 @@ from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
 
 COMPARE = "compare"
-PLACE = ("step", "lon_m", "lat_m")
-SPEED = ("speed_mps", "lat_speed_mps")
-TRUTH_COLUMNS = (*PLACE, *SPEED, "time_s", "vehicle_id", "is_ego", "in_range", "state")
-TRACK_COLUMNS = (*PLACE, *SPEED, "track_id", "state", "std_lon_m", "std_lat_m", "std_speed_mps")
 
 
 def evidence_of(folder: Path) -> Evidence:
@@ -27,9 +23,9 @@ def evidence_of(folder: Path) -> Evidence:
     """
     with sound_tables(folder, COMPARE):
         return gather(
-            runfolder.read_table(folder, runfolder.TRUTH, COMPARE, TRUTH_COLUMNS),
-            runfolder.read_table(folder, runfolder.DETECTIONS, COMPARE, (*PLACE, "truth_id")),
-            runfolder.read_table(folder, runfolder.TRACKS, COMPARE, TRACK_COLUMNS),
+            runfolder.read_table(folder, runfolder.TRUTH, COMPARE),
+            runfolder.read_table(folder, runfolder.DETECTIONS, COMPARE),
+            runfolder.read_table(folder, runfolder.TRACKS, COMPARE),
             ScoringSettings(),
             0,
         )

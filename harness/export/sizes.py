@@ -13,11 +13,11 @@ import pandas as pd
 
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings
-from harness.storage.schema import DETECTION_SIZES, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, IntArray
 
-SIZE = list(DETECTION_SIZES[:2])
+SIZE = ["length_m", "width_m"]
 NOMINAL_M = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from harness.grid.cells import Grid, PlannedRun
-from harness.storage.grid_rows import FIRST_COLUMNS, OUTCOME_COLUMNS, TEXT_COLUMNS, Row, flattened
+from harness.storage.grid_rows import TEXT_COLUMNS, Row, flattened
+from harness.storage.schema import RUN_IDENTITY, RUN_OUTCOME
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +30,8 @@ def assemble(grid: Grid, rows: Mapping[str, Row]) -> pd.DataFrame:
 
     ordered = [rows[run.key] for run in grid.runs]
     metrics = dict.fromkeys(name for row in ordered for name in row)
-    head = [*FIRST_COLUMNS, *grid.axes, *OUTCOME_COLUMNS]
+    identity, outcome = ([column.name for column in columns] for columns in (RUN_IDENTITY, RUN_OUTCOME))
+    head = [*identity, *grid.axes, *outcome]
     columns = [*head, *sorted(name for name in metrics if name not in head)]
     table = pd.DataFrame({name: [row.get(name) for row in ordered] for name in columns})
     for name in columns:

@@ -16,7 +16,6 @@ from harness.report.folderpage import as_html, text_page, title_of
 from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
 from harness.report.replay_data import Beside
 from harness.running.finished import RecordedRun, read_recorded_run
-from harness.scoring.evidence.errors import OUTCOMES, TRACKED
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.storage.checks import sound_tables
 from harness.storage.tables import floats
@@ -94,7 +93,7 @@ def _errors(run: RecordedRun) -> pd.DataFrame:
         {
             "step": errors["step"].to_numpy(),
             "vehicle_id": errors["vehicle_id"].astype(object).to_numpy(),
-            "followed": (errors["outcome"].astype(object) == OUTCOMES[TRACKED]).to_numpy(),
+            "followed": (errors["outcome"].astype(object) == "tracked").to_numpy(),
             "off_m": np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m")),
         }
     )

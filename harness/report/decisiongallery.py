@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +23,12 @@ from harness.report.fromabove import (
     rows_at,
 )
 from harness.report.strips import save_strips
-from harness.running.finished import BRAKING_COLUMNS, RecordedRun
+from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
 
 WORST = 5
 GALLERY = "decision"
-COLUMNS = tuple(name for name in BRAKING_COLUMNS if name != "episode")
 PANELS, PANEL_WIDTH_IN = 3, 4.0
 HEAD_IN, ROW_IN, CURVE_IN, FOOT_IN, GAP_IN = 0.56, 0.62, 1.5, 0.42, 0.12
 AROUND_S = 3.0
@@ -113,7 +112,7 @@ def worst_brakings(brakings: pd.DataFrame, count: int = WORST) -> list[Braking]:
     """Return the worst: those whose greatest difference, times how long they last, is largest."""
     texts = {"kind": object, "vehicle_id": object, "visibility": object, "fate": object}
     found = [
-        Braking(**{column: record[column] for column in COLUMNS})
+        Braking(**{column.name: record[column.name] for column in fields(Braking)})
         for record in brakings.astype(texts).to_dict("records")
     ]
     return sorted(found, key=lambda braking: -braking.weight)[:count]

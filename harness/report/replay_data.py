@@ -12,8 +12,7 @@ import pandas as pd
 import shapely
 
 from harness.running.finished import RecordedRun
-from harness.scoring.evidence.errors import OUTCOMES
-from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, VISIBILITY_STATES
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUTCOMES, VISIBILITY_STATES
 from harness.storage.tables import floats
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import Road

@@ -10,7 +10,6 @@ import pandas as pd
 from markupsafe import Markup
 
 from harness.report.tables import html_table
-from harness.scoring.evidence.errors import OUTCOMES, TRACKED
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -50,7 +49,7 @@ def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> 
         return None
     cutoff_m = ScoringSettings().follow_cutoff_m
     distance_m = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
-    tracked = (errors["outcome"].astype(object) == OUTCOMES[TRACKED]).to_numpy()
+    tracked = (errors["outcome"].astype(object) == "tracked").to_numpy()
     hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
     cost_m = np.where(hidden, np.where(tracked, np.minimum(distance_m, cutoff_m), cutoff_m), 0.0)
     bad = events[events["outcome"].astype(object).isin(["lost", "hijacked"])]

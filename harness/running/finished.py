@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,26 +19,13 @@ from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
 from harness.running.resolve import check_sensor_of_folder
-from harness.scoring.driving.brakings import FATES, KINDS
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import Until
-from harness.storage.schema import DETECTION_NUMBERS, TRACK_NUMBERS, TRUTH_NUMBERS, VISIBILITY_STATES
+from harness.storage.schema import TABLES
 from harness.storage.tables import floats
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
-from mmpf.tracks import TRACK_STATES
-
-WHEN = ("step", "time_s", "episode")
-ERROR_COLUMNS = (*WHEN, "vehicle_id", "state", "track_id", "lon_error_m", "lat_error_m", "speed_error_mps", "outcome")
-PARTICLE_COLUMNS = ("step", "lon_m", "lat_m")
-EVENT_COLUMNS = ("vehicle_id", "from_step", "to_step", "duration_s", "track_id", "outcome", "reacquire_s")
-BRAKING_COLUMNS = (
-    *("kind", "episode", "from_step", "to_step", "step", "duration_s", "truth_mps2", "tracks_mps2"),
-    *("vehicle_id", "visibility", "unseen_s", "track_id", "fate"),
-)
-UNSEEN_COLUMNS = (*WHEN, "from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m", "expected")
-COMMAND_COLUMNS = (*WHEN, "truth_mps2", "tracks_mps2")
 
 
 @dataclass(frozen=True)
@@ -112,30 +99,18 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 
     last_step = None if most_rows is None else _last_step(folder / runfolder.TRUTH, parameter, most_rows)
 
-    def table(name: str, columns: Collection[str], step: str = "step", states: Collection[str] = ()) -> pd.DataFrame:
+    def table(name: str) -> pd.DataFrame:
+        step = "to_step" if "to_step" in TABLES[name].needed else "step"
         until = None if last_step is None else Until(step, last_step)
-        rows = runfolder.read_table(folder, name, parameter, columns, until)
-        unknown = sorted(set(map(str, rows["state"].unique())) - set(states)) if states else []
-        if unknown:
-            known = ", ".join(states)
-            raise InputError(f"`{parameter}`: {folder / name} has a state {unknown[0][:40]!r}; there are {known}")
-        return rows
+        return runfolder.read_table(folder, name, parameter, until=until)
 
-    def decided(name: str, columns: Collection[str], step: str = "step") -> pd.DataFrame | None:
-        # Both or none: a run that was made before drivers were asked has neither.
-        there = all((folder / each).is_file() for each in (runfolder.BRAKINGS, runfolder.COMMANDS))
-        if not there:
-            return None
-        rows = table(name, columns, step)
-        for column, known in (("kind", KINDS), ("fate", FATES)):
-            if column in rows and not rows[column].isin(known).all():
-                raise InputError(f"`{parameter}`: {folder / name} has another {column} than {', '.join(known)}")
-        return rows
+    def sometimes(*names: str) -> Iterator[pd.DataFrame | None]:
+        there = all((folder / name).is_file() for name in names)
+        return (table(name) if there else None for name in names)
 
-    def sometimes(name: str, columns: Collection[str]) -> pd.DataFrame | None:
-        return table(name, columns) if (folder / name).is_file() else None
-
-    truth_columns = (*WHEN, "vehicle_id", *TRUTH_NUMBERS, "is_ego", "in_range", "visible_fraction", "state")
+    # Both or none: a run that was made before drivers were asked has neither.
+    brakings, commands = sometimes(runfolder.BRAKINGS, runfolder.COMMANDS)
+    (particles,), (unseen,) = sometimes(runfolder.PARTICLES), sometimes(runfolder.UNSEEN)
     return RecordedRun(
         folder=folder,
         config=config,
@@ -143,15 +118,15 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
         manifest=manifest,
         road=runfolder.read_road(folder / runfolder.ROAD, parameter),
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
-        truth=table(runfolder.TRUTH, truth_columns, states=VISIBILITY_STATES),
-        detections=table(runfolder.DETECTIONS, (*WHEN, *DETECTION_NUMBERS, "truth_id")),
-        tracks=table(runfolder.TRACKS, (*WHEN, "track_id", *TRACK_NUMBERS, "state"), states=TRACK_STATES),
-        errors=table(runfolder.ERRORS, ERROR_COLUMNS),
-        events=table(runfolder.EVENTS, EVENT_COLUMNS, "to_step"),
-        particles=sometimes(runfolder.PARTICLES, PARTICLE_COLUMNS),
-        brakings=decided(runfolder.BRAKINGS, BRAKING_COLUMNS, "to_step"),
-        commands=decided(runfolder.COMMANDS, COMMAND_COLUMNS),
-        unseen=sometimes(runfolder.UNSEEN, UNSEEN_COLUMNS),
+        truth=table(runfolder.TRUTH),
+        detections=table(runfolder.DETECTIONS),
+        tracks=table(runfolder.TRACKS),
+        errors=table(runfolder.ERRORS),
+        events=table(runfolder.EVENTS),
+        particles=particles,
+        brakings=brakings,
+        commands=commands,
+        unseen=unseen,
         whole=last_step is None,
     )
 

@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from harness.sensor.observation import Look, Observation
-from harness.storage.schema import (
-    DETECTION_CORRELATION,
-    DETECTION_HEADINGS,
-    DETECTION_NUMBERS,
-    DETECTION_SIZES,
-    DIRECTION_COLUMN,
-    PARKED_COLUMN,
-    PEDESTRIAN_COLUMN,
-    ROUNDABOUT_COLUMN,
-    SIGNALS_COLUMN,
-    TRACK_NUMBERS,
-    TRUTH_NUMBERS,
-    VISIBILITY_STATES,
-    WALL_COLUMN,
-    WINDOW_COLUMNS,
-)
+from harness.sensor.observation import Look
+from harness.storage.run_folder import DETECTIONS, TRACKS, TRUTH
+from harness.storage.schema import TABLES
 from harness.storage.tables import floats
 from harness.truth.frame import EVERYWHERE, Frame
-from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections
-from mmpf.tracks import TRACK_STATES, Tracks
+from mmpf.tracks import Tracks
 
 Columns = dict[str, npt.NDArray[np.generic]]
 
@@ -110,130 +96,96 @@ class ColumnRecorder:
 
 
 def _truth_columns(look: Look) -> Columns:
-    frame, observation, count = look.frame, look.observation, len(look.frame)
-    is_ego = np.zeros(count, dtype=bool)
+    frame, observation = look.frame, look.observation
+    is_ego = np.zeros(len(frame), dtype=bool)
     is_ego[frame.ego] = True
-    occluder = np.append(frame.vehicle_id, "")[observation.occluder]
-    return {
-        **_when(frame, count),
-        "vehicle_id": frame.vehicle_id.astype(object),
-        **{name: getattr(frame, name) for name in TRUTH_NUMBERS},
+    start_m, end_m = frame.window_m if frame.window_m != EVERYWHERE else (None, None)
+    walls = observation.behind_walls
+    values = {
         "is_ego": is_ego,
-        "in_range": observation.in_range,
         "visible_fraction": np.round(observation.visible_fraction, TRACK_DECIMALS),
-        "state": _named(VISIBILITY_STATES, observation.state),
-        "occluder_id": occluder.astype(object),
-        **_window_columns(frame, count),
-        **({} if frame.direction_rad is None else {DIRECTION_COLUMN: frame.direction_rad}),
-        **({} if frame.parked is None else {PARKED_COLUMN: frame.parked}),
-        **({} if frame.pedestrian is None else {PEDESTRIAN_COLUMN: frame.pedestrian}),
-        **({} if frame.on_roundabout is None else {ROUNDABOUT_COLUMN: frame.on_roundabout}),
-        **_wall_columns(observation),
-        **({SIGNALS_COLUMN: np.full(count, frame.signals, dtype=object)} if frame.signals else {}),
+        "occluder_id": np.append(frame.vehicle_id, "")[observation.occluder],
+        "window_start_m": start_m,
+        "window_end_m": end_m,
+        "wall_fraction": None if walls is None else np.round(walls, TRACK_DECIMALS),
+        "signals": frame.signals or None,
     }
-
-
-def _wall_columns(observation: Observation) -> Columns:
-    """Return how much of each vehicle walls hide, if there are walls."""
-    if observation.behind_walls is None:
-        return {}
-    return {WALL_COLUMN: np.round(observation.behind_walls, TRACK_DECIMALS)}
+    return _columns(TRUTH, len(frame), {**vars(observation), **vars(frame), **values})
 
 
 def frame_of(rows: pd.DataFrame) -> Frame:
     """Return the frame that one step's rows of the truth table record; its ``ego`` is -1 where no row ``is_ego``."""
     egos = np.flatnonzero(rows["is_ego"].to_numpy(dtype=bool))
     first = rows.iloc[0]
-    return Frame(
-        step=int(first["step"]),
-        time_s=float(first["time_s"]),
-        episode=int(first["episode"]),
-        ego=int(egos[0]) if len(egos) else -1,
-        vehicle_id=rows["vehicle_id"].to_numpy().astype(np.str_),
-        lane=rows["lane"].to_numpy(dtype=np.int64),
-        window_m=(
-            float(first.get(WINDOW_COLUMNS[0], EVERYWHERE[0])),
-            float(first.get(WINDOW_COLUMNS[1], EVERYWHERE[1])),
+    arrays = {
+        column.name: rows[column.name].to_numpy(dtype=np.str_ if column.is_text else column.type)
+        for column in TABLES[TRUTH].columns
+        if column.name in rows and column.name in {each.name for each in fields(Frame)}
+    }
+    of_step: dict[str, Any] = {
+        "step": int(first["step"]),
+        "time_s": float(first["time_s"]),
+        "episode": int(first["episode"]),
+        "ego": int(egos[0]) if len(egos) else -1,
+        "window_m": (
+            float(first.get("window_start_m", EVERYWHERE[0])),
+            float(first.get("window_end_m", EVERYWHERE[1])),
         ),
-        direction_rad=floats(rows, DIRECTION_COLUMN) if DIRECTION_COLUMN in rows else None,
-        parked=rows[PARKED_COLUMN].to_numpy(dtype=bool) if PARKED_COLUMN in rows else None,
-        pedestrian=rows[PEDESTRIAN_COLUMN].to_numpy(dtype=bool) if PEDESTRIAN_COLUMN in rows else None,
-        on_roundabout=rows[ROUNDABOUT_COLUMN].to_numpy(dtype=bool) if ROUNDABOUT_COLUMN in rows else None,
-        signals=str(first.get(SIGNALS_COLUMN, "")),
-        **{name: rows[name].to_numpy(dtype=np.float64) for name in TRUTH_NUMBERS if name != "lane"},
-    )
-
-
-def _window_columns(frame: Frame, count: int) -> Columns:
-    """Return where the record of the road begins and ends, if it does."""
-    if frame.window_m == EVERYWHERE:
-        return {}
-    return {name: np.full(count, edge_m) for name, edge_m in zip(WINDOW_COLUMNS, frame.window_m, strict=True)}
+        "signals": str(first.get("signals", "")),
+    }
+    return Frame(**arrays | of_step)
 
 
 def _detection_columns(look: Look) -> Columns:
     observation, detections = look.observation, look.observation.scan.detections
-    return {
-        **_when(look.frame, len(detections)),
+    values = {**_when(look.frame), **vars(detections)}
+    if detections.sizes is not None:
+        values |= vars(detections.sizes)
+    if detections.headings is not None:
+        values |= {**vars(detections.headings), "std_heading_rad": detections.headings.std_rad}
+    values |= {
         "detection": np.arange(len(detections)),
-        **{name: getattr(detections, name) for name in DETECTION_NUMBERS},
-        **_size_columns(detections),
-        **_heading_columns(detections),
-        **({} if detections.correlation is None else {DETECTION_CORRELATION: detections.correlation}),
         "visible_fraction": np.round(observation.detection_visible_fraction, TRACK_DECIMALS),
-        "truth_id": observation.truth_id.astype(object),
+        "truth_id": observation.truth_id,
     }
-
-
-def _size_columns(detections: Detections) -> Columns:
-    """Return the measured sizes, if the sensor measures any."""
-    if detections.sizes is None:
-        return {}
-    return {name: getattr(detections.sizes, name) for name in DETECTION_SIZES}
-
-
-def _heading_columns(detections: Detections) -> Columns:
-    """Return the measured directions, if the sensor measures any."""
-    headings = detections.headings
-    if headings is None:
-        return {}
-    columns = headings.heading_rad, headings.std_rad, headings.flip_probability
-    return dict(zip(DETECTION_HEADINGS, columns, strict=True))
+    return _columns(DETECTIONS, len(detections), values)
 
 
 def detections_of(rows: pd.DataFrame) -> Detections:
     """Return the detections that rows of the table record, with sizes and directions where they were measured."""
 
-    def columns(names: tuple[str, ...]) -> list[FloatArray]:
-        return [floats(rows, name) for name in names]
+    def arrays(kind: type, **other_names: str) -> dict[str, Any]:
+        names = {each.name: other_names.get(each.name, each.name) for each in fields(kind)}
+        return {name: floats(rows, column) for name, column in names.items() if column in rows}
 
-    lon, lat, speed, std_lon, std_lat, std_speed = columns(DETECTION_NUMBERS)
-    sizes = BodySizes(*columns(DETECTION_SIZES)) if set(DETECTION_SIZES) <= set(rows.columns) else None
-    has_headings = set(DETECTION_HEADINGS) <= set(rows.columns)
-    headings = BodyHeadings(*columns(DETECTION_HEADINGS)) if has_headings else None
-    correlation = floats(rows, DETECTION_CORRELATION) if DETECTION_CORRELATION in rows else None
-    return Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes, headings, correlation)
+    sizes, headings = arrays(BodySizes), arrays(BodyHeadings, std_rad="std_heading_rad")
+    return Detections(
+        **arrays(Detections),
+        sizes=BodySizes(**sizes) if len(sizes) == len(fields(BodySizes)) else None,
+        headings=BodyHeadings(**headings) if len(headings) == len(fields(BodyHeadings)) else None,
+    )
 
 
 def _track_columns(frame: Frame, tracks: Tracks) -> Columns:
-    return {
-        **_when(frame, len(tracks)),
-        "track_id": tracks.track_id,
-        **{name: np.round(getattr(tracks, name), TRACK_DECIMALS) for name in TRACK_NUMBERS},
-        "state": _named(TRACK_STATES, tracks.state),
-    }
+    values = {name: np.round(values, TRACK_DECIMALS) for name, values in vars(tracks).items()}
+    return _columns(TRACKS, len(tracks), {**_when(frame), **values})
 
 
-def _when(frame: Frame, count: int) -> Columns:
-    return {
-        "step": np.full(count, frame.step),
-        "time_s": np.full(count, frame.time_s),
-        "episode": np.full(count, frame.episode),
-    }
+def _when(frame: Frame) -> dict[str, Any]:
+    return {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
 
 
-def _named(names: tuple[str, ...], codes: npt.NDArray[np.int8]) -> npt.NDArray[np.object_]:
-    return np.array(names, dtype=object)[codes]
+def _columns(table: str, count: int, values: Mapping[str, Any]) -> Columns:
+    """Return a table's columns: values by row, or one for all; codes of words as those, without what nobody knows."""
+    columns: Columns = {}
+    for column in TABLES[table].columns:
+        value = values.get(column.name)
+        if value is None and column.absent:
+            continue
+        if column.words:
+            value = np.array(column.words, dtype=object)[value]
+        columns[column.name] = np.full(count, value, dtype=object if column.is_text else column.type)
+    return columns
 
 
 def _joined(steps: list[Columns]) -> pd.DataFrame:

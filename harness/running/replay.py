@@ -17,23 +17,14 @@ from harness.sensor.profiles import sensor_settings
 from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
-from harness.storage.schema import (
-    DETECTION_CORRELATION,
-    DETECTION_NUMBERS,
-    DIRECTION_COLUMN,
-    TRUTH_NUMBERS,
-    VISIBILITY_STATES,
-    WALL_COLUMN,
-)
+from harness.storage.schema import TABLES, VISIBILITY_STATES
+from harness.storage.tables import floats
 from harness.truth.frame import Frame
 from mmpf.map.road import Road
 from mmpf.scan import Scan
 
 PARAMETER = "replay"
 FARTHEST, SIZES_M = 1e8, (0.1, 60.0)
-FRAME_COLUMNS = ("step", "time_s", "episode", "vehicle_id", *TRUTH_NUMBERS, "is_ego")
-OBSERVATION_COLUMNS = ("visible_fraction", "occluder_id", "in_range", "state")
-DETECTION_COLUMNS = ("step", *DETECTION_NUMBERS, "visible_fraction", "truth_id")
 RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 
 
@@ -53,8 +44,8 @@ def read_looks(folder: Path, config: RunConfig) -> Looks:
 
 def _looks(folder: Path, config: RunConfig) -> Looks:
     runfolder.read_manifest(folder, PARAMETER)
-    truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER, (*FRAME_COLUMNS, *OBSERVATION_COLUMNS))
-    detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER, DETECTION_COLUMNS)
+    truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER)
+    detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
     _check_content(truth, detections)
@@ -83,7 +74,8 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     """
     if not len(truth):
         raise ValueError("there is no vehicle in the truth")
-    columns = [*TRUTH_NUMBERS, "time_s", *({DIRECTION_COLUMN} & set(truth))]
+    table = TABLES[runfolder.TRUTH]
+    columns = [name for name in (*table.needed, "direction_rad") if name in truth and not table.of(name).is_text]
     numbers = truth[columns].to_numpy(dtype=np.float64)
     if not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError("the truth holds a value that is not finite or beyond any road")
@@ -98,17 +90,15 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     times = truth.groupby("step")["time_s"].agg(["min", "max"]).to_numpy(dtype=np.float64)
     if (times[:, 0] != times[:, 1]).any() or (np.diff(times[:, 0]) <= 0.0).any():
         raise ValueError("the times of the steps do not ascend")
-    if not set(truth["state"]) <= set(VISIBILITY_STATES):
-        raise ValueError("a state is none of " + ", ".join(VISIBILITY_STATES))
     if not (truth["visible_fraction"].between(0.0, 1.0)).all():
         raise ValueError("a visible fraction is not one of 0 to 1")
-    if WALL_COLUMN in truth and not (truth[WALL_COLUMN].between(0.0, 1.0)).all():
-        raise ValueError(f"{WALL_COLUMN} is not one of 0 to 1")
+    if "wall_fraction" in truth and not (truth["wall_fraction"].between(0.0, 1.0)).all():
+        raise ValueError("wall_fraction is not one of 0 to 1")
     measured = detections[["lon_m", "lat_m", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     if not (np.abs(measured) <= FARTHEST).all() or not (measured[:, 2:] > 0.0).all():
         raise ValueError("a detection is not finite, or its deviation is not positive")
-    if DETECTION_CORRELATION in detections and not (detections[DETECTION_CORRELATION].abs() < 1.0).all():
-        raise ValueError(f"{DETECTION_CORRELATION} of a detection is not between -1 and 1")
+    if "correlation" in detections and not (detections["correlation"].abs() < 1.0).all():
+        raise ValueError("correlation of a detection is not between -1 and 1")
     speed = detections[["speed_mps", "std_speed_mps"]].to_numpy(dtype=np.float64)
     if np.isinf(speed).any() or (speed[:, 1] <= 0.0).any():
         raise ValueError("a measured speed is not finite, or its deviation is not positive")
@@ -133,10 +123,10 @@ def _observation(
             free_space=free_space(detections, ego, road, settings.range_m, view_rad),
         ),
         truth_id=seen["truth_id"].to_numpy(dtype=str),
-        detection_visible_fraction=seen["visible_fraction"].to_numpy(dtype=np.float64),
-        visible_fraction=truth["visible_fraction"].to_numpy(dtype=np.float64),
+        detection_visible_fraction=floats(seen, "visible_fraction"),
+        visible_fraction=floats(truth, "visible_fraction"),
         occluder=pd.Index(truth["vehicle_id"]).get_indexer(pd.Index(truth["occluder_id"])).astype(np.int64),
         in_range=truth["in_range"].to_numpy(dtype=bool),
         state=np.array([VISIBILITY_STATES.index(state) for state in truth["state"]], dtype=np.int8),
-        behind_walls=truth[WALL_COLUMN].to_numpy(dtype=np.float64) if WALL_COLUMN in truth else None,
+        behind_walls=floats(truth, "wall_fraction") if "wall_fraction" in truth else None,
     )

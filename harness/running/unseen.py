@@ -84,8 +84,7 @@ def by_stretch(frame: Frame, unseen: Unseen) -> pd.DataFrame:
         unseen: What is expected then in each piece of lane.
 
     Returns:
-        Columns ``step``, ``time_s``, ``episode``, ``stretch`` (its number), ``from_lon_m``, ``from_lat_m``,
-        ``to_lon_m``, ``to_lat_m`` and ``expected`` (vehicles).
+        The table ``unseen`` of ``harness.storage.schema``.
     """
     cells = unseen.cells
     _, first, cell = np.unique(cells.stretch, return_index=True, return_inverse=True)

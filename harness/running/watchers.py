@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 
 from harness.sensor.observation import Look
+from harness.storage.run_folder import DIAGNOSTICS
+from harness.storage.schema import TABLES
 from harness.trackers.protocol import AnyTracker
 from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.motion.state import LAT, LON
@@ -66,16 +68,6 @@ class MomentKeeper:
         self.moment = Moment(look, tracks, particles)
 
 
-# The wall times of the stages are no part of the table: equal runs give equal tables.
-COLUMNS = (
-    "components",
-    "effective_share",
-    "births",
-    "deaths",
-    "merges",
-    "reclusterings",
-    "association_entropy",
-)
 DECIMALS = 6
 
 
@@ -105,8 +97,9 @@ class DiagnosticsKeeper:
         if not isinstance(tracker, DiagnosedTracker):
             return
         report, frame = tracker.last_report, look.frame
-        when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
-        self._rows.append(when | {name: getattr(report, name) for name in COLUMNS})
+        told = {**vars(report), "step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
+        # The wall times of the stages are no part of the table: equal runs give equal tables.
+        self._rows.append({name: told[name] for name in TABLES[DIAGNOSTICS].needed})
         for stage, took_ms in report.stage_ms.items():
             self.stages_ms.setdefault(stage, array("d")).append(took_ms)
 

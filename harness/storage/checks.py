@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,22 +15,10 @@ import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import MB, MOST_TABLE_BYTES, check_file
+from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
 
 MOST_ROWS, MOST_COLUMNS, MOST_CELLS = 60_000_000, 5_000, 1_500_000_000
 LONGEST_TEXT = 2_000
-TEXTS = frozenset(
-    {
-        *("vehicle_id", "truth_id", "occluder_id", "state", "outcome", "label", "error"),
-        *("kind", "visibility", "fate"),
-        *("net", "demand", "replay", "tracker", "variant", "model", "update"),
-    }
-)
-LARGEST = {
-    "step": 1e9, "episode": 1e9, "track_id": 2.0**53, "time_s": 1e9, "lon_m": 1e8, "lat_m": 1e8,
-    "length_m": 100.0, "width_m": 100.0, "heading_rad": 1e3,
-}  # fmt: skip
-"""Columns in which no run leaves a gap, and what their numbers stay below."""
-POSITIVE = frozenset({"length_m", "width_m"})
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
@@ -51,11 +39,12 @@ def read_parquet(path: Path, parameter: str, until: Until | None = None) -> pd.D
         until: The rows that are wanted; None for all.
 
     Raises:
-        InputError: It is no ordinary file, has too many rows or columns, or columns of another kind than numbers and
-            texts.
+        InputError: It is no ordinary file, is of a version to come, has too many rows or columns, or columns of another
+            kind than numbers and texts.
     """
     check_file(path, MOST_TABLE_BYTES, parameter)
     footer = pq.read_metadata(path)
+    _check_version(footer, f"`{parameter}`: {path}")
     groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
     rows, columns = sum(footer.row_group(group).num_rows for group in groups), footer.num_columns
     if rows > MOST_ROWS or columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
@@ -103,29 +92,33 @@ def groups_until(footer: pq.FileMetaData, until: Until) -> list[int]:
     return [group for group in range(footer.num_row_groups) if begins_before(group)]
 
 
-def check_kinds(table: pd.DataFrame, columns: Collection[str], place: str) -> None:
-    """Refuse columns that hold texts where numbers belong, or the other way round.
+def check_kinds(table: pd.DataFrame, columns: Iterable[Column], place: str) -> None:
+    """Refuse columns that do not hold what they are declared to.
 
     Args:
         table: The table.
-        columns: Columns that are needed.
+        columns: Columns that it has.
         place: Where the table is, for the message.
 
     Raises:
-        InputError: A column is of the wrong kind, or a step, a time, an identity or a place is none that can be.
+        InputError: A column holds texts for numbers, numbers for texts, an unknown word, or a number that none can be.
     """
-    for name in columns:
-        numbers = pd.api.types.is_numeric_dtype(table[name])
-        if table[name].notna().any() and numbers == (name in TEXTS):
-            wanted = "texts" if name in TEXTS else "numbers"
-            raise InputError(f"{place}: {name} holds no {wanted}; make the run again")
-        if name in TEXTS or not len(table):
+    for column in columns:
+        values = table[column.name]
+        place_of_column = f"{place}: {column.name}"
+        if values.notna().any() and pd.api.types.is_numeric_dtype(values) == column.is_text:
+            wanted = "texts" if column.is_text else "numbers"
+            raise InputError(f"{place_of_column} holds no {wanted}; make the run again")
+        unknown = sorted(set(map(str, values.unique())) - set(column.words)) if column.words else []
+        if unknown:
+            known = ", ".join(filter(None, column.words))
+            raise InputError(f"{place_of_column} holds {unknown[0][:40]!r}; there are {known}")
+        if column.below is None:
             continue
         # What is not finite is not below anything.
-        if name in LARGEST and not (np.abs(table[name].to_numpy(dtype=np.float64)) < LARGEST[name]).all():
-            raise InputError(f"{place}: {name} holds a number that none can be; make the run again")
-        if name in POSITIVE and not (table[name].to_numpy(dtype=np.float64) > 0.0).all():
-            raise InputError(f"{place}: {name} holds a number that none can be; make the run again")
+        numbers = values.to_numpy(dtype=np.float64)
+        if not (np.abs(numbers) < column.below).all() or (column.positive and not (numbers > 0.0).all()):
+            raise InputError(f"{place_of_column} holds a number that none can be; make the run again")
 
 
 def check_order(table: pd.DataFrame, place: str) -> None:
@@ -176,6 +169,18 @@ def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
         raise InputError(
             f"`{parameter}`: the files in {folder} contradict each other or were changed ({reason}); make the run again"
         ) from error
+
+
+def _check_version(footer: pq.FileMetaData, place: str) -> None:
+    """Refuse a table of a version to come; one without a version is of the first."""
+    told = (footer.metadata or {}).get(VERSION_KEY.encode(), b"1")
+    if not told.isdigit():
+        raise InputError(f"{place} has a {VERSION_KEY} that is no number; make the run again")
+    if int(told) > SCHEMA_VERSION:
+        raise InputError(
+            f"{place} has {VERSION_KEY} {told.decode()[:20]}, and this program reads up to {SCHEMA_VERSION}; install a "
+            "newer one"
+        )
 
 
 def _is_number(kind: pa.DataType) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.common.files import write_text
-from harness.storage.schema import DENSITY, MISMATCH, RECORDING
+from harness.storage.schema import TABLES
 from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -18,16 +18,9 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 
-TEXT_COLUMNS = (
-    *("net", "demand", RECORDING, "tracker", "variant", "model", "update", "error", MISMATCH),
-    *(f"recording.{name}" for name in ("file", "format", "ego")),
-    *(f"episode.{name}" for name in ("kind", "ego", "provoked")),
-    *(f"drive.{name}" for name in ("ended", "collided_with")),
-)
+TEXT_COLUMNS = frozenset(column.name for column in TABLES["runs.parquet"].columns if column.is_text)
 NOT_FLAT = ("in_plain_view.vehicles",)
 """Lists of whatever length with words in them: a run's own folder has them."""
-FIRST_COLUMNS = ("net", DENSITY, "demand", "tracker", "variant", "model", "update", "seed")
-OUTCOME_COLUMNS = ("succeeded", "error", "total_s")
 
 
 def flattened(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -26,6 +26,7 @@ from harness.storage import ownership
 from harness.storage.checks import Until, check_kinds, check_order, check_rows, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
+from harness.storage.schema import TABLES, Table
 from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -39,7 +40,6 @@ TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
 )
 PARTICLES, UNSEEN = "particles.parquet", "unseen.parquet"
 BRAKINGS, COMMANDS = "brakings.parquet", "commands.parquet"
-IN_ORDER = (TRUTH, DETECTIONS, TRACKS)
 FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
@@ -196,7 +196,7 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
 
 
 def read_table(
-    folder: Path, name: str, parameter: str, columns: Collection[str], until: Until | None = None
+    folder: Path, name: str, parameter: str, columns: Collection[str] | None = None, until: Until | None = None
 ) -> pd.DataFrame:
     """Return one of the tables of a run folder.
 
@@ -204,7 +204,7 @@ def read_table(
         folder: The run folder.
         name: File name of the table.
         parameter: Parameter that named the folder, for the message.
-        columns: Columns that it must have.
+        columns: Columns that it must have, whose content is checked; None for all that its kind of table has.
         until: The rows that are wanted; None for all.
 
     Raises:
@@ -220,11 +220,13 @@ def read_table(
         raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
     except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError):
         raise InputError(f"`{parameter}`: {path} is truncated or damaged; make the run again") from None
-    missing = [column for column in columns if column not in table]
+    known = TABLES.get(name, Table("", ()))
+    missing = [column for column in (known.needed if columns is None else columns) if column not in table]
     if missing:
         raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
-    check_kinds(table, columns, f"`{parameter}`: {path}")
-    if name in IN_ORDER and "step" in columns:
+    checked = [column.name for column in known.columns if column.name in table] if columns is None else columns
+    check_kinds(table, map(known.of, checked), f"`{parameter}`: {path}")
+    if known.in_order and "step" in checked:
         check_order(table, f"`{parameter}`: {path}")
     return table
 

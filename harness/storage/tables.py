@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.files import replacing
+from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY
 from mmpf.numerics.arrays import FloatArray
 
 
@@ -18,7 +19,7 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as parquet; the same table gives the same bytes."""
     columns = {name: _arrow_column(table[name].to_numpy()) for name in table}
     with replacing(path) as temporary:
-        pq.write_table(pa.table(columns), temporary, compression="zstd")
+        pq.write_table(pa.table(columns, metadata={VERSION_KEY: str(SCHEMA_VERSION)}), temporary, compression="zstd")
 
 
 def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:

@@ -23,13 +23,11 @@ from harness.scoring.evidence.plain_view import PlainView
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import lasting_stretches, missed_stretches
-from harness.storage.schema import VISIBILITY_STATES
+from harness.storage.schema import BRAKING_KINDS, FATES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 MISSED, PHANTOM = range(2)
-KINDS = ("missed", "phantom")
 NONE, LOST, DISPLACED, HIJACKED, GHOST = range(5)
-FATES = ("none", "lost", "displaced", "hijacked", "ghost")
 MISSED_FATES, PHANTOM_FATES = (NONE, LOST, DISPLACED, HIJACKED), (DISPLACED, HIJACKED, GHOST)
 """What the track to blame, or that of the vehicle to blame, did; ``docs/decisions.md`` tells them apart."""
 
@@ -39,7 +37,7 @@ class Brakings:
     """The missed and phantom brakings of a run, struct of arrays of shape (b,).
 
     Attributes:
-        kind: Index into ``KINDS``.
+        kind: Index into ``BRAKING_KINDS``.
         first: Step at which it begins.
         last: Its last step.
         worst: Step at which truth and tracks differ most.
@@ -131,13 +129,7 @@ def _blamed_tracks(
 def braking_table(
     truth: pd.DataFrame, brakings: Brakings, asked: Asked, rows: RunRows, history: DetectionHistory
 ) -> pd.DataFrame:
-    """Tabulate missed and phantom brakings in the order in which they begin.
-
-    Returns:
-        Columns kind, episode, from_step, to_step, step (where truth and tracks differ most), duration_s, truth_mps2 and
-        tracks_mps2 (what the driver would do there by either), vehicle_id (empty for none), visibility, unseen_s (since
-        its last detection; nan if it was never detected), track_id (-1 for none) and fate.
-    """
+    """Return the table ``brakings`` of ``harness.storage.schema``, in the order in which they begin."""
     some = brakings.truth_row >= 0
     name = np.full(len(brakings), "", dtype=object)
     name[some] = truth["vehicle_id"].to_numpy(dtype=object)[rows.truth.name_row[brakings.truth_row[some]]]
@@ -147,7 +139,7 @@ def braking_table(
     steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
     table = pd.DataFrame(
         {
-            "kind": np.array(KINDS, dtype=object)[brakings.kind],
+            "kind": np.array(BRAKING_KINDS, dtype=object)[brakings.kind],
             "episode": rows.episode[brakings.first],
             "from_step": steps[brakings.first],
             "to_step": steps[brakings.last],
@@ -166,13 +158,7 @@ def braking_table(
 
 
 def command_table(truth: pd.DataFrame, asked: Asked, rows: RunRows) -> pd.DataFrame:
-    """Tabulate what the driver would do at each step.
-
-    Returns:
-        Columns step, time_s, episode, judged; truth_mps2 and tracks_mps2; truth_gap_m and tracks_gap_m, to the vehicle
-        right ahead, infinite where there is none; and truth_left, truth_right, tracks_left and tracks_right, whether
-        the gap beside is accepted.
-    """
+    """Return the table ``commands`` of ``harness.storage.schema``: what the driver would do at each step."""
     steps, first = np.unique(truth["step"].to_numpy(dtype=np.int64), return_index=True)
     columns: dict[str, object] = {
         "step": steps,

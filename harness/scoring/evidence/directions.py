@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from harness.storage.schema import DIRECTION_COLUMN
 from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 # Farther than any two places of one step are apart.
@@ -22,11 +21,11 @@ def read_directions(truth: pd.DataFrame) -> FloatArray | None:
     Raises:
         ValueError: A direction is not finite.
     """
-    if DIRECTION_COLUMN not in truth:
+    if "direction_rad" not in truth:
         return None
-    direction = truth[DIRECTION_COLUMN].to_numpy(dtype=np.float64, na_value=np.nan)
+    direction = truth["direction_rad"].to_numpy(dtype=np.float64, na_value=np.nan)
     if not np.isfinite(direction).all():
-        raise ValueError(f"truth: {DIRECTION_COLUMN} holds a value that is not finite")
+        raise ValueError("truth: direction_rad holds a value that is not finite")
     return direction
 
 

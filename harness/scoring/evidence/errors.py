@@ -13,12 +13,10 @@ from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.pairs import similarity
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.settings import ScoringSettings
-from harness.storage.schema import HIDDEN, OUT, VISIBILITY_STATES
+from harness.storage.schema import HIDDEN, MATCHED_BY, OUT, OUTCOMES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
-OUTCOMES = ("tracked", "missed", "lost", "hijacked", "untracked")
-MATCHED_BY = ("", "gate", "identity")
 
 
 @dataclass(frozen=True)
@@ -59,9 +57,7 @@ def error_table(
     along the frame's axes.
 
     Returns:
-        Columns step, time_s, episode, vehicle_id, track_id (-1 if none), state, seconds_hidden (since the last
-        detection while hidden, otherwise 0), lon_error_m, lat_error_m, speed_error_mps, lat_speed_error_mps,
-        std_lon_m, std_lat_m, std_speed_mps, matched_by ("gate", "identity" or ""), outcome. Sorted by step and vehicle.
+        The table ``errors`` of ``harness.storage.schema``, sorted by step and vehicle.
     """
     vehicles, tracks = rows.truth, rows.tracks
     kept = scored_rows(rows, history, settings)

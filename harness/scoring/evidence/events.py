@@ -80,13 +80,7 @@ def occlusion_events(rows: RunRows, matching: Matching, settings: ScoringSetting
 
 
 def event_table(truth: pd.DataFrame, rows: RunRows, events: OcclusionEvents) -> pd.DataFrame:
-    """Tabulate the events.
-
-    Returns:
-        Columns episode, vehicle_id, from_step, from_s (last detection before), to_step, to_s (re-detection),
-        duration_s, track_id (-1 if none), outcome ("same_id", "survived" on nothing, "hijacked" or "lost"),
-        reacquire_s.
-    """
+    """Return the events as the table of that name in ``harness.storage.schema``."""
     onset, back = rows.truth.name_row[events.onset_row], rows.truth.name_row[events.return_row]
     outcome = np.where(events.lost, "lost", np.where(events.hijacked, "hijacked", "survived"))
     step, time_s = truth["step"].to_numpy(), truth["time_s"].to_numpy()

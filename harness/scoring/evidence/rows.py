@@ -10,14 +10,7 @@ import pandas as pd
 
 from harness.scoring.evidence.directions import nearest_row, read_directions
 from harness.scoring.evidence.settings import ScoringSettings
-from harness.storage.schema import (
-    PARKED_COLUMN,
-    PEDESTRIAN_COLUMN,
-    ROUNDABOUT_COLUMN,
-    VISIBILITY_STATES,
-    WALL_COLUMN,
-    WINDOW_COLUMNS,
-)
+from harness.storage.schema import REPORTED_STATES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -35,7 +28,7 @@ class TruthRows:
         speed_mps: Longitudinal speed.
         lat_speed_mps: Lateral speed.
         in_range: Within the sensor's range, and not at or beyond the edge of what the source knows of the road.
-        state: Index into ``harness.sensor.observation.VISIBILITY_STATES``.
+        state: Index into ``harness.storage.schema.VISIBILITY_STATES``.
         detected: At least one detection came from the vehicle at this step.
         direction_rad: Direction against the longitudinal axis that its gates and errors are taken along; 0 on a road
             that has a frame of its own.
@@ -152,13 +145,9 @@ def read_run(
     """Turn the three tables of a run into arrays.
 
     Args:
-        truth: One row per vehicle and step; a missing column ``episode`` means a single episode. Columns
-            ``window_start_m`` and ``window_end_m`` bound what the source knows of the road. A column ``direction_rad``
-            means that positions are in the plane, and says along which direction each vehicle is scored. Columns
-            ``wall_fraction``, ``on_roundabout`` and ``parked`` tell what walls hide, who is on a roundabout and who is
-            parked; whoever is ``pedestrian`` is left out.
-        detections: One row per detection; ``truth_id`` empty or null for clutter.
-        tracks: One row per track and step.
+        truth: The table of truth, see ``harness.storage.schema``; a missing column ``episode`` means a single episode.
+        detections: That of detections.
+        tracks: That of tracks.
         edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
             may have its track just outside.
 
@@ -177,8 +166,8 @@ def read_run(
     episodes = all_episodes[first_row]
     name_codes, names = pd.factorize(truth["vehicle_id"])
     counts = ~truth["is_ego"].to_numpy(dtype=bool)
-    if PEDESTRIAN_COLUMN in truth:
-        counts &= ~truth[PEDESTRIAN_COLUMN].to_numpy(dtype=bool)
+    if "pedestrian" in truth:
+        counts &= ~truth["pedestrian"].to_numpy(dtype=bool)
     keep = np.flatnonzero(counts)
     vehicle = _codes(all_episodes[keep], name_codes[keep].astype(np.int64))
     order = np.lexsort((step_index[keep], vehicle))
@@ -212,28 +201,28 @@ def read_run(
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
             direction_rad=np.zeros(len(rows)) if direction is None else direction[rows],
-            parked=truth[PARKED_COLUMN].to_numpy(dtype=bool)[rows] if PARKED_COLUMN in truth else None,
+            parked=truth["parked"].to_numpy(dtype=bool)[rows] if "parked" in truth else None,
         ),
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
         ego_direction_rad=ego_direction,
         hidden_by_wall=_hidden_by_wall(truth, rows),
-        on_roundabout=truth[ROUNDABOUT_COLUMN].to_numpy(dtype=bool)[rows] if ROUNDABOUT_COLUMN in truth else None,
+        on_roundabout=truth["on_roundabout"].to_numpy(dtype=bool)[rows] if "on_roundabout" in truth else None,
     )
 
 
 def _hidden_by_wall(truth: pd.DataFrame, rows: IntArray) -> BoolArray | None:
-    if WALL_COLUMN not in truth:
+    if "wall_fraction" not in truth:
         return None
-    behind_walls, visible = _floats(truth, WALL_COLUMN)[rows], _floats(truth, "visible_fraction")[rows]
+    behind_walls, visible = _floats(truth, "wall_fraction")[rows], _floats(truth, "visible_fraction")[rows]
     return np.asarray(2.0 * behind_walls > 1.0 - visible)
 
 
 def _windows(truth: pd.DataFrame, first_row: IntArray, edge_m: float) -> FloatArray | None:
     """Return where what is known of the road begins and ends at each step, shape (2, steps); None for everywhere."""
-    if not set(WINDOW_COLUMNS) <= set(truth):
+    if not {"window_start_m", "window_end_m"} <= set(truth):
         return None
-    start_m, end_m = (_floats(truth, name)[first_row] for name in WINDOW_COLUMNS)
+    start_m, end_m = (_floats(truth, name)[first_row] for name in ("window_start_m", "window_end_m"))
     return np.stack([start_m + edge_m, end_m - edge_m])
 
 
@@ -246,7 +235,7 @@ def _inside(lon_m: FloatArray, windows: FloatArray | None, step: IntArray) -> Bo
 def _reported_tracks(
     tracks: pd.DataFrame, steps: IntArray, episodes: IntArray, windows: FloatArray | None
 ) -> TrackRows:
-    state = _state_codes(tracks["state"], ("tentative", "confirmed", "hidden"))
+    state = _state_codes(tracks["state"], REPORTED_STATES)
     rows = np.flatnonzero(state > 0)
     step = _step_index(_ints(tracks, "step")[rows], steps, "tracks")
     order = np.argsort(step, kind="stable")

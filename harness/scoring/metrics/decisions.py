@@ -12,14 +12,14 @@ import numpy as np
 
 from harness.decisions.decide import Decision
 from harness.scoring.driving.asked import Asked
-from harness.scoring.driving.brakings import FATES, KINDS, MISSED, MISSED_FATES, PHANTOM, PHANTOM_FATES
+from harness.scoring.driving.brakings import MISSED, MISSED_FATES, PHANTOM, PHANTOM_FATES
 from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.evidence.stretches import stretches
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import Basis, joined
 from harness.scoring.metrics.quantity import Quantity
-from harness.storage.schema import HIDDEN, OUT
+from harness.storage.schema import BRAKING_KINDS, FATES, HIDDEN, OUT
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 KM = "decisions.km"
@@ -181,12 +181,12 @@ def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, o
     }
     for code in (MISSED, PHANTOM):
         count = int((kind == code).sum())
-        table |= {KINDS[code]: count, f"{KINDS[code]}_per_km": count / km if km > 0.0 else np.nan}
+        table |= {BRAKING_KINDS[code]: count, f"{BRAKING_KINDS[code]}_per_km": count / km if km > 0.0 else np.nan}
     table["missed_hidden"] = int(((kind == MISSED) & hidden).sum())
     table["missed_withheld"] = int(withheld.sum())
     for code, possible in ((MISSED, MISSED_FATES), (PHANTOM, PHANTOM_FATES)):
         of_kind = fate[kind == code]
-        table[f"{KINDS[code]}_by"] = {FATES[place]: int((of_kind == place).sum()) for place in possible}
+        table[f"{BRAKING_KINDS[code]}_by"] = {FATES[place]: int((of_kind == place).sum()) for place in possible}
     return table | {
         "lateness_s": mean(late),
         "onsets": len(late),

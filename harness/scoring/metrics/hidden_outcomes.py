@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.scoring.evidence.errors import HIJACKED, LOST, OUTCOMES, TRACKED, UNTRACKED
+from harness.scoring.evidence.errors import HIJACKED, LOST, TRACKED, UNTRACKED
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import Basis
 from harness.scoring.metrics.quantity import Quantity
-from harness.storage.schema import HIDDEN
+from harness.storage.schema import HIDDEN, OUTCOMES
 from mmpf.numerics.arrays import IntArray
 
 TRACKED_PERCENT = "hidden_outcomes.tracked_percent"

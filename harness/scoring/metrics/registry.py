@@ -32,6 +32,7 @@ from harness.scoring.metrics import (
 )
 from harness.scoring.metrics.parts import Basis, InParts
 from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import TABLES
 from mmpf.registry import Registry
 
 Score = Callable[[Evidence], Mapping[str, object]]
@@ -164,18 +165,13 @@ class Totals:
         return _plain(tables)
 
 
-COLUMNS = (
-    *("step", "time_s", "vehicle_id", "truth_id", "track_id", "is_ego", "in_range", "state"),
-    *("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps"),
-)
-
-
 def completed(scores: Mapping[str, Any]) -> dict[str, Any]:
     """Return tables by name, with null for every value of those metrics that are not among them."""
     if all(name in scores for name in METRICS):
         return dict(scores)
-    no_rows = pd.DataFrame(columns=list(COLUMNS))
-    evidence = gather(no_rows, no_rows, no_rows, ScoringSettings(), 0)
+    names = ("truth.parquet", "detections.parquet", "tracks.parquet")
+    truth, detections, tracks = (pd.DataFrame(columns=list(TABLES[name].needed)) for name in names)
+    evidence = gather(truth, detections, tracks, ScoringSettings(), 0)
     return {name: _nulled(table) for name, table in score_metrics(evidence).items()} | dict(scores)
 
 
