@@ -102,7 +102,7 @@ LON_SPEED = _number("speed_mps", "longitudinal speed")
 LAT_SPEED = _number("lat_speed_mps", "lateral speed, positive to the left")
 ACCEL = _number("accel_mps2", "longitudinal acceleration")
 STDS = (
-    _number("std_lon_m", "standard deviation of `lon_m`, as its maker reports it"),
+    _number("std_lon_m", "standard deviation of `lon_m`, as it was reported"),
     _number("std_lat_m", "standard deviation of `lat_m`, likewise"),
     _number("std_speed_mps", "standard deviation of `speed_mps`, likewise"),
 )
@@ -138,7 +138,7 @@ RUN_OUTCOME = (
 
 TABLES: dict[str, Table] = {
     "truth.parquet": Table(
-        "A row for each vehicle and step. Trackers get nothing of it but the ego's own pose.",
+        "A row for each vehicle and step. A tracker gets the ego's pose, and no more of it.",
         (
             *WHEN, VEHICLE, LON, LAT,
             _number("heading_rad", "heading against the road's direction, positive to the left", below=1e3),
@@ -155,7 +155,7 @@ TABLES: dict[str, Table] = {
             _number("window_end_m", "where it ends; beyond it nothing is scored", absent=WHOLE_ROAD),
             _number("direction_rad", "direction that its errors are taken along", absent="that is the road's own"),
             _flag("parked", "whether it stands still for as long as it is on record", absent="nobody tells"),
-            _flag("pedestrian", "whether it is a person, who hides others and is not scored", absent="there is none"),
+            _flag("pedestrian", "whether it is a person on foot, who is not scored", absent="none is known"),
             _flag("on_roundabout", "whether it is on a roundabout", absent="none is known"),
             _number("wall_fraction", "share of it that walls hide, 0 to 1", absent="the road has no walls"),
             _text("signals", "a letter for each signal of the road, `1` open and `0` closed; trackers are told them by "
@@ -167,7 +167,7 @@ TABLES: dict[str, Table] = {
         "A row for each detection.",
         (
             STEP, *_seen(TIME), EPISODE,
-            _whole("detection", "its place in the scan, which tells nothing"),
+            _whole("detection", "its number in the scan"),
             *_seen(
                 LON, LAT,
                 replace(LON_SPEED, meaning="measured longitudinal speed; nan where it is not measured"),
@@ -179,7 +179,7 @@ TABLES: dict[str, Table] = {
                 _number("heading_rad", "direction of the box against the longitudinal axis", absent=NO_HEADINGS),
                 _number("std_heading_rad", "its standard deviation, if front is not back", absent=NO_HEADINGS),
                 _number("flip_probability", "probability that the front is taken for the back", absent=NO_HEADINGS),
-                _number("correlation", "correlation of the noises of `lon_m` and `lat_m`", absent="they have none"),
+                _number("correlation", "correlation of the noise of both places", absent="the sensor tells none"),
             ),
             _number("visible_fraction", "share of the vehicle that the sensor can see; nan of a false detection"),
             _text("truth_id", "vehicle that it came from; empty of a false detection"),
