@@ -301,8 +301,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             raise InputError(f"`keep` {values['keep']}: only runs can be kept; for example `keep` runs")
         if values["scheduler"] is not None and values["keep"] is not None:
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
-        from harness.grid.kept import keeping  # noqa: PLC0415
-        from harness.grid.making import on_stderr  # noqa: PLC0415
+        from harness.grid.making import keeping, on_stderr  # noqa: PLC0415
         from harness.grid.stress import run_stress  # noqa: PLC0415
         from harness.report.folderpage import write_page  # noqa: PLC0415
 

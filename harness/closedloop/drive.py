@@ -16,8 +16,7 @@ from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
 from harness.grid.cells import Cell, Grid
-from harness.grid.kept import keeping
-from harness.grid.making import SUMMARY, TABLE, Making, Telling, make_rows
+from harness.grid.making import SUMMARY, TABLE, Making, Telling, keeping, make_rows
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.rows import assemble
 from harness.grid.stress import check_grid

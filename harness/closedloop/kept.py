@@ -6,19 +6,21 @@ from pathlib import Path
 
 from harness.closedloop.episode import Drove
 from harness.closedloop.plan import PlannedDrive
-from harness.grid.kept import Outcome, keep_run
-from harness.running.metrics import assemble_metrics, timing_table, traffic_table
+from harness.running.evaluate import Evaluated, tables_of, write_run
+from harness.running.metrics import traffic_table
 from harness.running.open import driven_on
 from harness.scoring import score_run
+from harness.storage import run_folder as runfolder
 from harness.truth.frame import STEP_S
 from mmpf.map.road import Road
 
 
 def keep_drive(folder: Path, run: PlannedDrive, road: Road, drove: Drove) -> None:
     """Write the folder; its manifest says that no ``run`` makes it again, since the ego was driven by a belief."""
-    tables, times, config = drove.tables, drove.times, run.config
-    scored = score_run(tables.truth, tables.detections, tables.tracks, config.seed, driven_on(road, config))
-    timing = timing_table(times, STEP_S, sum(times.tracker_s))
-    metrics = assemble_metrics(config, scored.metrics | dict(drove.table), timing, traffic_table(tables.truth, road))
-    outcome = Outcome(tables, scored, metrics, len(times.tracker_s))
-    keep_run(folder, config, road, outcome, f"harness drive: episode {run.key}")
+    recorded, times, config = drove.tables, drove.times, run.config
+    truth, detections, tracks = recorded.truth, recorded.detections, recorded.tracks
+    scored = score_run(truth, detections, tracks, config.seed, driven_on(road, config))
+    tables = {runfolder.TRUTH: truth, runfolder.DETECTIONS: detections, runfolder.TRACKS: tracks, **tables_of(scored)}
+    evaluated = Evaluated(road, tables, scored.metrics, traffic_table(truth, road), times, STEP_S)
+    metrics = evaluated.metrics(config, drove.table, sum(times.tracker_s))
+    write_run(folder, evaluated, metrics, config, f"harness drive: episode {run.key}")

@@ -63,6 +63,27 @@ def ignore_ends() -> None:
         signal.signal(end, signal.SIG_IGN)
 
 
+@contextmanager
+def signals_held(*, forgotten: bool = False) -> Iterator[None]:
+    """Let the signals that end a program wait until what must not be half done is done, or forget those that come."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def hold(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        came.append(number)
+
+    previous = {end: signal.signal(end, signal.SIG_IGN if forgotten else hold) for end in CODES}
+    try:
+        yield
+    finally:
+        for end, handler in previous.items():
+            signal.signal(end, handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     _received.append(signal.Signals(number))
     raise _ToldToEndError

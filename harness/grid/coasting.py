@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
-from harness.running.follow import track
+from harness.running.evaluate import evaluate
 from harness.running.looks import Looks
-from harness.scoring import score_run
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, VISIBILITY_STATES
 from harness.trackers.catalogue import build_tracker
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 def coasting_errors(looks: Looks, seed: int) -> pd.DataFrame:
     """Return the error table of coasting over looks that are kept."""
-    tables = track(looks, lambda setting: build_tracker(COASTING_TRACKER, setting, {}), seed)
-    return score_run(tables.truth, tables.detections, tables.tracks, seed).errors
+    evaluated = evaluate(looks, lambda setting: build_tracker(COASTING_TRACKER, setting, {}), seed)
+    return evaluated.tables[runfolder.ERRORS]
 
 
 def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, Any]:

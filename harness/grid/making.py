@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,7 +18,7 @@ from harness.grid.cells import Cell, Grid
 from harness.grid.pool import OnRow
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_folder import GRID, RUNS, check_same_grid, open_grid_folder
+from harness.storage.grid_folder import GRID, KEPT, RUNS, check_same_grid, open_grid_folder
 from harness.storage.grid_rows import Row, read_rows, write_row
 from harness.storage.manifest import RunFacts, write_manifest
 
@@ -41,6 +41,12 @@ class Telling:
     quiet: bool = True
     warn: Callable[[str], object] = str
     tell: Callable[[str], object] = str
+
+
+def keeping(execute: RunCells, out: Path) -> RunCells:
+    """Return what runs the cells of a grid's folder so that each run leaves a run folder there."""
+    keep_in = (out / KEPT).resolve()
+    return lambda cells, on_row: execute([replace(cell, keep_in=keep_in) for cell in cells], on_row)
 
 
 def on_stderr(quiet: bool) -> Telling:

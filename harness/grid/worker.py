@@ -20,16 +20,14 @@ from typing import TYPE_CHECKING
 
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.coasting import against_coasting, coasting_errors
-from harness.grid.kept import Outcome, keep_run
+from harness.grid.rerun import command_of
 from harness.grid.rows import failed_row, finished_row
-from harness.running.follow import StageTimes, track
+from harness.running.evaluate import evaluation_of, write_run
 from harness.running.looks import Looks
-from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.open import OpenLooks, as_believed, driven_on, open_looks, tracker_builder
+from harness.running.open import OpenLooks, open_looks
 from harness.running.remembered import RememberedTraffic
-from harness.running.unseen import UnseenKeeper
-from harness.scoring import score_run
 from harness.scoring.metrics.scarce import check_scored
+from harness.storage import run_folder as runfolder
 from harness.storage.grid_rows import Row
 
 if TYPE_CHECKING:
@@ -103,27 +101,16 @@ def _run_over(
 ) -> Row:
     """Return the row of one tracker, which is compared with the errors of coasting over the same looks."""
     begin = perf_counter()
-    times = StageTimes()
-
-    def watch(*_: object) -> None:
-        if len(times.tracker_s) == 1:
-            on_first_step()
-
     try:
-        told = as_believed(looks, run.config)
-        keeper = UnseenKeeper(told.road, told.sensor)
-        tables = track(told, tracker_builder(run.config), run.config.seed, (watch, keeper.watch), times)
-        unseen = keeper.table()
-        driven = driven_on(looks.road, run.config)
-        scored = score_run(tables.truth, tables.detections, tables.tracks, run.config.seed, driven, unseen)
-        check_scored(scored.metrics, len(times.tracker_s))
+        evaluation = evaluation_of(run.config, looks)
+        evaluation.follow((lambda *_: on_first_step() if evaluation.steps == 1 else None,))
+        evaluated = evaluation.finish()
+        check_scored(evaluated.scores, evaluated.steps)
         total_s = perf_counter() - begin
-        scores = scored.metrics | dict(looks.about) | {"against_coasting": against_coasting(scored.errors, coasting)}
-        timing = timing_table(times, looks.step_s, total_s)
-        metrics = assemble_metrics(run.config, scores, timing, traffic_table(tables.truth, looks.road))
+        held_against = against_coasting(evaluated.tables[runfolder.ERRORS], coasting)
+        metrics = evaluated.metrics(run.config, {**looks.about, "against_coasting": held_against}, total_s)
         if keep_in is not None:
-            outcome = Outcome(tables, scored, metrics, len(times.tracker_s), unseen)
-            keep_run(keep_in / run.key, run.config, looks.road, outcome)
+            write_run(keep_in / run.key, evaluated, metrics, run.config, command_of(run.config))
         return finished_row(run, metrics, total_s)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)

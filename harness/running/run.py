@@ -2,48 +2,35 @@
 
 from __future__ import annotations
 
-import shutil
-import signal
 import sys
-import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
-from harness.common.files import write_text
-from harness.common.numbers import as_json
 from harness.common.progress import progress_bar, working
-from harness.common.signals import told_to_end
+from harness.common.signals import signals_held, told_to_end
 from harness.config.model import RunConfig
-from harness.running.follow import StageTimes, follow
-from harness.running.keeping import RunKeeper
-from harness.running.looks import Looks, Streams
-from harness.running.metrics import assemble_metrics, timing_table
-from harness.running.open import (
-    OpenLooks,
-    as_believed,
-    check_driver,
-    check_tracker,
-    driven_on,
-    open_looks,
-    tracker_builder,
-)
+from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
+from harness.running.looks import Looks
+from harness.running.open import OpenLooks, check_driver, check_tracker, open_looks
 from harness.running.resolve import write_config
-from harness.running.unseen import UnseenKeeper
-from harness.running.watchers import Moment, MomentKeeper
+from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
+from harness.running.write import RunWriter
+from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
-from harness.storage.checks import rows_of
-from harness.storage.manifest import RunFacts, write_manifest
+from harness.storage.growing import sampled_rows
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
 
 if TYPE_CHECKING:
     import pandas as pd
+
+MOST_DRAWN = 300_000
+"""About how many rows of a table figures show at most: those of some steps of a long run."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +116,7 @@ def run(
         sys.stderr.write(f"when this run is done it replaces {pending.replaced}\n")
     try:
         metrics = attempt.complete(open_looks, draw, quiet)
-        with _uninterrupted():
+        with signals_held(forgotten=True):
             return FinishedRun(folder=pending.finish(), metrics=metrics)
     except InputError:
         pending.discard()
@@ -173,7 +160,7 @@ def _interrupted(attempt: _Attempt, pending: runfolder.PendingFolder) -> RunInte
 
 def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> str:
     """Keep the finished steps if the disk takes them, and return in words what became of them."""
-    with _uninterrupted():
+    with signals_held(forgotten=True):
         try:
             flaws = attempt.leave(status, problem)
             return f"the finished steps are in {pending.leave_incomplete()}{flaws}"
@@ -191,138 +178,85 @@ def _in_words(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 
-@dataclass
 class _Attempt:
     """A run on its way: what is known so far, and how to write it."""
 
-    config: RunConfig
-    folder: Path
-    command: str
-    keeper: RunKeeper | None = None
-    moment: MomentKeeper = field(default_factory=MomentKeeper)
-    times: StageTimes = field(default_factory=StageTimes)
-    wall_s: dict[str, float] = field(default_factory=dict)
-    looks: Looks | None = None
+    def __init__(self, config: RunConfig, folder: Path, command: str) -> None:
+        self._config, self._folder = config, folder
+        self._writer = RunWriter(folder, config.seed, command)
+        self._evaluation: Evaluation | None = None
+        self._looks: Looks | None = None
 
     @property
     def steps(self) -> int:
         """How many steps are finished."""
-        return self.keeper.recorder.steps if self.keeper is not None else 0
+        return self._evaluation.steps if self._evaluation is not None else 0
 
     def complete(self, open_looks: OpenLooks, draw: Drawing | None, quiet: bool) -> dict[str, Any]:
         """Do the whole run and return the metrics."""
         begin = perf_counter()
-        write_config(self.config, self.folder / runfolder.CONFIG)
-        with self._timed("open"), working(_opening(self.config), quiet):
-            looks = self.looks = open_looks(self.config)
+        config, folder, writer = self._config, self._folder, self._writer
+        write_config(config, folder / runfolder.CONFIG)
+        with writer.timed("open"), working(_opening(config), quiet):
+            looks = self._looks = open_looks(config)
+        writer.inputs = looks.hashes()
 
         def say(line: str) -> None:
             if line and not quiet:
                 sys.stderr.write(line + "\n")
 
         say(looks.report)
-        runfolder.write_road(looks.road, self.folder / runfolder.ROAD)
-        told = as_believed(looks, self.config)
-        keeper = self.keeper = RunKeeper(
-            self.folder,
-            driven_on(looks.road, self.config),
-            UnseenKeeper(told.road, told.sensor),
-            self.config.seed,
-            self._timed,
-        )
-        with self._timed("loop"):
-            self._loop(told, keeper, quiet)
+        runfolder.write_road(looks.road, folder / runfolder.ROAD)
+        moment, diagnostics = MomentKeeper(), DiagnosticsKeeper()
+        keepers: dict[str, Keeper] = {runfolder.DIAGNOSTICS: diagnostics, runfolder.PARTICLES: ParticleKeeper()}
+        evaluation = self._evaluation = evaluation_of(config, looks, keepers, writer)
+        with writer.timed("loop"):
+            with progress_bar("tracking", looks.expected_steps, quiet, before="loading the tracker") as advance:
+                evaluation.follow((moment.watch, lambda *_: advance()))
+            if not self.steps:
+                raise InputError(
+                    "the traffic has no ego vehicle in the section; choose another demand, density or duration"
+                )
         # What was scored and written between two steps is in their own phases.
-        self.wall_s["loop"] -= self.wall_s.get("score", 0.0) + self.wall_s.get("write", 0.0)
+        writer.wall_s["loop"] -= writer.wall_s.get("score", 0.0) + writer.wall_s.get("write", 0.0)
         with working("scoring", quiet):
-            scores = keeper.finish()
+            evaluated = evaluation.finish()
+            check_scored(evaluated.scores, self.steps)
         if draw is not None:
-            with self._timed("draw"), working("drawing", quiet):
-                draw.figures(self.folder / runfolder.FIGURES, self._pictured(looks, keeper, scores))
-        metrics = assemble_metrics(
-            self.config,
-            scores | dict(looks.about),
-            timing_table(self.times, looks.step_s, perf_counter() - begin, keeper.diagnostics.stages_ms),
-            keeper.traffic(),
-        )
-        write_text(self.folder / runfolder.METRICS, as_json(metrics))
-        self.write_manifest(runfolder.COMPLETE, None, self.steps)
+            with writer.timed("draw"), working("drawing", quiet):
+                draw.figures(folder / runfolder.FIGURES, self._pictured(looks, moment, evaluated))
+        metrics = evaluated.metrics(config, looks.about, perf_counter() - begin, diagnostics.stages_ms)
+        writer.finish(metrics, self.steps)
         if draw is not None:
             with working("writing the page", quiet):
-                draw.page(self.folder)
+                draw.page(folder)
         return metrics
 
     def leave(self, status: str, problem: str) -> str:
         """Write what there is of a run that did not end, and return in words what it lacks for want of room."""
-        # What only a finished run has goes first: it would tell of an end that was none, and takes room.
-        for name in (runfolder.MANIFEST, runfolder.METRICS):
-            (self.folder / name).unlink(missing_ok=True)
-        shutil.rmtree(self.folder / runfolder.FIGURES, ignore_errors=True)
-        steps, apart = self.keeper.leave() if self.keeper is not None else (0, [])
-        flaws = [f"later rows lie beside their tables in {', '.join(apart)}"] if apart else []
-        try:
-            self.write_manifest(status, problem, steps)
-        except OSError:
-            flaws.append(f"{runfolder.MANIFEST} found no room")
-        return "".join(f", {flaw}" for flaw in flaws)
-
-    def write_manifest(self, status: str, problem: str | None, steps: int) -> None:
-        """Write the manifest as things stand."""
-        inputs = self.looks.hashes() if self.looks is not None else {}
-        rows = rows_of(self.folder) if status == runfolder.COMPLETE else {}
-        facts = RunFacts(status, self.command, self.config.seed, steps, inputs, self.wall_s, problem, rows)
-        write_manifest(self.folder / runfolder.MANIFEST, facts)
+        run = self._evaluation
+        if run is None:
+            return self._writer.leave(status, problem)
+        rest = run.recorded() if run.unwritten else {}
+        return self._writer.leave(status, problem, run.steps, run.unwritten, rest)
 
     def close(self) -> None:
         """Release the simulation."""
-        if self.looks is not None:
-            self.looks.close()
+        if self._looks is not None:
+            self._looks.close()
 
-    def _loop(self, told: Looks, keeper: RunKeeper, quiet: bool) -> None:
-        stream = Streams.from_seed(self.config.seed).tracker
-        with progress_bar("tracking", told.expected_steps, quiet, before="loading the tracker") as advance:
-            kept = (self.moment, keeper.diagnostics, keeper.particles, keeper.unseen)
-            watchers = (*(each.watch for each in kept), lambda *_: advance())
-            follow(told, tracker_builder(self.config), keeper.recorder, stream, watchers, self.times)
-        if not self.steps:
-            raise InputError(
-                "the traffic has no ego vehicle in the section; choose another demand, density or duration"
-            )
-
-    def _pictured(self, looks: Looks, keeper: RunKeeper, scores: Mapping[str, Any]) -> Pictured:
+    def _pictured(self, looks: Looks, moment: MomentKeeper, evaluated: Evaluated) -> Pictured:
+        told = self._folder / runfolder.DIAGNOSTICS
         return Pictured(
-            title=self.config.title(),
+            title=self._config.title(),
             road=looks.road,
             sensor=looks.sensor,
-            errors=keeper.drawn_errors(),
-            metrics=scores,
-            moment=self.moment.moment,
-            diagnostics=keeper.drawn_diagnostics(),
+            errors=sampled_rows(self._folder / runfolder.ERRORS, MOST_DRAWN),
+            metrics=evaluated.scores,
+            moment=moment.moment,
+            diagnostics=sampled_rows(told, MOST_DRAWN) if told.is_file() else None,
         )
-
-    @contextmanager
-    def _timed(self, phase: str) -> Iterator[None]:
-        begin = perf_counter()
-        try:
-            yield
-        finally:
-            self.wall_s[phase] = self.wall_s.get(phase, 0.0) + perf_counter() - begin
 
 
 def _opening(config: RunConfig) -> str:
     return "reading the recording" if config.replay is not None else "warming up traffic"
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let no second Ctrl-C, SIGTERM or SIGHUP cut short what is being saved after the first."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    previous = [signal.signal(end, signal.SIG_IGN) for end in ends]
-    try:
-        yield
-    finally:
-        for end, handler in zip(ends, previous, strict=True):
-            signal.signal(end, handler)

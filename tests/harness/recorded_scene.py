@@ -14,16 +14,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness.common.numbers import as_json
 from harness.config.model import RunConfig
+from harness.running.evaluate import Evaluated, write_run
 from harness.running.follow import StageTimes
-from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.resolve import resolve_run_config, write_config
+from harness.running.metrics import traffic_table
+from harness.running.resolve import resolve_run_config
 from harness.scoring import score_run
 from harness.storage import run_folder as runfolder
-from harness.storage.checks import rows_of
-from harness.storage.manifest import RunFacts, write_manifest
-from harness.storage.tables import write_table
 from mmpf.map.road import Road, highway
 
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0
@@ -31,28 +28,25 @@ LAST_SEEN, SEEN_AGAIN, GIVEN_UP, NEW_TRACK = 20, 40, 30, 43
 WHEN = ("step", "time_s", "episode")
 
 
-def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, road: Road | None = None) -> Path:
+def write_recorded_scene(
+    folder: Path,
+    names: dict[str, str] | None = None,
+    road: Road | None = None,
+    config: RunConfig | None = None,
+    command: str = "harness run",
+) -> Path:
     """Write the folder; vehicles can be given other names."""
-    folder.mkdir(parents=True)
     road = road or highway()
-    config: RunConfig = resolve_run_config(options={"seed": 7, "duration": STEPS * STEP_S, "model": "cvm"})
+    config = config or resolve_run_config(options={"seed": 7, "duration": STEPS * STEP_S, "model": "cvm"})
     truth, detections, tracks = truth_table(names or {}), detection_table(names or {}), track_table()
     scored = score_run(truth, detections, tracks, config.seed)
+    tables = {
+        runfolder.TRUTH: truth, runfolder.DETECTIONS: detections, runfolder.TRACKS: tracks,
+        runfolder.ERRORS: scored.errors, runfolder.EVENTS: scored.events,
+    }  # fmt: skip
     times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
-    metrics = assemble_metrics(config, scored.metrics, timing_table(times, STEP_S, 1.0), traffic_table(truth, road))
-    write_config(config, folder / runfolder.CONFIG)
-    runfolder.write_road(road, folder / runfolder.ROAD)
-    for name, table in (
-        (runfolder.TRUTH, truth), (runfolder.DETECTIONS, detections), (runfolder.TRACKS, tracks),
-        (runfolder.ERRORS, scored.errors), (runfolder.EVENTS, scored.events),
-    ):  # fmt: skip
-        write_table(table, folder / name)
-    (folder / runfolder.METRICS).write_text(as_json(metrics), encoding="utf-8")
-    (folder / runfolder.FIGURES).mkdir()
-    facts = RunFacts(
-        runfolder.COMPLETE, "harness run", seed=7, steps=STEPS, wall_times_s={"loop": 1.0}, rows=rows_of(folder)
-    )
-    write_manifest(folder / runfolder.MANIFEST, facts)
+    evaluated = Evaluated(road, tables, scored.metrics, traffic_table(truth, road), times, STEP_S)
+    write_run(folder, evaluated, evaluated.metrics(config, {}, 1.0), config, command)
     return folder
 
 

@@ -30,10 +30,9 @@ from harness.grid.pool import ONE_THREAD
 from harness.lab.tuning.outcome_file import Outcome, write_outcome
 from harness.lab.tuning.spaces import ALWAYS, SEARCH_SPACES, Options, nested, space_of, starts_of
 from harness.lab.tuning.trials import Found, Scores, Trial, check_installed, search
-from harness.running.follow import track
+from harness.running.evaluate import evaluate
 from harness.running.looks import Looks
 from harness.running.open import open_looks
-from harness.scoring import score_run
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
 
 DENSITIES = (20.0, 45.0)
@@ -114,8 +113,7 @@ def follow(tracker: str, options: Options, recording: Recording) -> Scores:
     """Follow a recording with a tracker of given options, dotted keys with values, whatever its tuned ones are."""
     chosen = nested({**ALWAYS.get(tracker, {}), **options})
     build = partial(build_tracker, tracker, options=chosen, tuned=False)
-    tables = track(_looks(recording), build, recording.seed)
-    return Scores.of(score_run(tables.truth, tables.detections, tables.tracks, recording.seed).metrics)
+    return Scores.of(evaluate(_looks(recording), build, recording.seed).scores)
 
 
 @cache

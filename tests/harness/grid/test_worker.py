@@ -14,11 +14,13 @@ import pytest
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.config.model import RunConfig
-from harness.grid import kept, worker
+from harness.grid import worker
 from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.making import keeping
 from harness.grid.rerun import command_of
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Started, work_on_cell
+from harness.running import evaluate
 from harness.running.follow import track
 from harness.scoring import score_run
 from harness.storage import ownership
@@ -95,7 +97,7 @@ def test_traffic_that_breaks_fails_every_run_with_its_reason():
 def test_a_kept_run_is_a_run_folder_of_its_own(tmp_path):
     cell = plan_grid(replace(REQUEST, trackers=ECHO)).cells[0]
     passed: list = []
-    kept.keeping(lambda cells, on_row: passed.extend([*cells, on_row]), tmp_path)([cell], print)
+    keeping(lambda cells, on_row: passed.extend([*cells, on_row]), tmp_path)([cell], print)
     assert passed == [replace(cell, keep_in=(tmp_path / KEPT).resolve()), print]
     (_, *_, finished, _) = told_of(passed[0])
     folder = tmp_path / "kept" / cell.runs[0].key
@@ -132,9 +134,9 @@ def test_a_run_that_is_kept_again_loses_its_manifest_first(tmp_path, monkeypatch
     def full(config, path) -> None:
         raise OSError("full")
 
-    monkeypatch.setattr(kept, "write_config", full)
+    monkeypatch.setattr(evaluate, "write_config", full)
     with pytest.raises(OSError, match="full"):
-        kept.keep_run(folder, CELL_OF_THREE.config, None, None)
+        evaluate.write_run(folder, None, {}, CELL_OF_THREE.config, "")
     assert (folder / "figures").is_dir()
     assert not (folder / "manifest.json").exists()
 

@@ -9,25 +9,12 @@ import pytest
 from harness.commands.app import run_command_line
 from harness.config.options import keys_of_options
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.kept import Outcome, keep_run
 from harness.grid.rerun import command_of
 from harness.report.folderpage import as_html, write_page
 from harness.report.gridruns import BESIDE
 from harness.report.keptpages import write_kept_pages
-from harness.running.follow import StageTimes
-from harness.running.metrics import assemble_metrics, timing_table, traffic_table
-from harness.running.recorder import RunTables
 from harness.running.resolve import resolve_run_config
-from harness.scoring import score_run
-from mmpf.map.road import highway
-from tests.harness.recorded_scene import (
-    STEP_S,
-    STEPS,
-    detection_table,
-    track_table,
-    truth_table,
-    write_recorded_scene,
-)
+from tests.harness.recorded_scene import write_recorded_scene
 
 
 def told(command):
@@ -109,21 +96,10 @@ def test_only_runs_can_be_kept(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def kept(folder, run):
-    """Leave what a worker leaves of a run that is kept."""
-    truth, detections, tracks = truth_table({}), detection_table({}), track_table()
-    scored = score_run(truth, detections, tracks, 0)
-    times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
-    timing, traffic = timing_table(times, STEP_S, 1.0), traffic_table(truth, highway())
-    metrics = assemble_metrics(run.config, scored.metrics, timing, traffic)
-    outcome = Outcome(RunTables(truth, detections, tracks), scored, metrics, STEPS)
-    keep_run(folder / "kept" / run.key, run.config, highway(), outcome)
-
-
 def test_kept_runs_get_their_pages_and_each_tracker_stands_beside_the_first(grid):
     folder, runs = grid
     for run in runs[:2]:
-        kept(folder, run)
+        write_recorded_scene(folder / "kept" / run.key, config=run.config, command=command_of(run.config))
     write_kept_pages(folder, quiet=True)
     addresses = re.findall(r"<a href='(kept/[^']*)'", write_page(folder).read_text(encoding="utf-8"))
     own, beside = [[f"kept/{run.key}/{name}" for run in runs[:2]] for name in ("report.html", BESIDE)]

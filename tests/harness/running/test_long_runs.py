@@ -15,7 +15,7 @@ import pytest
 from harness.common.errors import RunError, RunInterruptedError
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
-from harness.running import keeping
+from harness.running import evaluate
 from harness.running.finished import read_recorded_run
 from harness.running.recorder import ColumnRecorder
 from harness.running.resolve import resolve_run_config
@@ -42,7 +42,7 @@ def run_on(out: Path, *, fail_at: int | None = None, draw: Drawing | None = None
 @pytest.fixture
 def short_stretches(monkeypatch) -> None:
     """Let every episode be a stretch of its own."""
-    monkeypatch.setattr(keeping, "STRETCH_ROWS", 1)
+    monkeypatch.setattr(evaluate, "STRETCH_ROWS", 1)
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def groups(path: Path) -> int:
 
 def test_every_stretch_is_a_row_group_and_rows_and_scores_are_those_of_one_stretch(tmp_path, monkeypatch):
     whole = run_on(tmp_path / "whole")
-    monkeypatch.setattr(keeping, "STRETCH_ROWS", 1)
+    monkeypatch.setattr(evaluate, "STRETCH_ROWS", 1)
     parts = run_on(tmp_path / "parts")
     assert groups(whole / runfolder.TRUTH) == 1
     assert groups(parts / runfolder.TRUTH) == STEPS // EGO_STAY

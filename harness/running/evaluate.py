@@ -1,0 +1,258 @@
+"""The one evaluation of a tracker: it follows looks, and what is recorded of it is scored, stretch by stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from harness.common.signals import signals_held
+from harness.config.model import RunConfig
+from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
+from harness.running.looks import Looks, Streams
+from harness.running.metrics import TrafficSums, assemble_metrics, timing_table
+from harness.running.open import as_believed, driven_on, tracker_builder
+from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
+from harness.running.resolve import write_config
+from harness.running.unseen import UnseenKeeper
+from harness.running.write import RunWriter
+from harness.scoring import RunScorer, ScoredRun, ScoredStretch
+from harness.scoring.driving.asked import Driven
+from harness.sensor.observation import Look
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
+from harness.trackers.protocol import AnyTracker
+from mmpf.map.road import Road
+from mmpf.tracks import Tracks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Keeper(Protocol):
+    """Watches a run and keeps rows of a table of its own."""
+
+    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
+        """Look at one step."""
+        ...
+
+    def table(self) -> pd.DataFrame | None:
+        """Return the rows that are kept; None of what has no table."""
+        ...
+
+    def forget(self) -> None:
+        """Let go of the rows."""
+        ...
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A tracker's run that was followed and scored.
+
+    Attributes:
+        road: The lanes.
+        tables: What was recorded and what scoring made of it, by file; empty where it was written as the run went on.
+        scores: The tables of scores by name, see ``harness.scoring.ScoredRun``.
+        traffic: The ``traffic`` table.
+        times: Wall times of the stages.
+        step_s: Simulated time of a step.
+    """
+
+    road: Road
+    tables: Mapping[str, pd.DataFrame]
+    scores: Mapping[str, Any]
+    traffic: Mapping[str, Any]
+    times: StageTimes
+    step_s: float
+
+    @property
+    def steps(self) -> int:
+        """How many steps there were."""
+        return len(self.times.tracker_s)
+
+    def metrics(
+        self,
+        config: RunConfig,
+        about: Mapping[str, Any],
+        total_s: float,
+        stages_ms: Mapping[str, Sequence[float]] | None = None,
+    ) -> dict[str, Any]:
+        """Return the content of ``metrics.json``.
+
+        Args:
+            config: The run's configuration.
+            about: Other tables about the run, by name.
+            total_s: Wall time of the whole run.
+            stages_ms: Wall times inside the tracker by stage, where it tells them.
+        """
+        timing = timing_table(self.times, self.step_s, total_s, stages_ms)
+        return assemble_metrics(config, {**self.scores, **about}, timing, self.traffic)
+
+
+@dataclass
+class Evaluation:
+    """An evaluation on its way.
+
+    A run that is written as it goes on is never in memory but for one stretch. A run of a single stretch, as short ones
+    are, is scored as a whole when it has ended. So is one whose metrics are not all in parts, however long it is.
+
+    Attributes:
+        looks: What the tracker is shown.
+        build: Builds the tracker.
+        seed: Root seed of the run.
+        driven: The road of the truth, and the driver that is asked on it; None asks no driver.
+        keepers: What else is kept, by the file of its table.
+        writer: Writes each stretch; None keeps the run in memory.
+        times: Wall times of the stages.
+    """
+
+    looks: Looks
+    build: TrackerBuilder
+    seed: int
+    driven: Driven | None = None
+    keepers: Mapping[str, Keeper] = field(default_factory=dict)
+    writer: RunWriter | None = None
+    times: StageTimes = field(default_factory=StageTimes)
+    _tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Prepare to record and to score."""
+        self._road = self.looks.road if self.driven is None else self.driven.road
+        self._timed: Callable[[str], AbstractContextManager[object]]
+        self._timed = nullcontext if self.writer is None else self.writer.timed
+        self._scorer, self._traffic = RunScorer(self.seed, self.driven), TrafficSums()
+        in_stretches = self.writer is not None and self._scorer.takes_stretches
+        self._recorder = ColumnRecorder(
+            end_stretch=self._end_stretch if in_stretches else None, stretch_rows=STRETCH_ROWS
+        )
+
+    @property
+    def steps(self) -> int:
+        """How many steps are finished."""
+        return self._recorder.steps
+
+    @property
+    def unwritten(self) -> int:
+        """How many of them are not written yet."""
+        return self._recorder.kept
+
+    def follow(self, watchers: Sequence[Watch] = (), stream: np.random.SeedSequence | None = None) -> None:
+        """Follow the looks to their end.
+
+        Args:
+            watchers: Called after every step.
+            stream: Parent of the trackers' streams; None takes that of the root seed.
+        """
+        stream = Streams.from_seed(self.seed).tracker if stream is None else stream
+        watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
+        follow(self.looks, self.build, self._recorder, stream, watchers, self.times)
+
+    def recorded(self) -> dict[str, pd.DataFrame]:
+        """Return what is kept and not scored yet, by file."""
+        recorded, kept = self._recorder.tables(), {name: each.table() for name, each in self.keepers.items()}
+        return {
+            **{name: table for name, table in kept.items() if table is not None},
+            runfolder.TRUTH: recorded.truth,
+            runfolder.DETECTIONS: recorded.detections,
+            runfolder.TRACKS: recorded.tracks,
+        }
+
+    def finish(self) -> Evaluated:
+        """Score what was followed and return everything; what is written is finished."""
+        self._end_stretch()
+        with self._timed("score"):
+            scores = self._scorer.metrics()
+        if self.writer is not None:
+            # Half put together, a table would get its later stretches twice from ``leave``.
+            with self._timed("write"), signals_held():
+                self.writer.close()
+        return Evaluated(
+            self._road, self._tables, scores, self._traffic.table(self._road), self.times, self.looks.step_s
+        )
+
+    def _end_stretch(self) -> None:
+        tables = self.recorded()
+        with self._timed("score"):
+            truth, detections, tracks = (
+                tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
+            )
+            scored = self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
+        tables |= tables_of(scored)
+        if self.writer is None:
+            self._traffic.add(truth, self._road)
+            self._tables = tables
+            return
+        with self._timed("write"), signals_held():
+            self._traffic.add(truth, self._road)
+            self.writer.append(tables)
+            self._recorder.forget()
+            for keeper in self.keepers.values():
+                keeper.forget()
+
+
+def evaluate(looks: Looks, build: TrackerBuilder, seed: int) -> Evaluated:
+    """Follow looks with a tracker and score it; nothing but its tracks is looked at."""
+    evaluation = Evaluation(looks, build, seed)
+    evaluation.follow()
+    return evaluation.finish()
+
+
+def evaluation_of(
+    config: RunConfig, looks: Looks, keepers: Mapping[str, Keeper] | None = None, writer: RunWriter | None = None
+) -> Evaluation:
+    """Return the evaluation that a configuration asks for: its tracker is shown what it lets the tracker believe.
+
+    Args:
+        config: The configuration.
+        looks: What it looks at.
+        keepers: What is kept beside what every run keeps, by the file of its table.
+        writer: Writes each stretch; None keeps the run in memory.
+
+    Raises:
+        InputError: Together with the data sheet the beliefs make no sense.
+    """
+    told = as_believed(looks, config)
+    return Evaluation(
+        told,
+        tracker_builder(config),
+        config.seed,
+        driven_on(looks.road, config),
+        {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)},
+        writer,
+    )
+
+
+def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], config: RunConfig, command: str) -> None:
+    """Write the folder of a run that is in memory, without pictures; half a folder is none.
+
+    Args:
+        folder: The folder.
+        evaluated: What the run gave.
+        metrics: Content of its ``metrics.json``.
+        config: Its configuration.
+        command: What makes it again.
+    """
+    (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
+    (folder / runfolder.MANIFEST).unlink(missing_ok=True)
+    ownership.claim(folder, ownership.RUN)
+    write_config(config, folder / runfolder.CONFIG)
+    runfolder.write_road(evaluated.road, folder / runfolder.ROAD)
+    writer = RunWriter(folder, config.seed, command)
+    writer.append(evaluated.tables)
+    writer.finish(metrics, evaluated.steps)
+    ownership.record_all(folder, ownership.RUN)
+
+
+def tables_of(scored: ScoredStretch | ScoredRun) -> dict[str, pd.DataFrame]:
+    """Return the tables that scoring made by the file that each goes to."""
+    tables = {
+        runfolder.ERRORS: scored.errors,
+        runfolder.EVENTS: scored.events,
+        runfolder.BRAKINGS: scored.brakings,
+        runfolder.COMMANDS: scored.commands,
+    }
+    return {name: table for name, table in tables.items() if table is not None}

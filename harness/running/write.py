@@ -1,0 +1,114 @@
+"""Writes a run's folder, at once or as the run goes on."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from harness.common.files import write_text
+from harness.common.numbers import as_json
+from harness.storage import run_folder as runfolder
+from harness.storage.checks import rows_of
+from harness.storage.growing import GrowingTables
+from harness.storage.manifest import RunFacts, write_manifest
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NOTHING: Mapping[str, pd.DataFrame] = {}
+
+
+@dataclass
+class RunWriter:
+    """Writes a run's tables stretch by stretch, and at its end what is to be said of it.
+
+    Attributes:
+        folder: The folder.
+        seed: Root seed of the run.
+        command: What made it.
+        inputs: SHA-256 of each input file.
+        wall_s: Wall time of each phase so far.
+    """
+
+    folder: Path
+    seed: int
+    command: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    wall_s: dict[str, float] = field(default_factory=dict)
+    _stretch: int = 0
+
+    def __post_init__(self) -> None:
+        """Begin without a table."""
+        self._tables = GrowingTables(self.folder)
+
+    @contextmanager
+    def timed(self, phase: str) -> Iterator[None]:
+        """Add the wall time of a block to that of a phase."""
+        begin = perf_counter()
+        try:
+            yield
+        finally:
+            self.wall_s[phase] = self.wall_s.get(phase, 0.0) + perf_counter() - begin
+
+    def append(self, tables: Mapping[str, pd.DataFrame]) -> None:
+        """Write the next stretch of the tables, by file."""
+        self._tables.append(self._stretch, tables)
+        self._stretch += 1
+
+    def close(self) -> None:
+        """Put the stretches of each table together."""
+        self._tables.close()
+
+    def finish(self, metrics: Mapping[str, Any], steps: int) -> None:
+        """Write the metrics of a run whose tables are closed; the manifest comes last, so that half a folder is none.
+
+        Args:
+            metrics: Content of ``metrics.json``.
+            steps: Number of steps.
+        """
+        write_text(self.folder / runfolder.METRICS, as_json(dict(metrics)))
+        self._write_manifest(runfolder.COMPLETE, None, steps, rows_of(self.folder))
+
+    def leave(
+        self, status: str, problem: str, steps: int = 0, unwritten: int = 0, rest: Mapping[str, pd.DataFrame] = NOTHING
+    ) -> str:
+        """Write what there is of a run that did not end, no scores, and return in words what it lacks for want of room.
+
+        Args:
+            status: What became of it, for the manifest.
+            problem: What ended it.
+            steps: How many steps are finished.
+            unwritten: How many of them are not written yet.
+            rest: The rows of these, by file.
+
+        Raises:
+            OSError: There is no room for the first stretch.
+        """
+        # What only a finished run has goes first: it would tell of an end that was none, and takes room.
+        for name in (runfolder.MANIFEST, runfolder.METRICS):
+            (self.folder / name).unlink(missing_ok=True)
+        shutil.rmtree(self.folder / runfolder.FIGURES, ignore_errors=True)
+        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS, runfolder.BRAKINGS, runfolder.COMMANDS))
+        try:
+            self._tables.append(self._stretch, rest)
+        except (OSError, MemoryError):
+            if not self._stretch:
+                raise
+            self._tables.take_back(self._stretch)
+            steps -= unwritten
+        apart = self._tables.close_or_leave_apart()
+        flaws = [f"later rows lie beside their tables in {', '.join(apart)}"] if apart else []
+        try:
+            self._write_manifest(status, problem, steps, {})
+        except OSError:
+            flaws.append(f"{runfolder.MANIFEST} found no room")
+        return "".join(f", {flaw}" for flaw in flaws)
+
+    def _write_manifest(self, status: str, problem: str | None, steps: int, rows: Mapping[str, int]) -> None:
+        facts = RunFacts(status, self.command, self.seed, steps, self.inputs, self.wall_s, problem, rows)
+        write_manifest(self.folder / runfolder.MANIFEST, facts)
