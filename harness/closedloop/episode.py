@@ -6,10 +6,10 @@ only when the tracks of the last have been watched, and by then the driver has a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,10 +36,8 @@ from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import Decision, decide_by, driver_of, with_doubt
 from harness.decisions.drivers.protocol import Driver
 from harness.decisions.yielding import Course
-from harness.running.follow import StageTimes, follow
+from harness.running.evaluate import Evaluated, evaluation_of
 from harness.running.looks import Looks
-from harness.running.open import as_believed, tracker_builder
-from harness.running.recorder import ColumnRecorder, RunTables
 from harness.running.unseen import UnseenOfTracks
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.closedloop import (
@@ -61,6 +59,9 @@ from harness.truth.sumo.session import sumo_errors_in_words
 from mmpf.tracks import Tracks
 from mmpf.undetected.intensity import Unseen
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SENSOR, TRACKER, HUMAN = range(3)
 """Streams of an episode's randomness; none depends on the belief."""
 # As far as the road is known beyond the section, less what a driver looks ahead.
@@ -76,18 +77,13 @@ class Drove:
 
     Attributes:
         table: The tables ``episode`` and ``drive`` of its row.
-        tables: What was recorded, tracking seconds included.
-        times: Wall times of its steps; no part of its results.
+        tables: What was recorded, tracking seconds included, by file.
+        evaluated: What the scores are of one that ended in a collision; None of others.
     """
 
     table: dict[str, dict[str, Any]]
-    tables: RunTables
-    times: StageTimes
-
-    @property
-    def collided(self) -> bool:
-        """Whether it ended in a collision."""
-        return bool(self.table["drive"]["ended"] == BY_COLLISION)
+    tables: Mapping[str, pd.DataFrame]
+    evaluated: Evaluated | None
 
 
 def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
@@ -123,11 +119,10 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         sensor=sensor.model(road),
         stream=loop.looks(),
     )
-    recorder, times, build = ColumnRecorder(), StageTimes(), tracker_builder(config)
-    believed = as_believed(looks, config)
+    evaluation = evaluation_of(config, looks)
     if planned.heed_unseen is not None and loop.passage is not None and planned.variant not in WITHOUT_TRACKER:
-        loop.unseen = UnseenOfTracks(believed.road, believed.sensor)
-    follow(believed, build, recorder, _child(stream, TRACKER), (loop.watch,), times)
+        loop.unseen = UnseenOfTracks(evaluation.looks.road, evaluation.looks.sensor)
+    evaluation.follow((loop.watch,), _child(stream, TRACKER))
     drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
     if loop.passage is not None and loop.passage.crossings:
         drove |= score_crossing(loop.passage.crossed(at.provoked if at.kind == CROSS else "", loop.contact))
@@ -141,7 +136,9 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         episode["flow_mps"] = planned.flow_mps
     if at.seen_before is not None:
         episode["seen_before"] = float(at.seen_before)
-    return Drove({"episode": episode, "drive": drove}, recorder.tables(), times)
+    recorded = evaluation.recorded()
+    evaluated = evaluation.finish() if loop.ended == BY_COLLISION else None
+    return Drove({"episode": episode, "drive": drove}, recorded, evaluated)
 
 
 def _perception(belief: str, rng: np.random.Generator, step_s: float) -> Perception:

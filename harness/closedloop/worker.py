@@ -21,13 +21,13 @@ import numpy as np
 
 from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver, hand_overs
-from harness.closedloop.kept import keep_drive
 from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
 from harness.common.errors import RunError
 from harness.grid.cells import Cell
 from harness.grid.rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
+from harness.running.evaluate import write_run
 from harness.running.follow import track
 from harness.running.looks import Looks, Streams
 from harness.running.open import tracker_builder
@@ -153,8 +153,10 @@ def _driven(traffic: Traffic, at: HandOver, run: PlannedDrive, keep_in: Path | N
         _rehearse(traffic, at, run)
         report(Started(STEPPING, run.key))
         drove = in_fork(lambda: drive(traffic, at, run))
-        if drove.collided and keep_in is not None:
-            keep_drive(keep_in / run.key, run, traffic.network.road, drove)
+        if drove.evaluated is not None and keep_in is not None:
+            metrics = drove.evaluated.metrics(run.config, drove.table, sum(drove.evaluated.times.tracker_s))
+            # No ``run`` makes it again, since the ego was driven by a belief.
+            write_run(keep_in / run.key, drove.evaluated, metrics, run.config, f"harness drive: episode {run.key}")
         # What took how long would make every table another.
         return finished_row(run, drove.table, 0.0) | {"total_s": None}
     except Exception as error:

@@ -20,7 +20,7 @@ from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
 from harness.running.resolve import write_config
 from harness.running.unseen import UnseenKeeper
 from harness.running.write import RunWriter
-from harness.scoring import RunScorer, ScoredRun, ScoredStretch
+from harness.scoring import RunScorer, ScoredStretch
 from harness.scoring.driving.asked import Driven
 from harness.sensor.observation import Look
 from harness.storage import ownership
@@ -181,7 +181,7 @@ class Evaluation:
                 tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
             )
             scored = self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
-        tables |= tables_of(scored)
+        tables |= _tables_of(scored)
         if self.writer is None:
             self._traffic.add(truth, self._road)
             self._tables = tables
@@ -247,7 +247,7 @@ def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], co
     ownership.record_all(folder, ownership.RUN)
 
 
-def tables_of(scored: ScoredStretch | ScoredRun) -> dict[str, pd.DataFrame]:
+def _tables_of(scored: ScoredStretch) -> dict[str, pd.DataFrame]:
     """Return the tables that scoring made by the file that each goes to."""
     tables = {
         runfolder.ERRORS: scored.errors,

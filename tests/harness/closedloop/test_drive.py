@@ -1,5 +1,6 @@
 """Whole closed loops: the same beginning for every belief and the same bytes again."""
 
+import json
 import re
 
 import numpy as np
@@ -14,6 +15,7 @@ from harness.common.errors import InputError, RunError
 from harness.decisions.drivers.protocol import Command
 from harness.grid.worker import Finished
 from harness.scoring.metrics.closedloop import COLLIDED
+from harness.storage import run_folder as runfolder
 from harness.storage.run_folder import read_table
 from mmpf.registry import UnknownNameError
 
@@ -41,14 +43,14 @@ def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_
         at = next(worker._episodes(traffic, cell))
         for run in cell.runs:
             tables[run.variant] = worker.in_fork(lambda run=run: drive(traffic, at, run)).tables
-    whole = tables["truth"].truth
+    whole = tables["truth"][runfolder.TRUTH]
     assert whole["step"].max() > LAST_TRACKED
     for name, other in tables.items():
-        for kind in ("truth", "detections"):
-            mine, theirs = (getattr(each, kind) for each in (tables["truth"], other))
+        for kind in (runfolder.TRUTH, runfolder.DETECTIONS):
+            mine, theirs = (each[kind] for each in (tables["truth"], other))
             mine, theirs = (each[each["step"] <= LAST_TRACKED].reset_index(drop=True) for each in (mine, theirs))
             assert mine.equals(theirs), (name, kind)
-        assert name == "truth" or not whole.equals(other.truth)
+        assert name == "truth" or not whole.equals(other[runfolder.TRUTH])
 
 
 @pytest.mark.slow
@@ -75,6 +77,12 @@ def test_a_driver_who_never_brakes_collides_and_the_page_leads_to_the_replays(tm
     pages = set(re.findall(r"\((kept/[^#)]*)#", (folder / "table.md").read_text()))
     assert pages
     assert all((folder / page).is_file() for page in pages)
+    for kept in (folder / "kept").iterdir():
+        unseen = read_table(kept, runfolder.UNSEEN, "folder", ("step", "expected"))
+        assert unseen["step"].tolist() == sorted(unseen["step"])
+        assert unseen["step"].iloc[0] == 0
+        scores = json.loads((kept / runfolder.METRICS).read_text())["never_seen"]
+        assert any(value is not None for value in scores.values())
     assert all(page in (folder / "report.html").read_text() for page in pages)
 
 
@@ -161,7 +169,7 @@ def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_th
     with worker.opened(cell) as traffic:
         at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == STOPPED)
         run = next(run for run in cell.runs if run.kind == STOPPED)
-        truth = worker.in_fork(lambda: drive(traffic, at, run)).tables.truth
+        truth = worker.in_fork(lambda: drive(traffic, at, run)).tables[runfolder.TRUTH]
     its = truth[truth["vehicle_id"] == "broken_ahead"]
     assert its["step"].min() == LAST_TRACKED + 1
     assert its["speed_mps"].max() == 0.0
@@ -181,9 +189,9 @@ def test_a_dark_leader_is_detected_in_a_third_of_the_scans_and_brakes_to_a_stop(
         at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == DARK)
         run = next(run for run in cell.runs if run.kind == DARK)
         drove = worker.in_fork(lambda: drive(traffic, at, run))
-    tables, leader = drove.tables, at.provoked
-    its = tables.truth[tables.truth["vehicle_id"] == leader]
-    seen = tables.detections["step"][tables.detections["truth_id"] == leader].nunique()
+    truth, detections, leader = drove.tables[runfolder.TRUTH], drove.tables[runfolder.DETECTIONS], at.provoked
+    its = truth[truth["vehicle_id"] == leader]
+    seen = detections["step"][detections["truth_id"] == leader].nunique()
     assert its["visible_fraction"][its["step"] <= LAST_TRACKED].min() > 0.7
     assert its["speed_mps"].min() == 0.0
     assert 0.2 < seen / len(its) < 0.5
