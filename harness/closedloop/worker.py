@@ -27,10 +27,8 @@ from harness.common.errors import RunError
 from harness.grid.cells import Cell
 from harness.grid.rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
-from harness.running.evaluate import write_run
-from harness.running.follow import track
+from harness.running.evaluate import evaluation_of, write_run
 from harness.running.looks import Looks, Streams
-from harness.running.open import tracker_builder
 from harness.scoring.metrics.closedloop import NO_CANDIDATE
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
@@ -173,7 +171,7 @@ def _rehearse(traffic: Traffic, at: HandOver, run: PlannedDrive) -> None:
     sensor, road = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides)), traffic.network.road
     rng = np.random.default_rng(0)
     looks = tuple(Look(frame, sensor.observe(frame, road, rng)) for frame in at.frames[:REHEARSED_STEPS])
-    track(Looks(road, traffic.step_s, len(looks), sensor.model(road), looks), tracker_builder(config), 0)
+    evaluation_of(config, Looks(road, traffic.step_s, len(looks), sensor.model(road), looks)).follow()
 
 
 def _reason(error: Exception) -> str:

@@ -6,47 +6,33 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harness.common.numbers import without_nan
 from harness.common.signals import signals_held
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
 from harness.running.looks import Looks, Streams
-from harness.running.metrics import TrafficSums, assemble_metrics, timing_table
+from harness.running.metrics import TrafficSums, identification, timing_table
 from harness.running.open import as_believed, driven_on, tracker_builder
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
 from harness.running.resolve import write_config
 from harness.running.unseen import UnseenKeeper
+from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.running.write import RunWriter
-from harness.scoring import RunScorer, ScoredStretch
+from harness.scoring import RunScorer
 from harness.scoring.driving.asked import Driven
-from harness.sensor.observation import Look
+from harness.scoring.metrics.registry import completed
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
-from harness.trackers.protocol import AnyTracker
 from mmpf.map.road import Road
-from mmpf.tracks import Tracks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-
-class Keeper(Protocol):
-    """Watches a run and keeps rows of a table of its own."""
-
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
-        """Look at one step."""
-        ...
-
-    def table(self) -> pd.DataFrame | None:
-        """Return the rows that are kept; None of what has no table."""
-        ...
-
-    def forget(self) -> None:
-        """Let go of the rows."""
-        ...
+Keeper = DiagnosticsKeeper | ParticleKeeper | UnseenKeeper
 
 
 @dataclass(frozen=True)
@@ -81,7 +67,7 @@ class Evaluated:
         total_s: float,
         stages_ms: Mapping[str, Sequence[float]] | None = None,
     ) -> dict[str, Any]:
-        """Return the content of ``metrics.json``.
+        """Return the content of ``metrics.json``; a score that was not made is null, never absent.
 
         Args:
             config: The run's configuration.
@@ -89,8 +75,14 @@ class Evaluated:
             total_s: Wall time of the whole run.
             stages_ms: Wall times inside the tracker by stage, where it tells them.
         """
-        timing = timing_table(self.times, self.step_s, total_s, stages_ms)
-        return assemble_metrics(config, {**self.scores, **about}, timing, self.traffic)
+        tables = {
+            "run": identification(config),
+            **completed({**self.scores, **about}),
+            "timing": timing_table(self.times, self.step_s, total_s, stages_ms),
+            "traffic": self.traffic,
+        }
+        plain: dict[str, Any] = without_nan(tables)
+        return plain
 
 
 @dataclass
@@ -124,7 +116,7 @@ class Evaluation:
         self._road = self.looks.road if self.driven is None else self.driven.road
         self._timed: Callable[[str], AbstractContextManager[object]]
         self._timed = nullcontext if self.writer is None else self.writer.timed
-        self._scorer, self._traffic = RunScorer(self.seed, self.driven), TrafficSums()
+        self._scorer, self._traffic = RunScorer(self.seed, self.driven), TrafficSums(self._road)
         in_stretches = self.writer is not None and self._scorer.takes_stretches
         self._recorder = ColumnRecorder(
             end_stretch=self._end_stretch if in_stretches else None, stretch_rows=STRETCH_ROWS
@@ -170,9 +162,7 @@ class Evaluation:
             # Half put together, a table would get its later stretches twice from ``leave``.
             with self._timed("write"), signals_held():
                 self.writer.close()
-        return Evaluated(
-            self._road, self._tables, scores, self._traffic.table(self._road), self.times, self.looks.step_s
-        )
+        return Evaluated(self._road, self._tables, scores, self._traffic.table(), self.times, self.looks.step_s)
 
     def _end_stretch(self) -> None:
         tables = self.recorded()
@@ -180,14 +170,12 @@ class Evaluation:
             truth, detections, tracks = (
                 tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
             )
-            scored = self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
-        tables |= _tables_of(scored)
+            self._traffic.add(truth)
+            tables |= self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
         if self.writer is None:
-            self._traffic.add(truth, self._road)
             self._tables = tables
             return
         with self._timed("write"), signals_held():
-            self._traffic.add(truth, self._road)
             self.writer.append(tables)
             self._recorder.forget()
             for keeper in self.keepers.values():
@@ -245,14 +233,3 @@ def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], co
     writer.append(evaluated.tables)
     writer.finish(metrics, evaluated.steps)
     ownership.record_all(folder, ownership.RUN)
-
-
-def _tables_of(scored: ScoredStretch) -> dict[str, pd.DataFrame]:
-    """Return the tables that scoring made by the file that each goes to."""
-    tables = {
-        runfolder.ERRORS: scored.errors,
-        runfolder.EVENTS: scored.events,
-        runfolder.BRAKINGS: scored.brakings,
-        runfolder.COMMANDS: scored.commands,
-    }
-    return {name: table for name, table in tables.items() if table is not None}

@@ -11,9 +11,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from harness.common.errors import RunError
-from harness.running.looks import Looks, Streams
+from harness.running.looks import Looks
 from harness.running.memory import keep_freed_memory
-from harness.running.recorder import ColumnRecorder, RunTables
+from harness.running.recorder import ColumnRecorder
 from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
 from harness.trackers.wellformed import fault_of
@@ -34,26 +34,13 @@ class StageTimes:
     tracker_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
 
 
-def track(
-    looks: Looks,
-    build_tracker: TrackerBuilder,
-    seed: int,
-    watchers: Sequence[Watch] = (),
-    times: StageTimes | None = None,
-) -> RunTables:
-    """Follow looks from the first to the last and return what a run of this root seed records; see ``follow``."""
-    recorder = ColumnRecorder()
-    follow(looks, build_tracker, recorder, Streams.from_seed(seed).tracker, watchers, times)
-    return recorder.tables()
-
-
 def follow(
     looks: Looks,
     build_tracker: TrackerBuilder,
     recorder: ColumnRecorder,
     stream: np.random.SeedSequence,
-    watchers: Sequence[Watch] = (),
-    times: StageTimes | None = None,
+    watchers: Sequence[Watch],
+    times: StageTimes,
 ) -> None:
     """Give looks to trackers, step by step, until they end.
 
@@ -65,9 +52,8 @@ def follow(
         recorder: Takes in every finished step.
         stream: Parent of one stream of randomness for each episode's tracker.
         watchers: Called after every step with the look, the tracks and the tracker.
-        times: Wall times of the stages, filled in step by step, so that they survive an interrupt; not kept if None.
+        times: Wall times of the stages, filled in step by step.
     """
-    times = times if times is not None else StageTimes()
     keep_freed_memory()
     # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"):

@@ -1,4 +1,4 @@
-"""Puts ``metrics.json`` together: what was run, how the traffic was, how long it took, and the scores."""
+"""Tables of ``metrics.json`` beside the scores: what was run, how the traffic was and how long it took."""
 
 from __future__ import annotations
 
@@ -10,29 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.common.numbers import without_nan
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
-from harness.scoring.metrics.registry import completed
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray
-
-
-def assemble_metrics(
-    config: RunConfig, scores: Mapping[str, Any], timing: Mapping[str, Any], traffic: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the content of ``metrics.json``; a score that was not made is null, never absent.
-
-    Args:
-        config: The run's configuration.
-        scores: The tables of scores by name (``mae``, ``mot``, ...), and other tables about the run.
-        timing: The table of ``timing_table``.
-        traffic: The table of ``traffic_table``.
-    """
-    tables = {"run": _identification(config), **completed(scores), "timing": timing, "traffic": traffic}
-    plain: dict[str, Any] = without_nan(tables)
-    return plain
 
 
 def timing_table(
@@ -78,6 +60,7 @@ class TrafficSums:
     """What the ``traffic`` table is made of, summed over a run that comes stretch by stretch.
 
     Attributes:
+        road: The lanes.
         steps: Steps.
         in_range: Vehicle-steps within the sensor's range, without the ego.
         inside: Vehicle-steps on a lane of the section.
@@ -85,18 +68,19 @@ class TrafficSums:
         lane_km: In the plane, sum over steps of the length of lanes around the ego, paths across junctions left out.
     """
 
+    road: Road
     steps: int = 0
     in_range: float = 0.0
     inside: int = 0
     speed_mps: float = 0.0
     lane_km: float = 0.0
 
-    def add(self, truth: pd.DataFrame, road: Road) -> None:
+    def add(self, truth: pd.DataFrame) -> None:
         """Add the truth of a stretch."""
-        if road.graph is not None:
-            self._add_around_ego(truth, road.graph)
+        if self.road.graph is not None:
+            self._add_around_ego(truth, self.road.graph)
             return
-        start, end = road.section_m
+        start, end = self.road.section_m
         on_lane = truth["lane"].to_numpy() != NO_LANE
         speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[truth["lon_m"].between(start, end).to_numpy() & on_lane]
         self.steps += truth["step"].nunique()
@@ -125,12 +109,18 @@ class TrafficSums:
             inside = np.hypot(middle_x - ego_x, middle_y - ego_y) <= AROUND_EGO_M
             self.lane_km += float(length_m[inside].sum()) / 1e3
 
-    def summary(self, road: Road) -> dict[str, float]:
-        """Return density, flow and speed; see ``summarise_traffic``."""
-        if road.graph is not None:
+    def summary(self) -> dict[str, float]:
+        """Return density (per km and main lane), flow (all lanes) and speed over section and time, after Edie (1963).
+
+        Density is the time that all vehicles spent over the section's area in space and time, flow the distance that
+        they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
+        where they are on a lane: those on ramps are left out. In the plane the area is that of the lanes within 100 m
+        of the ego, paths across junctions left out, and the flow is that of a mean lane.
+        """
+        if self.road.graph is not None:
             return self._summary_around_ego()
-        start, end = road.section_m
-        main_lanes = sum(1 for lane in road.lanes if lane.start_m <= start and lane.end_m >= end)
+        start, end = self.road.section_m
+        main_lanes = sum(1 for lane in self.road.lanes if lane.start_m <= start and lane.end_m >= end)
         if not self.steps or not self.inside:
             return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
         vehicles_per_km = self.inside / self.steps / ((end - start) / 1e3)
@@ -151,32 +141,13 @@ class TrafficSums:
             "mean_speed_mps": mean_speed,
         }
 
-    def table(self, road: Road) -> dict[str, Any]:
+    def table(self) -> dict[str, Any]:
         """Return the ``traffic`` table: what was achieved on the section, and how many vehicles were in range."""
-        return {**self.summary(road), "vehicles_in_range": self.in_range / self.steps if self.steps else None}
+        return {**self.summary(), "vehicles_in_range": self.in_range / self.steps if self.steps else None}
 
 
-def traffic_table(truth: pd.DataFrame, road: Road) -> dict[str, Any]:
-    """Return the ``traffic`` table of a run's truth."""
-    sums = TrafficSums()
-    sums.add(truth, road)
-    return sums.table(road)
-
-
-def summarise_traffic(truth: pd.DataFrame, road: Road) -> dict[str, float]:
-    """Return density (per km and main lane), flow (all lanes) and speed over section and time, after Edie (1963).
-
-    Density is the time that all vehicles spent over the section's area in space and time, flow the distance that
-    they travelled over that area, speed the ratio. Lanes count where they run through the whole section, vehicles
-    where they are on a lane: those on ramps are left out. In the plane the area is that of the lanes within 100 m of
-    the ego, paths across junctions left out, and the flow is that of a mean lane.
-    """
-    sums = TrafficSums()
-    sums.add(truth, road)
-    return sums.summary(road)
-
-
-def _identification(config: RunConfig) -> dict[str, Any]:
+def identification(config: RunConfig) -> dict[str, Any]:
+    """Return the ``run`` table: what was run."""
     traffic_config, tracker = config.traffic, config.tracker
     return {
         "net": traffic_config.net,

@@ -39,16 +39,6 @@ class ScoredRun:
     commands: pd.DataFrame | None = None
 
 
-@dataclass(frozen=True)
-class ScoredStretch:
-    """The tables that scoring makes of a stretch of a run; see ``ScoredRun``."""
-
-    errors: pd.DataFrame
-    events: pd.DataFrame
-    brakings: pd.DataFrame | None
-    commands: pd.DataFrame | None
-
-
 def score_run(
     truth: pd.DataFrame,
     detections: pd.DataFrame,
@@ -75,7 +65,8 @@ def score_run(
     """
     scorer = RunScorer(seed, driven)
     tables = scorer.add(truth, detections, tracks, unseen)
-    return ScoredRun(tables.errors, scorer.metrics(), tables.events, tables.brakings, tables.commands)
+    metrics = scorer.metrics()
+    return ScoredRun(metrics=metrics, **{name.removesuffix(".parquet"): table for name, table in tables.items()})
 
 
 class RunScorer:
@@ -105,19 +96,24 @@ class RunScorer:
         detections: pd.DataFrame,
         tracks: pd.DataFrame,
         unseen: pd.DataFrame | None = None,
-    ) -> ScoredStretch:
-        """Measure the next stretch and return its tables. Errors are those of ``score_run``."""
+    ) -> dict[str, pd.DataFrame]:
+        """Measure the next stretch and return its tables by file. Errors are those of ``score_run``."""
         from harness.scoring.driving.brakings import braking_table, command_table  # noqa: PLC0415
         from harness.scoring.evidence.events import event_table  # noqa: PLC0415
         from harness.scoring.gathered import gather  # noqa: PLC0415
+        from harness.storage import run_folder as runfolder  # noqa: PLC0415
 
         evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven, unseen)
         self._totals.add(evidence)
-        asked, found, rows, brakings, commands = evidence.asked, evidence.brakings, evidence.rows, None, None
+        asked, found, rows = evidence.asked, evidence.brakings, evidence.rows
+        tables = {
+            runfolder.ERRORS: evidence.error_table,
+            runfolder.EVENTS: event_table(truth, rows, evidence.events),
+        }
         if asked is not None and found is not None:
-            brakings = braking_table(truth, found, asked, rows, evidence.history)
-            commands = command_table(truth, asked, rows)
-        return ScoredStretch(evidence.error_table, event_table(truth, rows, evidence.events), brakings, commands)
+            tables[runfolder.BRAKINGS] = braking_table(truth, found, asked, rows, evidence.history)
+            tables[runfolder.COMMANDS] = command_table(truth, asked, rows)
+        return tables
 
     def metrics(self) -> dict[str, Any]:
         """Return the nested dictionary of ``metrics.json`` over all stretches, without timing and traffic."""

@@ -17,7 +17,7 @@ import pandas as pd
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, write_run
 from harness.running.follow import StageTimes
-from harness.running.metrics import traffic_table
+from harness.running.metrics import TrafficSums
 from harness.running.resolve import resolve_run_config
 from harness.scoring import score_run
 from harness.storage import run_folder as runfolder
@@ -45,7 +45,9 @@ def write_recorded_scene(
         runfolder.ERRORS: scored.errors, runfolder.EVENTS: scored.events,
     }  # fmt: skip
     times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
-    evaluated = Evaluated(road, tables, scored.metrics, traffic_table(truth, road), times, STEP_S)
+    traffic = TrafficSums(road)
+    traffic.add(truth)
+    evaluated = Evaluated(road, tables, scored.metrics, traffic.table(), times, STEP_S)
     write_run(folder, evaluated, evaluated.metrics(config, {}, 1.0), config, command)
     return folder
 

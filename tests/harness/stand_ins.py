@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.running.looks import Looks, look_at
+from harness.running.follow import StageTimes, follow
+from harness.running.looks import Looks, Streams, look_at
 from harness.running.open import OpenLooks
+from harness.running.recorder import ColumnRecorder, RunTables
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
@@ -18,6 +20,13 @@ from harness.truth.frame import Frame
 from mmpf.map.road import Road, highway
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, Tracks
+
+
+def track(looks, build, seed, watchers=(), times=None) -> RunTables:
+    """Follow looks to their end and return what a run of this root seed records."""
+    recorder = ColumnRecorder()
+    follow(looks, build, recorder, Streams.from_seed(seed).tracker, watchers, times or StageTimes())
+    return recorder.tables()
 
 
 @dataclass

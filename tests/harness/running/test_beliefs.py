@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.running.follow import track
 from harness.running.open import as_believed
 from harness.running.resolve import resolve_run_config
 from mmpf.scan import SensorModel
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at, track
 
 
 def told(*settings):

@@ -5,9 +5,9 @@ import pytest
 
 from harness.common.errors import RunError
 from harness.config.model import RunConfig
-from harness.running.follow import StageTimes, track
+from harness.running.follow import StageTimes
 from harness.running.looks import Looks
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at, track
 
 
 def looks_at(traffic: SteadyTraffic) -> Looks:

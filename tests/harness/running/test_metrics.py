@@ -8,9 +8,16 @@ import pytest
 
 from harness.common.numbers import as_json, without_nan
 from harness.config.model import RunConfig
+from harness.running.evaluate import Evaluated
 from harness.running.follow import StageTimes
-from harness.running.metrics import assemble_metrics, summarise_traffic, timing_table, traffic_table
+from harness.running.metrics import TrafficSums, timing_table
 from mmpf.map.road import highway
+
+
+def of_traffic(truth: pd.DataFrame) -> TrafficSums:
+    sums = TrafficSums(highway(5))
+    sums.add(truth)
+    return sums
 
 
 def row_of_cars(count: int, speed_mps: float, steps: int = 10) -> pd.DataFrame:
@@ -30,7 +37,7 @@ def row_of_cars(count: int, speed_mps: float, steps: int = 10) -> pd.DataFrame:
 
 def test_density_flow_and_speed_of_even_traffic():
     # 64 cars on 640 m of five lanes are 100 per km and 20 per km and lane; at 10 m/s 3600 pass in an hour.
-    summary = summarise_traffic(row_of_cars(64, 10.0), highway(5))
+    summary = of_traffic(row_of_cars(64, 10.0)).summary()
     assert summary["density_veh_per_km_lane"] == pytest.approx(20.0)
     assert summary["flow_veh_per_h"] == pytest.approx(3600.0)
     assert summary["mean_speed_mps"] == pytest.approx(10.0)
@@ -40,15 +47,13 @@ def test_vehicles_outside_the_section_do_not_count():
     table = row_of_cars(64, 10.0)
     outside = table.assign(lon_m=table["lon_m"] + 1000.0)
     both = pd.concat([table, outside])
-    assert summarise_traffic(both, highway(5)) == summarise_traffic(table, highway(5))
-    assert summarise_traffic(outside, highway(5))["density_veh_per_km_lane"] == 0.0
+    assert of_traffic(both).summary() == of_traffic(table).summary()
+    assert of_traffic(outside).summary()["density_veh_per_km_lane"] == 0.0
 
 
 def test_vehicles_on_a_ramp_beside_the_section_do_not_count():
     table = row_of_cars(64, 10.0)
-    assert summarise_traffic(pd.concat([table, table.assign(lane=0)]), highway(5)) == summarise_traffic(
-        table, highway(5)
-    )
+    assert of_traffic(pd.concat([table, table.assign(lane=0)])).summary() == of_traffic(table).summary()
 
 
 def test_real_time_factor_is_simulated_time_over_time_spent():
@@ -60,8 +65,8 @@ def test_real_time_factor_is_simulated_time_over_time_spent():
 
 
 def test_agreed_keys_are_there_even_without_scores():
-    timing, traffic = timing_table(StageTimes(), 0.1, 1.0), traffic_table(row_of_cars(64, 10.0), highway(5))
-    metrics = assemble_metrics(RunConfig(), {}, timing, traffic)
+    evaluated = Evaluated(highway(5), {}, {}, of_traffic(row_of_cars(64, 10.0)).table(), StageTimes(), 0.1)
+    metrics = evaluated.metrics(RunConfig(), {}, 1.0)
     agreed = {"run", "mae", "mot", "mot_all", "gospa", "occlusion", "calibration", "timing", "traffic"}
     assert agreed <= set(metrics)
     for group in ("all", "visible", "partial", "hidden"):

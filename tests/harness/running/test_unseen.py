@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.running.follow import track
 from harness.running.looks import look_at
 from harness.running.unseen import UnseenKeeper
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from mmpf.undetected.intensity import Unseen, UnseenTraffic
 from mmpf.visibility.range_profile import Reach
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, track
 
 
 def kept(traffic: SteadyTraffic, build=EchoTracker):

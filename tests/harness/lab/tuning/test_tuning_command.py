@@ -15,12 +15,11 @@ from harness.lab.tuning import search
 from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main
 from harness.lab.tuning.spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.lab.tuning.trials import Found, Scores, Trial
-from harness.running.follow import track
 from harness.scoring import score_run
 from harness.sensor.detectability import drawn_factors
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, looking_at, track
 
 RECORDINGS = [Recording(20.0, 100 + seed, 1.0, "lidar") for seed in range(3)]
 

@@ -15,6 +15,7 @@ from harness.scoring import RunScorer, score_run
 from harness.scoring.driving.asked import Driven
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.registry import register
+from harness.storage import run_folder as runfolder
 from mmpf.map.road import Lane, Road
 from tests.harness.scoring.scenes import traffic
 
@@ -55,7 +56,7 @@ def test_all_scores_are_those_of_the_run_in_one_piece(pieces):
     for key, value in expected.items():
         assert found[key] == (pytest.approx(value, rel=1e-12) if value is not None else None), key
     place = ["step", "vehicle_id"]
-    errors = pd.concat([each.errors for each in tables]).sort_values(place, ignore_index=True)
+    errors = pd.concat([each[runfolder.ERRORS] for each in tables]).sort_values(place, ignore_index=True)
     pd.testing.assert_frame_equal(errors, whole.errors.sort_values(place, ignore_index=True), check_categorical=False)
     assert whole.metrics["mot"]["truth_n"] > 0
 
@@ -73,8 +74,8 @@ def test_what_the_driver_would_do_is_that_of_the_run_in_one_piece(pieces):
     expected, found = (dict(numbers(registry["decisions"])) for registry in (whole.metrics, scorer.metrics()))
     assert found == pytest.approx(expected, nan_ok=True)
     assert expected["missed"] > 0
-    for name, table in (("brakings", whole.brakings), ("commands", whole.commands)):
-        joined = pd.concat([getattr(each, name) for each in tables], ignore_index=True)
+    for name, table in ((runfolder.BRAKINGS, whole.brakings), (runfolder.COMMANDS, whole.commands)):
+        joined = pd.concat([each[name] for each in tables], ignore_index=True)
         pd.testing.assert_frame_equal(joined, table)
 
 
