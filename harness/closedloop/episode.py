@@ -136,9 +136,11 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         episode["flow_mps"] = planned.flow_mps
     if at.seen_before is not None:
         episode["seen_before"] = float(at.seen_before)
-    recorded = evaluation.recorded()
-    evaluated = evaluation.finish() if loop.ended == BY_COLLISION else None
-    return Drove({"episode": episode, "drive": drove}, recorded, evaluated)
+    table = {"episode": episode, "drive": drove}
+    if loop.ended != BY_COLLISION:
+        return Drove(table, evaluation.recorded(), None)
+    evaluated = evaluation.finish()
+    return Drove(table, evaluated.tables, evaluated)
 
 
 def _perception(belief: str, rng: np.random.Generator, step_s: float) -> Perception:

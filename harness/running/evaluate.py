@@ -127,11 +127,6 @@ class Evaluation:
         """How many steps are finished."""
         return self._recorder.steps
 
-    @property
-    def unwritten(self) -> int:
-        """How many of them are not written yet."""
-        return self._recorder.kept
-
     def follow(self, watchers: Sequence[Watch] = (), stream: np.random.SeedSequence | None = None) -> None:
         """Follow the looks to their end.
 
@@ -166,6 +161,8 @@ class Evaluation:
 
     def _end_stretch(self) -> None:
         tables = self.recorded()
+        if self.writer is None:
+            self._forget()  # scoring needs the room
         with self._timed("score"):
             truth, detections, tracks = (
                 tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
@@ -177,9 +174,12 @@ class Evaluation:
             return
         with self._timed("write"), signals_held():
             self.writer.append(tables)
-            self._recorder.forget()
-            for keeper in self.keepers.values():
-                keeper.forget()
+            self._forget()
+
+    def _forget(self) -> None:
+        self._recorder.forget()
+        for keeper in self.keepers.values():
+            keeper.forget()
 
 
 def evaluate(looks: Looks, build: TrackerBuilder, seed: int) -> Evaluated:

@@ -234,11 +234,8 @@ class _Attempt:
 
     def leave(self, status: str, problem: str) -> str:
         """Write what there is of a run that did not end, and return in words what it lacks for want of room."""
-        run = self._evaluation
-        if run is None:
-            return self._writer.leave(status, problem)
-        rest = run.recorded() if run.unwritten else {}
-        return self._writer.leave(status, problem, run.steps, run.unwritten, rest)
+        rest = {} if self._evaluation is None else self._evaluation.recorded()
+        return self._writer.leave(status, problem, self.steps, rest)
 
     def close(self) -> None:
         """Release the simulation."""

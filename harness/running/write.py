@@ -20,8 +20,6 @@ from harness.storage.manifest import RunFacts, write_manifest
 if TYPE_CHECKING:
     import pandas as pd
 
-NOTHING: Mapping[str, pd.DataFrame] = {}
-
 
 @dataclass
 class RunWriter:
@@ -74,17 +72,14 @@ class RunWriter:
         write_text(self.folder / runfolder.METRICS, as_json(dict(metrics)))
         self._write_manifest(runfolder.COMPLETE, None, steps, rows_of(self.folder))
 
-    def leave(
-        self, status: str, problem: str, steps: int = 0, unwritten: int = 0, rest: Mapping[str, pd.DataFrame] = NOTHING
-    ) -> str:
+    def leave(self, status: str, problem: str, steps: int, rest: Mapping[str, pd.DataFrame]) -> str:
         """Write what there is of a run that did not end, no scores, and return in words what it lacks for want of room.
 
         Args:
             status: What became of it, for the manifest.
             problem: What ended it.
             steps: How many steps are finished.
-            unwritten: How many of them are not written yet.
-            rest: The rows of these, by file.
+            rest: The rows that are not written yet, by file.
 
         Raises:
             OSError: There is no room for the first stretch.
@@ -94,8 +89,9 @@ class RunWriter:
             (self.folder / name).unlink(missing_ok=True)
         shutil.rmtree(self.folder / runfolder.FIGURES, ignore_errors=True)
         self._tables.drop((runfolder.ERRORS, runfolder.EVENTS, runfolder.BRAKINGS, runfolder.COMMANDS))
+        unwritten = rest[runfolder.TRUTH]["step"].nunique() if len(rest.get(runfolder.TRUTH, ())) else 0
         try:
-            self._tables.append(self._stretch, rest)
+            self._tables.append(self._stretch, rest if unwritten else {})
         except (OSError, MemoryError):
             if not self._stretch:
                 raise
