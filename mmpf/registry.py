@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Generic, TypeVar, cast
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -98,3 +101,25 @@ class Registry(Generic[T]):
 
 def _package(point: EntryPoint) -> str:
     return point.dist.name if point.dist is not None else "a package"
+
+
+def names_of_stub(module: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
+    """Return a module's ``__getattr__`` and ``__all__``: the names of the stub beside it, imported on first use.
+
+    As in SPEC 1 of Scientific Python: type checkers read the stub, and what is not used is not imported.
+
+    Args:
+        module: The module's name.
+        file: Its ``__file__``; the stub, ``.pyi``, has nothing but ``from module import name as name``.
+    """
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+    lines = [line for line in stub.body if isinstance(line, ast.ImportFrom)]
+    homes = {name.asname or name.name: (str(line.module), name.name) for line in lines for name in line.names}
+
+    def named(name: str) -> Any:  # noqa: ANN401  the type is the name's own
+        if name not in homes:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        home, own = homes[name]
+        return getattr(import_module(home), own)
+
+    return named, sorted(homes)

@@ -1,0 +1,31 @@
+# The public names; ``__init__.py`` beside it reads them here.
+
+from mmpf.map.lane_graph import without_map as without_map
+from mmpf.map.road import Lane as Lane
+from mmpf.map.road import Road as Road
+from mmpf.map.road import highway as highway
+from mmpf.motion import motion_model as motion_model
+from mmpf.motion.protocol import Memoryless as Memoryless
+from mmpf.motion.protocol import MotionModel as MotionModel
+from mmpf.motion.protocol import Neighbour as Neighbour
+from mmpf.motion.protocol import Surroundings as Surroundings
+from mmpf.motion.protocol import motion_models as motion_models
+from mmpf.options.filter import FilterOptions as FilterOptions
+from mmpf.scan import BodySizes as BodySizes
+from mmpf.scan import Detections as Detections
+from mmpf.scan import EgoPose as EgoPose
+from mmpf.scan import FreeSpace as FreeSpace
+from mmpf.scan import InvalidScanError as InvalidScanError
+from mmpf.scan import Scan as Scan
+from mmpf.scan import SensorModel as SensorModel
+from mmpf.scan import check_scan as check_scan
+from mmpf.stages.prediction import Proposal as Proposal
+from mmpf.stages.reporting import StepReport as StepReport
+from mmpf.tracker import MixtureTracker as MixtureTracker
+from mmpf.tracks import CONFIRMED as CONFIRMED
+from mmpf.tracks import HIDDEN as HIDDEN
+from mmpf.tracks import TENTATIVE as TENTATIVE
+from mmpf.tracks import Tracks as Tracks
+from mmpf.undetected.intensity import Unseen as Undetected
+from mmpf.undetected.intensity import UnseenTraffic as UndetectedTraffic
+from mmpf.visibility.range_profile import Reach as Reach
