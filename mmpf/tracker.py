@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -10,30 +10,31 @@ import numpy as np
 from mmpf.belief.birth import Births, Traffic, give_birth, lies_on_ego
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
-from mmpf.joint.newborn import Appearances, kinds_at_birth
-from mmpf.joint.noise import no_more_exact
 from mmpf.joint.rule import JointUpdate
 from mmpf.map.road import Road
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.free import in_plane
-from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray
 from mmpf.numerics.threads import one_blas_thread
-from mmpf.options.filter import FilterOptions
+from mmpf.options.filter import FilterOptions, UpdateName
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import Scan, SensorModel, check_scan
 from mmpf.stages.prediction import Proposal, bootstrap_proposal, prior_update
 from mmpf.stages.reporting import StepReport, Stopwatch, reported_tracks
-from mmpf.stages.update_rule import Situation, Updated, UpdateRule
+from mmpf.stages.update_rule import Situation, UpdateRule
 from mmpf.surroundings.on_corridor import surroundings_of
 from mmpf.surroundings.on_graph import surroundings_on_graph
 from mmpf.surroundings.reported_route import on_heaviest_way
 from mmpf.surroundings.right_of_way import LinkWatch
 from mmpf.tracks import Tracks
-from mmpf.visibility.false_objects import FalseObjects
 from mmpf.visibility.range_profile import Reach
+
+RULES: dict[UpdateName, Callable[[FilterOptions, SensorModel], UpdateRule]] = {
+    "joint": JointUpdate,
+    "max_likelihood": MaxLikelihoodUpdate,
+}
 
 
 class MixtureTracker:
@@ -67,16 +68,14 @@ class MixtureTracker:
         self._road, self._sensor, self._rng = road, sensor, rng
         self._options = options or FilterOptions()
         self._proposal = proposal
-        is_joint = self._options.update == "joint"
-        if is_joint and self._options.joint.manoeuvres.begin_per_s:
-            motion = Manoeuvring(motion, **self._options.joint.manoeuvres.model_dump())
+        self._rule = RULES[self._options.update](self._options, sensor)
+        motion = self._rule.motion(motion)
         self._motion = motion if road.graph is None else in_plane(motion, road.graph)
-        self._rule: UpdateRule = JointUpdate(self._options) if is_joint else MaxLikelihoodUpdate(self._options)
-        self._mixture = self._nobody
+        self._error = self._rule.model_error(self._motion)
+        has_headings = road.graph is not None
+        self._mixture = Mixture.empty(self._motion.latent_size, self._rule.first(0), has_headings)
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
-        self._reach = Reach.of_data_sheet(sensor.range_m)
-        self._false_objects = FalseObjects.none()
         self._links = None if road.graph is None else LinkWatch(road.graph)
         self.last_report = StepReport()
 
@@ -86,14 +85,14 @@ class MixtureTracker:
         return self._mixture
 
     @property
-    def false_objects(self) -> FalseObjects:
-        """What was learned of false objects."""
-        return self._false_objects
+    def rule(self) -> UpdateRule:
+        """The update rule, with what it has learned."""
+        return self._rule
 
     @property
     def reach(self) -> Reach:
         """What was learned of how well the sensor sees at each distance."""
-        return self._reach
+        return self._rule.reach
 
     @one_blas_thread()
     def step(self, scan: Scan) -> Tracks:
@@ -108,8 +107,7 @@ class MixtureTracker:
         """
         signals = 0 if self._road.graph is None else self._road.graph.signals
         check_scan(scan, None if self._previous is None else self._previous.time_s, signals)
-        if self._options.update == "joint":
-            scan = no_more_exact(scan, self._options.joint.noise.smallest_std_m)
+        scan = self._rule.prepare(scan)
         clock = Stopwatch()
         if self._previous is None:
             self._mixture = self._initialise(scan)
@@ -124,16 +122,13 @@ class MixtureTracker:
             occlusion = self._rule.assert_occlusion(prior, moments, situation)
             clock.lap("occlusion assertion")
             updated = self._rule.measurement_update(prior, moments, occlusion, situation, self._rng)
-            self._count_clutter(updated, situation.dt_s)
-            self._reach = updated.reach or self._reach
             clock.lap("measurement update")
             change = self._rule.remove_add_merge(updated, situation, self._rng)
-            self._false_objects = change.false_objects or self._false_objects
             clock.lap("remove, add, merge")
-            mixture, reclusterings = self._rule.finetune(change.mixture, situation, self._rng)
+            finetuned = self._rule.finetune(change.mixture, change.moments, situation, self._rng)
             clock.lap("finetune")
-            self._mixture = self._rule.weight_update(mixture)
-            self._moments = component_moments(self._mixture)
+            self._mixture = self._rule.weight_update(finetuned.mixture)
+            self._moments = finetuned.moments or component_moments(self._mixture)
             clock.lap("weight update")
 
             self.last_report = StepReport(
@@ -142,7 +137,7 @@ class MixtureTracker:
                 births=change.added,
                 deaths=change.removed,
                 merges=change.merged,
-                reclusterings=reclusterings,
+                reclusterings=finetuned.settled,
                 association_entropy=updated.association_entropy,
                 stage_ms=clock.laps_ms,
             )
@@ -153,18 +148,9 @@ class MixtureTracker:
         """Draw particles around the detections of the first scan: "Initialization"."""
         traffic = Traffic(np.array([scan.ego.lon_m]), np.array([scan.ego.speed_mps]))
         chosen = np.flatnonzero(~lies_on_ego(scan.detections, SensorPlane(scan.ego, self._road)))
-        existence = np.full(len(chosen), self._options.birth.first_existence)
-        kinds = None
-        if self._options.update == "joint":
-            unwatched = Appearances.unwatched(len(chosen))
-            kinds = kinds_at_birth(unwatched, self._false_objects, self._sensor, self._options.joint)
-        births = Births(scan.detections, chosen, existence, traffic, kinds)
+        births = Births(scan.detections, chosen, self._rule.first(len(chosen)), traffic)
         none = np.zeros(0, dtype=np.bool_)
-        return self._rule.weight_update(give_birth(self._nobody, none, births, self._motion, self._options, self._rng))
-
-    @property
-    def _nobody(self) -> Mixture:
-        return Mixture.empty(self._motion.latent_size, has_headings=self._road.graph is not None)
+        return self._rule.weight_update(give_birth(self._mixture, none, births, self._motion, self._options, self._rng))
 
     def _tracks(self) -> Tracks:
         """Report the belief; of the ways that a vehicle may have taken unseen the heaviest."""
@@ -173,14 +159,6 @@ class MixtureTracker:
             mixture = on_heaviest_way(mixture, graph)
             moments = moments if mixture is self._mixture else component_moments(mixture)
         return reported_tracks(mixture, moments, self._options.reporting, self._sensor.noise_correlated_share)
-
-    def _count_clutter(self, updated: Updated, dt_s: float) -> None:
-        memory_s = self._options.joint.association.clutter_memory_s
-        if updated.false_detections is None or memory_s is None:
-            return
-        known, share = self._sensor.clutter_per_scan, -np.expm1(-dt_s / memory_s)
-        counted = known + share * (updated.false_detections - known)
-        self._sensor = replace(self._sensor, clutter_per_scan=float(counted))
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = self._moments.mean
@@ -192,7 +170,7 @@ class MixtureTracker:
         )
         plane = SensorPlane(scan.ego, self._road)
         dt_s = scan.time_s - previous.time_s
-        return Situation(scan, self._sensor, self._motion, dt_s, traffic, plane, self._reach, self._false_objects)
+        return Situation(scan, self._sensor, self._motion, dt_s, traffic, plane)
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""
@@ -204,7 +182,7 @@ class MixtureTracker:
         else:
             open_links = partial(self._links.look, open_signals=previous.open_signals, dt_s=situation.dt_s)
             surroundings = surroundings_on_graph(*around, graph, flow, open_links)
-        return prior_update(self._mixture, surroundings, situation, self._proposal, self._options, self._rng)
+        return prior_update(self._mixture, surroundings, situation, self._proposal, self._error, self._rng)
 
     @property
     def _is_seen(self) -> BoolArray:

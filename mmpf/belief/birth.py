@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,23 +41,14 @@ class Births:
     Attributes:
         detections: The scan's detections.
         chosen: Indices of those that start one, shape (k,).
-        existence: Existence probability of each new component, shape (k,).
+        components: What the rule keeps of the new components, k of them, before any size is measured.
         traffic: Speeds around.
-        kinds: Probabilities of each source's kind, shape (k, 3, 3, levels); certain vehicles if None.
-        noise_factor: Measured noise over reported noise of the components so far.
-        standing_ratio: How much oftener a vehicle that stands appears at each place than one that moves, shape (k,);
-            as often if None.
-        in_view: Degree, 0 to 1, to which each appears in plain view, shape (k,); not at all if None.
     """
 
     detections: Detections
     chosen: IntArray
-    existence: FloatArray
+    components: Components
     traffic: Traffic
-    kinds: FloatArray | None = None
-    noise_factor: float = 1.0
-    standing_ratio: FloatArray | None = None
-    in_view: FloatArray | None = None
 
 
 def lies_on_ego(detections: Detections, plane: SensorPlane) -> BoolArray:
@@ -85,7 +76,7 @@ def give_birth(
         keep: Components that stay, shape (m,).
         births: Where the new components start.
         motion: Draws the latents of the new particles.
-        options: How many particles are drawn, how widely, and the size of a vehicle before it is measured.
+        options: How many particles are drawn, and how widely.
         rng: Source of randomness.
     """
     detections, chosen, particles = births.detections, births.chosen, options.particles
@@ -95,7 +86,6 @@ def give_birth(
     latents = motion.draw_latents(state, rng)
     if isinstance(motion, TakesHeadings) and detections.headings is not None:
         latents = motion.towards(latents, detections.headings.take(chosen), rng)
-    track_id = mixture.next_track_id + np.arange(len(chosen))
     even = np.full(state.shape[1], -np.log(particles))
     cloud = ParticleCloud(
         state=state,
@@ -105,13 +95,7 @@ def give_birth(
         log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=latents,
     )
-    components = Components.newborn(track_id, births.existence, options.vehicle, births.kinds)
-    components = replace(
-        components,
-        noise_factor=np.full(len(chosen), births.noise_factor),
-        standing_ratio=np.ones(len(chosen)) if births.standing_ratio is None else births.standing_ratio,
-        born_in_view=np.zeros(len(chosen)) if births.in_view is None else births.in_view,
-    )
+    components = births.components
     if detections.sizes is not None:
         components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
     return mixture.keep_and_join(keep, cloud, components)

@@ -7,7 +7,6 @@ from typing import Self
 
 import numpy as np
 
-from mmpf.belief.kinds import KINDS, LEVELS, certain_vehicles, vehicle_share
 from mmpf.motion.state import STATE_SIZE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.options.filter import MEAN_CAR, Footprint
@@ -89,30 +88,17 @@ def is_longer(time_s: FloatArray, least_s: float) -> BoolArray:
 
 @dataclass(frozen=True)
 class Components:
-    """What the filter keeps of each mixture component beside its particles, struct of arrays over m components.
+    """What every rule keeps of each component beside its particles, struct of arrays over m components.
+
+    A rule that keeps more has a class of its own with further columns.
 
     Attributes:
         track_id: Identity that is reported.
-        existence: Probability that there is a source of detections: a vehicle, or a false object that stays.
+        existence: Probability that there is something that gives detections.
         confirmed: Whether the component is reported as a track.
-        withdrawn: Whether it was, until it was taken for a false object.
         hits: Scans in which a detection was attributed to it.
-        detected_s: For how long it was detected after its birth: each hit counts for the time since the scan before.
         age_s: Time since its birth.
         unseen_s: Time since its last hit.
-        missed: Probability that the sensor is in a run of misses of this vehicle.
-        kinds: Probability of each kind of source with its detectability, given that there is one, shape (m, 3, 3,
-            levels); see ``mmpf.belief.kinds``.
-        ended: Probability that it was a false object that has ended, by kind and level, shape (m, 2, levels).
-        speed_log: Log likelihood of its speed by kind, as it went into ``kinds``, shape (m, 3).
-        standing_ratio: How much oftener a vehicle that stands appears where it did than one that moves.
-        stood_log: Log likelihood, at most 0, that it stood at its fastest moment whose speed was well known.
-        born_in_view: Degree, 0 to 1, to which it appeared in plain view.
-        noise_factor: Measured noise over reported noise, from the innovations.
-        noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
-        noise_lat_m: The same, lateral.
-        overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
-        overlap_s: For how long, scan after scan.
         length_m: Estimated length of the vehicle.
         width_m: Estimated width.
         std_length_m: Standard deviation of the length.
@@ -122,23 +108,9 @@ class Components:
     track_id: IntArray
     existence: FloatArray
     confirmed: BoolArray
-    withdrawn: BoolArray
     hits: IntArray
-    detected_s: FloatArray
     age_s: FloatArray
     unseen_s: FloatArray
-    missed: FloatArray
-    kinds: FloatArray
-    ended: FloatArray
-    speed_log: FloatArray
-    standing_ratio: FloatArray
-    stood_log: FloatArray
-    born_in_view: FloatArray
-    noise_factor: FloatArray
-    noise_lon_m: FloatArray
-    noise_lat_m: FloatArray
-    overlap_with: IntArray
-    overlap_s: FloatArray
     length_m: FloatArray
     width_m: FloatArray
     std_length_m: FloatArray
@@ -150,56 +122,43 @@ class Components:
     @property
     def vehicle(self) -> FloatArray:
         """Probability that each is a vehicle, shape (m,)."""
-        return self.existence * vehicle_share(self.kinds)
+        return self.existence * self.vehicle_share
 
-    def after_scan(self, was_hit: BoolArray, dt_s: float) -> Components:
+    @property
+    def vehicle_share(self) -> FloatArray:
+        """Probability that each is a vehicle, given that it exists, shape (m,); 1 unless a rule doubts it."""
+        return np.ones(len(self))
+
+    @property
+    def noise_m(self) -> tuple[FloatArray, FloatArray]:
+        """Deviations of each one's detections, along and across, each of shape (m,); 0 for a rule that learns none."""
+        return np.zeros(len(self)), np.zeros(len(self))
+
+    def after_scan(self, was_hit: BoolArray, dt_s: float) -> Self:
         """Return the components with a scan's hits, shape (m,), and the time unseen counted."""
         return replace(
             self,
             hits=self.hits + was_hit,
-            detected_s=self.detected_s + dt_s * was_hit,
             unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s),
         )
 
     @classmethod
-    def newborn(
-        cls,
-        track_id: IntArray,
-        existence: FloatArray,
-        vehicle: Footprint = MEAN_CAR,
-        kinds: FloatArray | None = None,
-    ) -> Components:
+    def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Self:
         """Return components of their first scan, one detection each.
 
         Args:
             track_id: Their identities, shape (m,).
             existence: Their existence probabilities, shape (m,).
             vehicle: Their sizes as far as is known before any is measured.
-            kinds: Probabilities of the kinds of source, shape (m, 3, 3, levels); certain vehicles if None.
         """
         zeros = np.zeros(len(track_id), dtype=np.int64)
-        kinds = certain_vehicles(len(track_id)) if kinds is None else kinds
         return cls(
             track_id=track_id,
             existence=existence,
             confirmed=np.zeros(len(track_id), dtype=np.bool_),
-            withdrawn=np.zeros(len(track_id), dtype=np.bool_),
             hits=zeros + 1,
-            detected_s=np.zeros(len(track_id)),
             age_s=np.zeros(len(track_id)),
             unseen_s=np.zeros(len(track_id)),
-            missed=np.zeros(len(track_id)),
-            kinds=kinds,
-            ended=np.zeros((len(track_id), KINDS - 1, LEVELS)),
-            speed_log=np.zeros((len(track_id), KINDS)),
-            noise_factor=np.ones(len(track_id)),
-            noise_lon_m=np.zeros(len(track_id)),
-            noise_lat_m=np.zeros(len(track_id)),
-            standing_ratio=np.ones(len(track_id)),
-            stood_log=np.zeros(len(track_id)),
-            born_in_view=np.zeros(len(track_id)),
-            overlap_with=zeros + NEVER,
-            overlap_s=np.zeros(len(track_id)),
             length_m=np.full(len(track_id), vehicle.length_m),
             width_m=np.full(len(track_id), vehicle.width_m),
             std_length_m=np.full(len(track_id), vehicle.std_length_m),
@@ -232,11 +191,15 @@ class Mixture:
         return self.cloud.starts(len(self.components))
 
     @classmethod
-    def empty(cls, latent_size: int, has_headings: bool = False) -> Mixture:
-        """Return a belief without components."""
+    def empty(cls, latent_size: int, nobody: Components, has_headings: bool = False) -> Mixture:
+        """Return a belief without components, in which ``nobody`` says which columns they will have."""
         none, no_index = np.zeros(0), np.zeros(0, dtype=np.int64)
         cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
-        return cls(cloud, Components.newborn(no_index, none), has_headings=has_headings)
+        return cls(cloud, nobody, has_headings=has_headings)
+
+    def new_track_ids(self, count: int) -> IntArray:
+        """Return the identities of the next new components, shape (count,)."""
+        return self.next_track_id + np.arange(count)
 
     def keep(self, keep: BoolArray) -> Self:
         """Return the belief with only the components where ``keep`` is true, shape (m,)."""

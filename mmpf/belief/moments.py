@@ -46,6 +46,20 @@ class Moments:
             return np.asarray(np.sqrt(self.variance[LON]))
         return np.asarray(np.sqrt(self.variance[LON] + self.variance[LAT]))
 
+    def take(self, index: IntArray | BoolArray) -> Moments:
+        """Return the moments of some components, by number, shape (k,), or by a mask, shape (m,)."""
+        direction_rad = None if self.direction_rad is None else self.direction_rad[index]
+        return Moments(self.mean[:, index], self.variance[:, index], direction_rad)
+
+    def followed_by(self, then: Moments) -> Moments:
+        """Return these and another belief's of the same kind behind them."""
+        both = [each.direction_rad for each in (self, then) if each.direction_rad is not None]
+        return Moments(
+            np.concatenate([self.mean, then.mean], axis=1),
+            np.concatenate([self.variance, then.variance], axis=1),
+            np.concatenate(both) if both else None,
+        )
+
 
 def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Moments:
     """Return the moments of components under their particles' weights.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from mmpf.belief.mixture import Components
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import BodySizes
 
+Kept = TypeVar("Kept", bound=Components)
 
-def with_measured_sizes(components: Components, index: IntArray, sizes: BodySizes) -> Components:
+
+def with_measured_sizes(components: Kept, index: IntArray, sizes: BodySizes) -> Kept:
     """Return the components with the sizes of some of them measured once more: a scalar Kalman update each.
 
     Args:

@@ -52,6 +52,14 @@ def associate(
     return Marginals(detection_message, unexplained, probability)
 
 
+def mean_entropy(probability: FloatArray) -> float:
+    """Return the mean entropy of the components' association, nats; ``probability`` is that of ``Marginals``."""
+    if probability.size == 0:
+        return 0.0
+    full = np.column_stack([probability, np.maximum(1.0 - probability.sum(axis=1), 0.0)])
+    return float(-(full * np.log(np.maximum(full, 1e-300))).sum(axis=1).mean())
+
+
 @kernel()
 def _pass_messages(
     evidence: FloatArray,

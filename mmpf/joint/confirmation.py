@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.belief.kinds import vehicle_share
 from mmpf.belief.mixture import Components, is_longer
 from mmpf.belief.moments import Moments
 from mmpf.joint.overlap import overlapping
+from mmpf.joint.sources import Sources
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, turned
 from mmpf.options.joint import JointExistence, JointOptions, JointPath
 
 
-def to_confirm(components: Components, in_path: BoolArray, options: JointOptions) -> BoolArray:
+def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
     """Return which components may be reported from now on, shape (m,).
 
     Args:
@@ -27,9 +27,9 @@ def to_confirm(components: Components, in_path: BoolArray, options: JointOptions
     return np.asarray(~components.confirmed & known & (in_path | (components.vehicle > options.kinds.confirm_above)))
 
 
-def still_confirmed(components: Components, in_path: BoolArray, options: JointOptions) -> BoolArray:
+def still_confirmed(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
     """Return which reported components stay so, shape (m,); arguments are those of ``to_confirm``."""
-    probable = vehicle_share(components.kinds) >= options.kinds.withdraw_below
+    probable = components.vehicle_share >= options.kinds.withdraw_below
     return np.asarray(components.confirmed & (probable | in_path))
 
 

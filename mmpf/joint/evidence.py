@@ -8,12 +8,13 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments, gate_table
+from mmpf.joint.sources import sources_of
 from mmpf.motion.guided import HEADING
 from mmpf.motion.pointing import heading_ratio
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
-from mmpf.scan import BodyHeadings, Detections
+from mmpf.scan import BodyHeadings, Detections, SensorModel
 
 LOG_SMALLEST = float(np.log(1e-300))
 FEWEST_EFFECTIVE = 10.0
@@ -80,6 +81,12 @@ def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     log_total = np.log(totals(np.exp(relative), starts))
     relative -= np.repeat(log_total, np.diff(starts))
     return np.maximum(relative, LOG_SMALLEST)
+
+
+def clutter_densities(detections: Detections, sensor: SensorModel) -> FloatArray:
+    """Return the density of clutter at each detection, per square metre and, where it is measured, m/s, shape (d,)."""
+    per_speed = np.where(np.isfinite(detections.speed_mps), 1.0 / sensor.clutter_speed_span_mps, 1.0)
+    return np.asarray(sensor.clutter_density_per_m2 * per_speed)
 
 
 @kernel(fastmath={"reassoc", "nsz"})
@@ -173,7 +180,7 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
     take the noise that the component has learned in place of what the detection reports. A detection so exact that it
     would fall between the particles is taken as just so noisy that some share it; see ``resolvable_std``.
     """
-    noise_factor = mixture.components.noise_factor
+    noise_factor = sources_of(mixture).noise_factor
     component, detection = np.nonzero(gate_table(moments, detections, gate_std, noise_factor))
     sizes = np.diff(mixture.starts)[component]
     factor = noise_factor[component]

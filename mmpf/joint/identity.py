@@ -14,10 +14,12 @@ from scipy.optimize import linear_sum_assignment
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
+from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.options.joint import JointIdentity
+from mmpf.stages.update_rule import Finetuned
 
 
 def hand_over_identity(
@@ -26,7 +28,7 @@ def hand_over_identity(
     confirmed_now: BoolArray,
     options: JointIdentity,
     scan_s: float,
-) -> tuple[Mixture, int]:
+) -> Finetuned:
     """Give newly confirmed components the identities of the hidden or withdrawn components that they probably are.
 
     Each pair is judged by the density that the old component's particles give to the new one's place and speed,
@@ -41,14 +43,14 @@ def hand_over_identity(
         scan_s: Time between scans.
 
     Returns:
-        The belief without the hidden components that were seen again, and how many those are.
+        The belief without the hidden components that were seen again.
     """
-    components = mixture.components
+    components = sources_of(mixture)
     is_hidden = components.confirmed & ~confirmed_now & (components.unseen_s >= 2.0 * scan_s)
     old = np.flatnonzero(is_hidden | components.withdrawn)
     new = np.flatnonzero(confirmed_now)
     if len(old) == 0 or len(new) == 0:
-        return mixture, 0
+        return Finetuned(mixture, moments=moments)
     density = np.zeros((len(new), len(old)))
     _density_at(
         mixture.cloud.state,
@@ -74,7 +76,7 @@ def hand_over_identity(
     keep[left[is_hidden[left]]] = False
     components = with_measured_sizes(components, heirs, sizes_of(components, left))
     renamed = replace(mixture, components=replace(components, track_id=track_id, withdrawn=withdrawn))
-    return renamed.keep(keep), int(linked.sum())
+    return Finetuned(renamed.keep(keep), int(linked.sum()), moments.take(keep))
 
 
 @kernel()

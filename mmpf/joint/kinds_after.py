@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.belief.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, vehicle_share, weighed
-from mmpf.belief.mixture import Components
 from mmpf.belief.moments import Moments
+from mmpf.joint.false_objects import FalseObjects
+from mmpf.joint.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, weighed
 from mmpf.joint.overlap import overlapping
+from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
@@ -18,49 +19,52 @@ from mmpf.stages.update_rule import Situation
 
 
 def ended_meanwhile(
-    components: Components, situation: Situation, options: JointOptions
+    sources: Sources, learned: FalseObjects, dt_s: float, options: JointOptions
 ) -> tuple[FloatArray, FloatArray]:
     """Return each case's probability before a scan: vehicles hardly ever cease to be there, false objects do.
 
     Args:
-        components: The components after the scan before.
-        situation: The time since, and what is known of false objects.
+        sources: The components after the scan before.
+        learned: What false objects are like.
+        dt_s: Time since that scan.
         options: Settings of the joint rule.
 
     Returns:
         Probability of each kind of source that is still there, shape (m, *SHAPE), and of false objects that have ended,
         shape (m, 2, levels).
     """
-    dt_s, vehicles = situation.dt_s, options.vehicles
-    alive = components.existence[:, None, None, None] * components.kinds
-    ends = -np.expm1(-dt_s / situation.false_objects.mean_life_s(options.false_objects))[None, :, None]
-    ended = components.ended + ends * alive[:, FALSE].sum(axis=2)
+    vehicles = options.vehicles
+    alive = sources.existence[:, None, None, None] * sources.kinds
+    ends = -np.expm1(-dt_s / learned.mean_life_s(options.false_objects))[None, :, None]
+    ended = sources.ended + ends * alive[:, FALSE].sum(axis=2)
     survival = np.concatenate([np.full((1, 1, 1), np.exp(-options.existence.death_rate_per_s * dt_s)), 1.0 - ends], 1)
     alive = alive * survival[..., None]
-    shading = situation.false_objects.vehicle_shading(vehicles)
+    shading = learned.vehicle_shading(vehicles)
     return relaxed_shading(alive, shading, -np.expm1(-dt_s / vehicles.shading_s)), ended
 
 
 def kinds_after(
-    components: Components,
-    before: Components,
+    sources: Sources,
+    before: Sources,
     alive: FloatArray,
     ended: FloatArray,
     moments: Moments,
     sightings: Sightings,
+    learned: FalseObjects,
     situation: Situation,
     options: FilterOptions,
-) -> Components:
+) -> Sources:
     """Return the components with existence and kinds after a scan.
 
     Args:
-        components: The components, otherwise as they are after the scan.
+        sources: The components, otherwise as they are after the scan.
         before: The components before it.
         alive: Probability of each case before it, from ``ended_meanwhile``, shape (m, *SHAPE).
         ended: Probability of false objects that have ended, from there too, shape (m, 2, levels).
         moments: Moments before it.
         sightings: What the sensor would make of the sources.
-        situation: The scan, the sensor's data sheet and the traffic around.
+        learned: What false objects are like.
+        situation: The scan and the traffic around.
         options: The filter's settings.
     """
     joint = options.joint
@@ -72,9 +76,9 @@ def kinds_after(
     kinds = normalised(alive)
     speed_log, stood_log = before.speed_log, before.stood_log
     if joint.kinds.weighed:
-        seen = components.unseen_s == 0.0
+        seen = sources.unseen_s == 0.0
         usual = stopped_shares(moments, situation.plane.road.graph, joint.speeds)
-        usual = situation.false_objects.standing_share(usual, joint.vehicles)
+        usual = learned.standing_share(usual, joint.vehicles)
         stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
         stood_log = np.where(seen, stood_log_after(stood_log, moments, joint.speeds), stood_log)
         now = log_speed_likelihoods(
@@ -85,13 +89,13 @@ def kinds_after(
         gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation.dt_s)
         kinds = normalised(kinds * np.exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
         kinds = bounded(kinds, 1.0 / (1.0 + np.exp(joint.kinds.largest_log_odds)))
-    return replace(components, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
+    return replace(sources, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
 
 
-def _overlap_loss(components: Components, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
+def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
     """Return the log odds that the lesser vehicle of two seen sources in one place loses, shape (m,)."""
-    kinds, share = options.joint.kinds, vehicle_share(components.kinds)
-    is_seen = components.unseen_s <= options.reporting.hidden_after_s
-    overlaps = overlapping(components, moments, kinds.overlap_share)
+    kinds, share = options.joint.kinds, sources.vehicle_share
+    is_seen = sources.unseen_s <= options.reporting.hidden_after_s
+    overlaps = overlapping(sources, moments, kinds.overlap_share)
     overlaps &= is_seen[:, None] & is_seen & (share[:, None] < share)
     return np.where(np.asarray(overlaps.any(axis=1)), kinds.overlap_per_s * dt_s, 0.0)

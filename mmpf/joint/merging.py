@@ -9,6 +9,7 @@ import numpy as np
 from mmpf.belief.mixture import NEVER, Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
+from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, turned
 from mmpf.options.joint import JointMerging
@@ -42,7 +43,7 @@ def merge_lasting_overlaps(
     Returns:
         The belief with all its particles still, and which components to keep: those alive and not merged away.
     """
-    components = mixture.components
+    components = sources_of(mixture)
     if len(mixture) == 0:
         return mixture, alive
     mean, lon_m, lat_m = moments.mean, options.lon_m, options.lat_m

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from mmpf.belief.kinds import (
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import Moments
+from mmpf.joint.false_objects import FalseObjects
+from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
     SHADING,
@@ -17,10 +20,9 @@ from mmpf.belief.kinds import (
     bounded,
     normalised,
     shares_of,
-    vehicle_share,
 )
-from mmpf.belief.mixture import Mixture
-from mmpf.belief.moments import Moments
+from mmpf.joint.known import Known
+from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.options.filter import FilterOptions
@@ -28,7 +30,6 @@ from mmpf.options.joint import JointNewborn, JointOptions
 from mmpf.scan import SensorModel
 from mmpf.stages.update_rule import Situation
 from mmpf.visibility.depth import Bodies, depth_table
-from mmpf.visibility.false_objects import FalseObjects
 from mmpf.visibility.field import share_in_field
 from mmpf.visibility.range_profile import share_at
 from mmpf.visibility.shadows import visible_fractions
@@ -106,6 +107,23 @@ def kinds_at_birth(
     return bounded(kinds, options.kinds.least_prior) if options.kinds.weighed else kinds
 
 
+def newborn_sources(
+    track_id: IntArray,
+    existence: FloatArray,
+    places: Appearances,
+    learned: FalseObjects,
+    sensor: SensorModel,
+    options: FilterOptions,
+) -> Sources:
+    """Return new components of those identities and existence probabilities, shape (k,); see ``kinds_at_birth``."""
+    return replace(
+        Sources.newborn(track_id, existence, options.vehicle),
+        kinds=kinds_at_birth(places, learned, sensor, options.joint),
+        standing_ratio=places.standing_ratio(options.joint.newborn),
+        born_in_view=places.in_view,
+    )
+
+
 def _rate(in_view: FloatArray, in_view_per_s: float, options: JointNewborn) -> FloatArray:
     """Return how many vehicles a second appear in places of a degree of plain view, shape (k,)."""
     return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * in_view_per_s**in_view)
@@ -117,7 +135,7 @@ def _by_shading(shares: Sequence[float] | FloatArray, seen_share: FloatArray) ->
 
 
 def appearances_at(
-    chosen: IntArray, mixture: Mixture, moments: Moments, situation: Situation, options: FilterOptions
+    chosen: IntArray, mixture: Mixture, moments: Moments, known: Known, situation: Situation, options: FilterOptions
 ) -> Appearances:
     """Return where detections lie that something new is started from.
 
@@ -125,17 +143,18 @@ def appearances_at(
         chosen: The detections that something new is started from, shape (k,).
         mixture: The belief, whose vehicles cast shadows.
         moments: Its components' moments.
-        situation: The scan and the sensor's data sheet.
+        known: What the rule has learned of the sensor.
+        situation: The scan.
         options: The filter's settings.
     """
     if len(chosen) == 0:
         return Appearances.unwatched(0)
-    sensor, plane, vehicle = situation.sensor, situation.plane, options.vehicle
+    sensor, plane, vehicle = known.sensor, situation.plane, options.vehicle
     lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
     components, nobody = mixture.components, len(mixture)
     length, width = np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
     bodies = Bodies(length, width, np.append(moments.heading_rad, 0.0))
-    casts = np.append((vehicle_share(components.kinds) > 0.5) & components.confirmed, values=False)
+    casts = np.append((components.vehicle_share > 0.5) & components.confirmed, values=False)
     table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
 
     half_width = np.full(len(chosen), 0.25 * (vehicle.length_m + vehicle.width_m))
@@ -149,10 +168,10 @@ def appearances_at(
     here, newborn = visible(0.0), options.joint.newborn
     distance = plane.distance_m(lon, lat)
     watched = np.clip((sensor.range_m - distance) / newborn.edge_m - 0.5, 0.0, 1.0)
-    shares = situation.reach.shares(options.joint.reach.prior_scans)
-    watched *= np.minimum(share_at(distance, shares, situation.reach.ring_m), 1.0)
+    shares = known.reach.shares(options.joint.reach.prior_scans)
+    watched *= np.minimum(share_at(distance, shares, known.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
-    watched *= -np.expm1(-situation.false_objects.since_start_s / newborn.first_look_s)
+    watched *= -np.expm1(-known.false_objects.since_start_s / newborn.first_look_s)
 
     def in_view(passing_mps: float) -> FloatArray:
         """Return the degree of plain view for vehicles that pass the ego at a speed."""

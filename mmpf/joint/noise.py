@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.belief.mixture import Components
 from mmpf.belief.moments import Moments
+from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.options.joint import JointNoise
@@ -39,17 +39,17 @@ def no_more_exact(scan: Scan, smallest_std_m: float) -> Scan:
 
 
 def with_innovations(
-    components: Components,
+    sources: Sources,
     moments: Moments,
     hit: IntArray,
     by: IntArray,
     situation: Situation,
     options: JointNoise,
-) -> Components:
-    """Return the components with what their detections say of the noise.
+) -> Sources:
+    """Return the sources with what their detections say of the noise.
 
     Args:
-        components: The components.
+        sources: The components.
         moments: Their moments before the scan.
         hit: Components that were detected, shape (k,).
         by: The detection of each, shape (k,).
@@ -57,7 +57,7 @@ def with_innovations(
         options: How fast the noise is learned.
     """
     detections = situation.scan.detections
-    factor = components.noise_factor.copy()
+    factor = sources.noise_factor.copy()
     std_lon, std_lat = factor[hit] * detections.std_lon_m[by], factor[hit] * detections.std_lat_m[by]
     lon = (detections.lon_m[by] - moments.mean[LON][hit]) ** 2 / (moments.variance[LON][hit] + std_lon**2)
     lat = (detections.lat_m[by] - moments.mean[LAT][hit]) ** 2 / (moments.variance[LAT][hit] + std_lat**2)
@@ -67,16 +67,16 @@ def with_innovations(
     learned = -np.expm1(-situation.dt_s / options.memory_s)
     factor[hit] = np.clip(factor[hit] * (1.0 + 0.5 * learned * (surprise / expected - 1.0)), *FACTOR_BOUNDS)
     return replace(
-        components,
+        sources,
         noise_factor=factor,
-        noise_lon_m=_smoothed(components.noise_lon_m, hit, std_lon, learned),
-        noise_lat_m=_smoothed(components.noise_lat_m, hit, std_lat, learned),
+        noise_lon_m=_smoothed(sources.noise_lon_m, hit, std_lon, learned),
+        noise_lat_m=_smoothed(sources.noise_lat_m, hit, std_lat, learned),
     )
 
 
-def common_factor(components: Components) -> float:
+def common_factor(sources: Sources) -> float:
     """Return the noise factor that a new component begins with: the confirmed ones' root mean square, one if none."""
-    known = components.noise_factor[components.confirmed]
+    known = sources.noise_factor[sources.confirmed]
     return float(np.sqrt((known**2).mean())) if len(known) else 1.0
 
 

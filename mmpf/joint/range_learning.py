@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.belief.kinds import DETECTABILITY, VEHICLE, Sightings
-from mmpf.belief.mixture import Components, is_longer
+from mmpf.belief.mixture import is_longer
+from mmpf.joint.kinds import DETECTABILITY, VEHICLE, Sightings
+from mmpf.joint.known import Known
+from mmpf.joint.sources import Sources
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.joint import JointOptions
-from mmpf.stages.update_rule import Situation
 from mmpf.visibility.range_profile import Reach
 
 # Vehicles of which less is to be seen say more of shadows than of distance.
@@ -19,10 +20,11 @@ USUAL = 0.8
 
 def reach_after(
     sightings: Sightings,
-    before: Components,
+    before: Sources,
     run: FloatArray,
     distance_m: FloatArray,
-    situation: Situation,
+    known: Known,
+    dt_s: float,
     options: JointOptions,
 ) -> Reach:
     """Return the counts of detections at each distance after a scan.
@@ -35,15 +37,15 @@ def reach_after(
         before: The components before the scan: what it says of existence would favour detections.
         run: Probability of a run of misses after the scan, shape (m,).
         distance_m: Their distances from the sensor, shape (m,).
-        situation: The scan, the sensor's data sheet and the counts before.
+        known: The sensor's data sheet and the counts before.
+        dt_s: Time since the scan before.
         options: The joint rule's settings.
     """
-    sensor = situation.sensor
     in_view = sightings.in_shadow / np.maximum(sightings.in_plain_view, 1e-3)
     is_in_view = (in_view > IN_PLAIN_VIEW) & (sightings.in_field > IN_PLAIN_VIEW)
-    known = np.flatnonzero(is_in_view & is_longer(before.detected_s, options.existence.confirm_s))
-    usual = before.kinds[known][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
-    weight = before.existence[known] * usual
-    expected = weight * (1.0 - run[known]) * sensor.detection_probability
-    kept = np.exp(-situation.dt_s / options.reach.memory_s)
-    return situation.reach.after(distance_m[known], expected, weight * sightings.hit[known], kept)
+    counted = np.flatnonzero(is_in_view & is_longer(before.detected_s, options.existence.confirm_s))
+    usual = before.kinds[counted][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
+    weight = before.existence[counted] * usual
+    expected = weight * (1.0 - run[counted]) * known.sensor.detection_probability
+    kept = np.exp(-dt_s / options.reach.memory_s)
+    return known.reach.after(distance_m[counted], expected, weight * sightings.hit[counted], kept)

@@ -5,7 +5,7 @@ The groups of ``FilterOptions`` itself hold for both update rules, those of ``jo
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -50,6 +50,10 @@ class ModelErrorOptions(Settings):
     """Noise on the lateral speed."""
     hidden_lon_factor: NotNegative = 1.3
     """Factor on the longitudinal ones for components that are not seen: there the model alone says where they are."""
+
+    def with_speed(self, otherwise: float = OTHER_SPEED_ERROR) -> Self:
+        """Return the settings with a number for the speed, ``otherwise`` where none was set."""
+        return self if self.speed is not None else self.model_copy(update={"speed": otherwise})
 
 
 class BirthOptions(Settings):
@@ -118,18 +122,3 @@ class FilterOptions(Settings):
     """Settings that only the joint update reads."""
     max_likelihood: MaxLikelihoodOptions = MaxLikelihoodOptions()
     """Settings that only the paper's update reads."""
-
-
-def speed_error(options: FilterOptions, *, spreads_speed: bool) -> float:
-    """Return the noise on the speed that the filter adds to a motion model's prediction.
-
-    Args:
-        options: The filter's settings.
-        spreads_speed: Whether the model spreads the speed by itself; see ``mmpf.motion.protocol.spreads_speed``.
-
-    Returns:
-        Root spectral density, m/s per root second; see ``ModelErrorOptions.speed``.
-    """
-    if options.model_error.speed is not None:
-        return options.model_error.speed
-    return 0.0 if spreads_speed and options.update == "joint" else OTHER_SPEED_ERROR

@@ -12,7 +12,7 @@ from mmpf.options.base import NotNegative, Positive, Probability, Settings, in_u
 Levels = Annotated[
     tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative], in_unit("share")
 ]
-"""The share of each level of detectability; see ``mmpf.belief.kinds.DETECTABILITY``."""
+"""The share of each level of detectability; see ``mmpf.joint.kinds.DETECTABILITY``."""
 Shadings = Annotated[tuple[Positive, Positive, Positive], in_unit("share")]
 """The share of sources on whose detection shadows have their whole effect, half of it, and none."""
 
@@ -86,7 +86,7 @@ class JointExistence(Settings):
 
 
 class JointKinds(Settings):
-    """Whether a source of detections is a vehicle or a false object that stays; see ``mmpf.belief.kinds``."""
+    """Whether a source of detections is a vehicle or a false object that stays; see ``mmpf.joint.kinds``."""
 
     weighed: bool = True
     """Whether the question is asked; without, everything that exists is a vehicle."""
@@ -108,7 +108,7 @@ class JointVehicles(Settings):
     """What vehicles are like to the sensor before any was seen."""
 
     detectability: Levels = (0.02, 0.03, 0.04, 0.06, 0.10, 0.25, 0.50)
-    """Share of vehicles at each level (``mmpf.belief.kinds.DETECTABILITY``): dark paint, motorcycles."""
+    """Share of vehicles at each level (``mmpf.joint.kinds.DETECTABILITY``): dark paint, motorcycles."""
     prior_count: Annotated[Positive, in_unit("vehicles")] = 30.0
     """So many vehicles these shares count for; the vehicles around add to them."""
     shading: Shadings = (0.5, 0.3, 0.2)

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from mmpf.belief.mixture import Mixture
-from mmpf.belief.moments import component_moments
+from mmpf.belief.moments import Moments
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options.paper import PaperReclustering
@@ -17,7 +17,9 @@ from mmpf.options.paper import PaperReclustering
 ROUNDS = 10
 
 
-def recluster(mixture: Mixture, options: PaperReclustering, rng: np.random.Generator) -> tuple[Mixture, int]:
+def recluster(
+    mixture: Mixture, moments: Moments, options: PaperReclustering, rng: np.random.Generator
+) -> tuple[Mixture, int]:
     """Deal the particles of touching components out to their nearest medoids.
 
     k stays the number of components and the medoids start from the components' own, so that each cluster inherits
@@ -30,7 +32,7 @@ def recluster(mixture: Mixture, options: PaperReclustering, rng: np.random.Gener
     """
     if len(mixture) < 2:
         return mixture, 0
-    mean = component_moments(mixture).mean
+    mean = moments.mean
     touches = (np.abs(mean[LON][:, None] - mean[LON]) < options.lon_m) & (
         np.abs(mean[LAT][:, None] - mean[LAT]) < options.lat_m
     )

@@ -11,18 +11,20 @@ import numpy as np
 from scipy.special import logsumexp
 
 from mmpf.belief.birth import Births, give_birth, lies_on_ego
-from mmpf.belief.mixture import Mixture
+from mmpf.belief.mixture import Components, Mixture
 from mmpf.belief.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.belief.resampling import resample
+from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.numerics.kernels import kernel
-from mmpf.options.filter import FilterOptions
+from mmpf.options.filter import FilterOptions, ModelErrorOptions
 from mmpf.options.paper import PaperMerging
 from mmpf.paper.clustering import recluster
-from mmpf.scan import Detections
-from mmpf.stages.update_rule import MixtureChange, Occlusion, Situation, Updated, outside_observation_area
+from mmpf.scan import Detections, Scan, SensorModel
+from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.range_profile import Reach
 from mmpf.visibility.shadows import shadowed_share, visible_fractions
 
 
@@ -30,11 +32,37 @@ from mmpf.visibility.shadows import shadowed_share, visible_fractions
 class MaxLikelihoodUpdate:
     """Update rule ``max_likelihood``; see ``mmpf.stages.update_rule.UpdateRule``.
 
+    It learns nothing of the sensor: the data sheet holds.
+
     Attributes:
         options: The filter's settings.
+        sensor: The sensor's data sheet.
     """
 
     options: FilterOptions
+    sensor: SensorModel
+
+    @property
+    def reach(self) -> Reach:
+        """What the data sheet says."""
+        return Reach.of_data_sheet(self.sensor.range_m)
+
+    def motion(self, model: MotionModel) -> MotionModel:
+        """Let particles move as the model says."""
+        return model
+
+    def model_error(self, model: MotionModel) -> ModelErrorOptions:  # noqa: ARG002
+        """Add noise to whatever the model says: resampling copies particles."""
+        return self.options.model_error.with_speed()
+
+    def prepare(self, scan: Scan) -> Scan:
+        """Take the scan as it is."""
+        return scan
+
+    def first(self, count: int) -> Components:
+        """Return components of the first scan."""
+        existence = np.full(count, self.options.birth.first_existence)
+        return Components.newborn(1 + np.arange(count), existence, self.options.vehicle)
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
@@ -104,23 +132,26 @@ class MaxLikelihoodUpdate:
         detections = situation.scan.detections
         is_wanted = updated.birth_claim > 1.0 - rule.existence.added_particles
         chosen = np.flatnonzero(is_wanted & ~lies_on_ego(detections, situation.plane))
-        births = Births(detections, chosen, np.ones(len(chosen)), situation.traffic)
+        track_id = updated.mixture.new_track_ids(len(chosen))
+        components = Components.newborn(track_id, np.ones(len(chosen)), self.options.vehicle)
+        births = Births(detections, chosen, components, situation.traffic)
         mixture = give_birth(updated.mixture, keep, births, situation.motion, self.options, rng)
         mixture, merged = _merge_overlaps(mixture, rule.merging, self.options.reporting.hidden_after_s)
-        return MixtureChange(mixture, removed=int((~keep).sum()), added=len(chosen), merged=merged)
+        return MixtureChange(mixture, component_moments(mixture), int((~keep).sum()), len(chosen), merged)
 
     def finetune(
         self,
         mixture: Mixture,
+        moments: Moments,
         situation: Situation,  # noqa: ARG002
         rng: np.random.Generator,
-    ) -> tuple[Mixture, int]:
+    ) -> Finetuned:
         """Recluster the particles of components that touch by k-medoids, and confirm those old enough."""
         rule, components = self.options.max_likelihood, mixture.components
         touch = rule.reclustering
         confirmed = components.confirmed | (components.hits >= rule.existence.confirm_hits)
         mixture = replace(mixture, components=replace(components, confirmed=confirmed))
-        return recluster(mixture, touch, rng)
+        return Finetuned(*recluster(mixture, moments, touch, rng))
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Recompute pi'_m = sum of pi_c(i) w(i) over the new members, and w within them."""

@@ -8,13 +8,13 @@ from typing import Protocol
 import numpy as np
 
 from mmpf.belief.mixture import Mixture
-from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.protocol import MotionModel, Surroundings, checked_step
 from mmpf.motion.state import ACCEL, LAT_SPEED, SPEED
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
-from mmpf.options.filter import FilterOptions, ModelErrorOptions, speed_error
+from mmpf.options.filter import ModelErrorOptions
 from mmpf.scan import Scan
 from mmpf.stages.update_rule import Situation
 
@@ -71,14 +71,13 @@ def prior_update(
     surroundings: Surroundings,
     situation: Situation,
     proposal: Proposal,
-    options: FilterOptions,
+    error: ModelErrorOptions,
     rng: np.random.Generator,
 ) -> Mixture:
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
     cloud, motion, dt_s = mixture.cloud, situation.motion, situation.dt_s
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, situation.scan, dt_s, rng)
-    speed = speed_error(options, spreads_speed=spreads_speed(motion))
-    _add_model_error(state, surroundings.is_hidden, dt_s, options.model_error, speed, rng)
+    _add_model_error(state, surroundings.is_hidden, dt_s, error, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
     components = replace(mixture.components, age_s=mixture.components.age_s + dt_s)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
@@ -90,10 +89,9 @@ def _add_model_error(
     is_hidden: BoolArray,
     dt_s: float,
     error: ModelErrorOptions,
-    speed: float,
     rng: np.random.Generator,
 ) -> None:
-    seen = np.sqrt(dt_s) * np.array([speed, error.accel, error.lat_speed])
+    seen = np.sqrt(dt_s) * np.array([error.speed or 0.0, error.accel, error.lat_speed])
     hidden = seen * np.array([error.hidden_lon_factor, error.hidden_lon_factor, 1.0])
     if seen.any():
         normal = standard_normals(rng, (len(seen), state.shape[1]))

@@ -33,8 +33,9 @@ def reported_tracks(
     reported &= ~unseen | (components.vehicle >= options.reported_hidden_above)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     variance = moments.variance.copy()
-    variance[LON] += correlated_share * components.noise_lon_m**2
-    variance[LAT] += correlated_share * components.noise_lat_m**2
+    noise_lon_m, noise_lat_m = components.noise_m
+    variance[LON] += correlated_share * noise_lon_m**2
+    variance[LAT] += correlated_share * noise_lat_m**2
     std = np.maximum(np.sqrt(variance), 1e-6)
     return Tracks(
         track_id=components.track_id[reported],

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from mmpf.belief.birth import Traffic
-from mmpf.belief.mixture import Mixture
+from mmpf.belief.mixture import Components, Mixture
 from mmpf.belief.moments import Moments
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import MotionModel
 from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.options.filter import ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
-from mmpf.visibility.false_objects import FalseObjects
 from mmpf.visibility.range_profile import Reach
 
 
@@ -29,8 +29,6 @@ class Situation:
         dt_s: Time since the scan before.
         traffic: Speeds of the vehicles around, for births.
         plane: The plane in which the sensor sees.
-        reach: How well the sensor sees at each distance.
-        false_objects: What false objects are like.
     """
 
     scan: Scan
@@ -39,8 +37,6 @@ class Situation:
     dt_s: float
     traffic: Traffic
     plane: SensorPlane
-    reach: Reach
-    false_objects: FalseObjects = field(default_factory=FalseObjects.none)
 
 
 @dataclass(frozen=True)
@@ -87,21 +83,61 @@ class MixtureChange:
 
     Attributes:
         mixture: The belief.
+        moments: Its components' moments.
         removed: Components removed.
         added: Components added.
         merged: Components merged into others.
-        false_objects: What false objects are like, after those removed; None if the rule does not say.
     """
 
     mixture: Mixture
+    moments: Moments
     removed: int = 0
     added: int = 0
     merged: int = 0
-    false_objects: FalseObjects | None = None
+
+
+@dataclass(frozen=True)
+class Finetuned:
+    """The belief after the last stage that may move particles from one component to another.
+
+    Attributes:
+        mixture: The belief.
+        settled: Components that were clustered anew or had their identity settled.
+        moments: Its components' moments; None if particles or weights are others, or will be
+            after the weight update.
+    """
+
+    mixture: Mixture
+    settled: int = 0
+    moments: Moments | None = None
 
 
 class UpdateRule(Protocol):
-    """The stages of one rule, in the order in which the filter calls them; ``moments`` are those of ``prior``."""
+    """One rule with its settings and what it has learned so far; its stages come in the order of the paper's Fig. 1.
+
+    ``moments`` are always those of the belief that comes with them.
+    """
+
+    @property
+    def reach(self) -> Reach:
+        """How well the sensor sees at each distance, as far as the rule learns it."""
+        ...
+
+    def motion(self, model: MotionModel) -> MotionModel:
+        """Return how particles move: the model, and what the rule lets them try beside it."""
+        ...
+
+    def model_error(self, model: MotionModel) -> ModelErrorOptions:
+        """Return the noise that is added to the model's prediction, with a number for the speed."""
+        ...
+
+    def prepare(self, scan: Scan) -> Scan:
+        """Return the scan as the rule believes it."""
+        ...
+
+    def first(self, count: int) -> Components:
+        """Return the components of the first scan, of which nothing is known beforehand: "Initialization"."""
+        ...
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Say which components can't be seen: "Complete occlusion assertion"."""
@@ -122,12 +158,8 @@ class UpdateRule(Protocol):
         """Adapt the number of components: "Remove & Add & Merge"."""
         ...
 
-    def finetune(self, mixture: Mixture, situation: Situation, rng: np.random.Generator) -> tuple[Mixture, int]:
-        """Settle which particle and which identity belongs to which component: "Finetune".
-
-        Returns:
-            The belief, and how many components were clustered anew or had their identity settled.
-        """
+    def finetune(self, mixture: Mixture, moments: Moments, situation: Situation, rng: np.random.Generator) -> Finetuned:
+        """Settle which particle and which identity belongs to which component: "Finetune"."""
         ...
 
     def weight_update(self, mixture: Mixture) -> Mixture:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.belief.kinds import vehicle_share
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.map.road import Road
@@ -51,7 +50,7 @@ def surroundings_of(
     others = np.column_stack([moments.mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
     length, width = np.append(vehicles.length_m, ego.length_m), np.append(vehicles.width_m, ego.width_m)
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
-    probability = np.append(np.where(vehicles.confirmed, vehicle_share(vehicles.kinds), 0.0), 1.0)
+    probability = np.append(np.where(vehicles.confirmed, vehicles.vehicle_share, 0.0), 1.0)
     cases = [
         nearest_by_lane(others[LON], others[LAT], width, lane_of_other, probability > least, len(road.lanes))
         for least in LEAST_PROBABILITIES

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.belief.mixture import Components
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import FreeSpace, SensorModel
@@ -38,9 +37,9 @@ def share_in_field(
     return np.asarray((last - first) / (2.0 * half * per_rad))
 
 
-def half_widths(components: Components) -> FloatArray:
-    """Return half the extent of each vehicle across the line of sight, whichever way it points, shape (m,)."""
-    return np.asarray(0.25 * (components.length_m + components.width_m))
+def half_widths(length_m: FloatArray, width_m: FloatArray) -> FloatArray:
+    """Return half the extent of vehicles of some sizes across the line of sight, whichever way they point, (m,)."""
+    return np.asarray(0.25 * (length_m + width_m))
 
 
 def worth_at_edge(in_field: FloatArray, sensor: SensorModel, hidden_probability: float) -> FloatArray:

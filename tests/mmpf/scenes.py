@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture, ParticleCloud
+from mmpf.joint.sources import Sources
 from mmpf.map.road import highway
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
@@ -41,7 +42,7 @@ def scan_of(time_s: float, positions: list[tuple[float, float]], ego: EgoPose | 
 def belief_of(
     states: Sequence[FloatArray], weights: Sequence[FloatArray] | None = None, **columns: Sequence[float]
 ) -> Mixture:
-    """A belief of one component for each array of states (6, k); ``columns`` are those of ``Components``, by name."""
+    """A belief of one component for each array of states (6, k); ``columns`` are those of ``Sources``, by name."""
     sizes = [state.shape[1] for state in states]
     own_weights = weights if weights is not None else [np.full(size, 1.0 / size) for size in sizes]
     weight = np.concatenate([np.zeros(0), *own_weights])
@@ -51,7 +52,7 @@ def belief_of(
     cloud = ParticleCloud(
         state, np.log(weight), np.log(weight), component, log_component_weight, np.zeros((0, len(component)))
     )
-    components = Components.newborn(np.arange(1, len(sizes) + 1), np.full(len(sizes), 0.9))
+    components = Sources.newborn(np.arange(1, len(sizes) + 1), np.full(len(sizes), 0.9))
     return Mixture(cloud, replace(components, **{name: np.array(values) for name, values in columns.items()}), 100)
 
 

@@ -10,7 +10,7 @@ import pytest
 from mmpf.belief.mixture import Mixture
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
-from mmpf.options.filter import FilterOptions, ModelErrorOptions
+from mmpf.options.filter import ModelErrorOptions
 from mmpf.stages.prediction import bootstrap_proposal, prior_update
 from tests.mmpf.motion.surroundings import around
 from tests.mmpf.scenes import LinearGaussianMotion, belief_of, spot
@@ -33,7 +33,7 @@ def moved(mixture: Mixture, error: ModelErrorOptions, speed_std_mps: float = 0.0
         around(mixture.cloud.state, hidden=hidden),
         replace(situation_with([]), motion=LinearGaussianMotion(speed_std_mps), dt_s=DT_S),
         bootstrap_proposal,
-        FilterOptions(model_error=error),
+        error,
         np.random.default_rng(2),
     )
 
@@ -83,7 +83,7 @@ def test_weights_start_from_the_ratio_of_prior_and_proposal_and_components_grow_
         around(mixture.cloud.state),
         replace(situation_with([]), motion=LinearGaussianMotion(), dt_s=DT_S),
         proposal,
-        FilterOptions(model_error=NO_ERROR),
+        NO_ERROR,
         np.random.default_rng(0),
     )
     assert after.cloud.log_raw_weight == pytest.approx(np.log(0.1) + ratio)

@@ -9,13 +9,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mmpf.belief.kinds import certain_vehicles
+from mmpf.joint.false_objects import FalseObjects
 from mmpf.motion import motion_model
 from mmpf.options.filter import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import TENTATIVE, Tracks
-from mmpf.visibility.false_objects import FalseObjects
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 NEAR_M = 3.0
@@ -141,7 +140,7 @@ def test_false_objects_are_soon_not_reported_any_more_and_vehicles_always_are(dt
     false, overtaking = false_objects(45.0, 2.0, seed), driving(-300.0, 1, 28.0)
     reported, vehicles, learned = [], [], FalseObjects.none()
     for time_s, tracks, filtering in drive([*false, overtaking, *traffic()], 45.0, dt_s, seed=seed):
-        learned = filtering.false_objects
+        learned = filtering.rule.known.false_objects
         if time_s >= 20.0:
             reported += [is_reported(tracks, each.place(time_s)) for each in false if each.is_there(time_s)]
             there = [*traffic(), *([overtaking] if time_s >= 28.0 else [])]
@@ -159,7 +158,7 @@ def test_a_false_object_that_ends_in_plain_view_is_counted_once(dt_s: float) -> 
     false = Source(partial(steady, 100.0, 4, 0.0), 0.6, 3.0, 5.0)
     counted = {}
     for time_s, _, filtering in drive([false, *traffic()], 12.0, dt_s):
-        counted[round(time_s, 3)] = float(filtering.false_objects.counted.sum())
+        counted[round(time_s, 3)] = float(filtering.rule.known.false_objects.counted.sum())
     assert counted[3.0] < 0.05
     assert 0.6 < max(counted.values()) <= 1.0
     assert counted[10.0] == pytest.approx(max(counted.values()), rel=0.1)
@@ -179,6 +178,5 @@ def test_the_papers_rule_knows_no_kinds() -> None:
     papers = FilterOptions(update="max_likelihood", particles=200)
     for _, _, filtering in drive([*false, *traffic()], 6.0, options=papers):
         components = filtering.mixture.components
-        assert (components.kinds == certain_vehicles(len(components))).all()
-        assert (components.ended == 0.0).all()
-        assert filtering.false_objects.watched_s == filtering.false_objects.counted.sum() == 0.0
+        assert (components.vehicle == components.existence).all()
+        assert not hasattr(components, "kinds")

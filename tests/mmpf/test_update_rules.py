@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from mmpf.belief.birth import Traffic
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments
 from mmpf.joint.rule import JointUpdate
+from mmpf.joint.sources import Sources
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import motion_models
 from mmpf.motion.state import LAT, LON
@@ -14,7 +15,6 @@ from mmpf.options.filter import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import SensorModel
 from mmpf.stages.update_rule import Occlusion, Situation, UpdateRule
-from mmpf.visibility.range_profile import Reach
 from tests.mmpf.scenes import ROAD, lane_centre, scan_of
 
 PARTICLES = 400
@@ -33,14 +33,13 @@ def mixture_at(places: list[tuple[float, float]], std_m: float = 1.0) -> Mixture
     state[LAT] = np.array([lat for _, lat in places])[component] + 0.3 * rng.standard_normal(n)
     even = np.full(n, -np.log(PARTICLES))
     cloud = ParticleCloud(state, even, even, component, np.full(n, -np.log(len(places))), np.zeros((0, n)))
-    return Mixture(cloud, Components.newborn(np.arange(1, len(places) + 1), np.full(len(places), 0.9)), 100)
+    return Mixture(cloud, Sources.newborn(np.arange(1, len(places) + 1), np.full(len(places), 0.9)), 100)
 
 
 def situation_with(detections: list[tuple[float, float]]) -> Situation:
     scan = scan_of(0.1, detections)
     traffic = Traffic(np.array([0.0]), np.array([20.0]))
-    plane, reach = SensorPlane(scan.ego, ROAD), Reach.of_data_sheet(SensorModel().range_m)
-    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, traffic, plane, reach)
+    return Situation(scan, SensorModel(), motion_models["cvm"](), 0.1, traffic, SensorPlane(scan.ego, ROAD))
 
 
 def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float, float]]) -> Mixture:
@@ -53,8 +52,8 @@ def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float
 @pytest.mark.parametrize(
     "rule",
     [
-        JointUpdate(options_with({"joint": {"association": {"exclusion_per_s": 0.0}}})),
-        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}})),
+        JointUpdate(options_with({"joint": {"association": {"exclusion_per_s": 0.0}}}), SensorModel()),
+        MaxLikelihoodUpdate(options_with({"max_likelihood": {"association": {"gate_std": 4.5}}}), SensorModel()),
     ],
     ids=["joint", "max_likelihood"],
 )
@@ -67,7 +66,7 @@ def test_a_component_with_no_detection_in_its_gate_keeps_its_weights_at_any_dist
 
 
 def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> None:
-    rule = MaxLikelihoodUpdate(options_with({}))
+    rule = MaxLikelihoodUpdate(options_with({}), SensorModel())
     prior = mixture_at([(30.0, lane_centre(2))])
     posterior = weights_after(rule, prior, [(40.0, lane_centre(2))])
     mean = np.average(posterior.cloud.state[LON], weights=np.exp(posterior.cloud.log_weight))
@@ -75,7 +74,9 @@ def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> N
 
 
 def test_component_weights_follow_equation_11() -> None:
-    rule = MaxLikelihoodUpdate(options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}))
+    rule = MaxLikelihoodUpdate(
+        options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}), SensorModel()
+    )
     prior = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(1))], std_m=0.5)
     detections = [(30.2, lane_centre(2)), (61.0, lane_centre(1))]
     posterior = weights_after(rule, prior, detections)
@@ -91,7 +92,7 @@ def test_component_weights_follow_equation_11() -> None:
 
 
 def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() -> None:
-    rule = JointUpdate(options_with({}))
+    rule = JointUpdate(options_with({}), SensorModel())
     prior = mixture_at([(30.0, lane_centre(2)), (-30.0, lane_centre(2))])
     posterior = weights_after(rule, prior, [(30.0, lane_centre(2))])
     assert posterior.components.existence[0] > 0.98
@@ -99,7 +100,7 @@ def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() 
 
 
 def test_one_detection_does_not_confirm_two_components() -> None:
-    rule = JointUpdate(options_with({}))
+    rule = JointUpdate(options_with({}), SensorModel())
     prior = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=2.0)
     seen = Occlusion(np.full(len(prior.cloud), 0.9), np.zeros(len(prior)))
     moments, situation = component_moments(prior), situation_with([(30.0, lane_centre(2))])

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mmpf.belief.birth import Births, Traffic, give_birth
-from mmpf.belief.mixture import Mixture
+from mmpf.belief.mixture import Components, Mixture
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import MEAN_CAR, BirthOptions, FilterOptions, Footprint
@@ -53,11 +53,15 @@ def born(
         Births(
             detections,
             np.array(chosen, dtype=np.int64),
-            np.array(existence if existence is not None else [0.2] * len(chosen)),
+            type(mixture.components).newborn(
+                mixture.new_track_ids(len(chosen)),
+                np.array(existence if existence is not None else [0.2] * len(chosen)),
+                vehicle,
+            ),
             traffic,
         ),
         LinearGaussianMotion(),
-        FilterOptions(particles=particles, birth=BirthOptions(**options), vehicle=vehicle),
+        FilterOptions(particles=particles, birth=BirthOptions(**options)),
         np.random.default_rng(3),
     )
 
@@ -177,7 +181,7 @@ def test_without_a_detection_to_start_from_those_not_kept_are_let_go_all_the_sam
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 7)), min_size=1, max_size=8))
 @settings(max_examples=30, deadline=None)
 def test_no_name_is_ever_used_again(scans: list[tuple[int, int]]) -> None:
-    mixture, ever = Mixture.empty(0), set()
+    mixture, ever = belief_of([]), set()
     for births, survivors in scans:
         before = set(mixture.components.track_id.tolist())
         keep = [m < survivors for m in range(len(mixture))]
@@ -204,9 +208,9 @@ def test_a_measured_size_narrows_the_one_that_was_assumed_and_no_size_leaves_it(
 
 def test_the_motion_model_gives_each_newborn_particle_its_latents() -> None:
     mixture = give_birth(
-        Mixture.empty(1),
+        Mixture.empty(1, Components.newborn(np.arange(0), np.zeros(0))),
         np.zeros(0, dtype=np.bool_),
-        Births(detections_at(PLACES), np.array([0, 1]), np.full(2, 0.2), STEADY),
+        Births(detections_at(PLACES), np.array([0, 1]), Components.newborn(np.arange(1, 3), np.full(2, 0.2)), STEADY),
         HabitMotion(),
         FilterOptions(particles=10),
         np.random.default_rng(0),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.belief.kinds import SHAPE, STANDING
 from mmpf.belief.moments import component_moments
 from mmpf.joint.confirmation import lies_in_path, still_confirmed, to_confirm
+from mmpf.joint.kinds import SHAPE, STANDING
 from mmpf.options.joint import JointOptions
 from tests.mmpf.scenes import belief_of, ego_at, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with

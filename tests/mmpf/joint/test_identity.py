@@ -39,9 +39,10 @@ def hidden_and_new(
 
 
 def handed_over(mixture: Mixture, confirmed_now: list[bool]) -> tuple[Mixture, int]:
-    return hand_over_identity(
-        mixture, component_moments(mixture), np.array(confirmed_now, dtype=np.bool_), OPTIONS, SCAN_S
-    )
+    now = np.array(confirmed_now, dtype=np.bool_)
+    after = hand_over_identity(mixture, component_moments(mixture), now, OPTIONS, SCAN_S)
+    assert (after.moments.mean == component_moments(after.mixture).mean).all()
+    return after.mixture, after.settled
 
 
 def names_after(mixture: Mixture) -> list[int]:

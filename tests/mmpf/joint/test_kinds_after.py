@@ -10,7 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mmpf.belief.kinds import (
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
+from mmpf.joint.false_objects import FalseObjects
+from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
     KINDS,
@@ -23,10 +26,9 @@ from mmpf.belief.kinds import (
     normalised,
     vehicle_share,
 )
-from mmpf.belief.mixture import Components, Mixture
-from mmpf.belief.moments import component_moments
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.newborn import Appearances, kinds_at_birth
+from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import log_speed_likelihoods
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
@@ -40,6 +42,7 @@ LANE = lane_centre(2)
 IN_VIEW = 0.95
 CLEAR = 100.0
 DT_S = 0.1
+NOTHING = FalseObjects.none()
 
 
 def options_with(**groups: dict[str, object]) -> FilterOptions:
@@ -67,20 +70,20 @@ def scanned(
     """Return the belief after a scan; the particles stay where they are."""
     situation = replace(situation_with([]), dt_s=dt_s)
     before = mixture.components
-    alive, ended = ended_meanwhile(before, situation, options.joint)
+    alive, ended = ended_meanwhile(before, NOTHING, dt_s, options.joint)
     components = before.after_scan(np.full(len(mixture), was_seen), dt_s)
     moments = component_moments(mixture)
-    after = kinds_after(components, before, alive, ended, moments, sightings, situation, options)
+    after = kinds_after(components, before, alive, ended, moments, sightings, NOTHING, situation, options)
     return replace(mixture, components=after)
 
 
 def newborn(options: FilterOptions = OPTIONS, in_view: float = 0.0) -> FloatArray:
     place = Appearances(np.array([in_view]), np.array([in_view]), np.ones(1))
-    return kinds_at_birth(place, situation_with([]).false_objects, SensorModel(), options.joint)
+    return kinds_at_birth(place, NOTHING, SensorModel(), options.joint)
 
 
-def log_odds(components: Components) -> float:
-    share = float(vehicle_share(components.kinds)[0])
+def log_odds(sources: Sources) -> float:
+    share = float(sources.vehicle_share[0])
     return float(np.log(share / (1.0 - share)))
 
 
@@ -153,14 +156,14 @@ def test_who_lasts_and_moves_like_a_vehicle_is_one_however_rarely_it_is_detected
 
 def test_a_run_of_misses_says_nothing_of_the_kind_or_of_existence() -> None:
     before = source(kinds=newborn(), existence=np.array([0.7]))
-    alive, _ = ended_meanwhile(before.components, situation_with([]), OPTIONS.joint)
+    alive, _ = ended_meanwhile(before.components, NOTHING, DT_S, OPTIONS.joint)
     after = scanned(before, seen_as(0.0, run=1.0), was_seen=False).components
     assert after.existence == pytest.approx([alive.sum()])
     assert after.kinds == pytest.approx(normalised(alive))
 
 
 def test_in_shadow_misses_say_little_and_in_plain_view_they_say_that_nobody_is_there() -> None:
-    def missed(in_shadow: float) -> Components:
+    def missed(in_shadow: float) -> Sources:
         found = source(kinds=newborn())
         for _ in range(10):
             found = scanned(found, seen_as(0.0, in_shadow), was_seen=False)
@@ -186,21 +189,21 @@ def test_a_speed_counts_as_it_is_at_present_and_is_not_summed_up() -> None:
     """Seen in a run of misses, so that nothing but the speed says anything."""
     before = source(3.0, kinds=newborn())
     situation, moments = situation_with([]), component_moments(before)
-    alive, _ = ended_meanwhile(before.components, situation, UNBOUNDED.joint)
+    alive, _ = ended_meanwhile(before.components, NOTHING, DT_S, UNBOUNDED.joint)
     range_m, speeds = OPTIONS.birth.local_range_m, OPTIONS.joint.speeds
     stood = np.array([-0.5 * (3.0 / speeds.standing_std_mps) ** 2])
     likelihood = log_speed_likelihoods(moments, situation.traffic, speeds, range_m, speeds.stopped_on_road, stood)
     expected = normalised(alive * np.exp(likelihood)[:, :, None, None])
     once = scanned(before, seen_as(0.0, run=1.0), UNBOUNDED)
     assert once.components.kinds == pytest.approx(expected, abs=1e-9)
-    again, _ = ended_meanwhile(once.components, situation, UNBOUNDED.joint)
+    again, _ = ended_meanwhile(once.components, NOTHING, DT_S, UNBOUNDED.joint)
     twice = scanned(once, seen_as(0.0, run=1.0), UNBOUNDED)
     assert twice.components.kinds == pytest.approx(normalised(again), abs=1e-9)
 
 
 def test_the_speed_of_one_that_is_not_seen_says_nothing() -> None:
     before = source(0.0, kinds=newborn())
-    alive, _ = ended_meanwhile(before.components, situation_with([]), OPTIONS.joint)
+    alive, _ = ended_meanwhile(before.components, NOTHING, DT_S, OPTIONS.joint)
     after = scanned(before, seen_as(0.0, run=1.0), was_seen=False)
     assert after.components.kinds == pytest.approx(normalised(alive))
 

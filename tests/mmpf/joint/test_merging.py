@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
+from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointIdentity, JointMerging, JointOptions
+from mmpf.scan import SensorModel
 from tests.mmpf.scenes import lane_centre
 from tests.mmpf.test_update_rules import situation_with
 
@@ -34,7 +36,7 @@ def elder_and_younger(
     even = np.full(2 * PARTICLES, -np.log(PARTICLES))
     cloud = ParticleCloud(state, even, even, component, even * 0.0 - np.log(2), np.zeros((0, 2 * PARTICLES)))
     components = replace(
-        Components.newborn(np.array([ELDER, YOUNGER]), np.array([0.9, 0.9])),
+        Sources.newborn(np.array([ELDER, YOUNGER]), np.array([0.9, 0.9])),
         confirmed=np.array(confirmed),
         unseen_s=np.array(unseen_s),
         hits=np.array([40, 5]),
@@ -119,9 +121,11 @@ def test_components_three_metres_apart_stay_two() -> None:
 
 
 def confirmed_after_finetuning(mixture: Mixture) -> list[bool]:
-    rule = JointUpdate(FilterOptions(particles=PARTICLES, joint=JointOptions(identity=JointIdentity(stitch=False))))
-    finetuned, _ = rule.finetune(mixture, situation_with([]), np.random.default_rng(0))
-    return finetuned.components.confirmed.tolist()
+    rule = JointUpdate(
+        FilterOptions(particles=PARTICLES, joint=JointOptions(identity=JointIdentity(stitch=False))), SensorModel()
+    )
+    finetuned = rule.finetune(mixture, component_moments(mixture), situation_with([]), np.random.default_rng(0))
+    return finetuned.mixture.components.confirmed.tolist()
 
 
 @pytest.mark.parametrize("unseen_s", [0.0, 1.5])

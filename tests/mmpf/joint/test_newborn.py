@@ -9,7 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.belief.kinds import (
+from mmpf.belief.mixture import Mixture
+from mmpf.belief.moments import component_moments
+from mmpf.joint.false_objects import FalseObjects
+from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
     LEVELS,
@@ -20,14 +23,12 @@ from mmpf.belief.kinds import (
     mean_detectability,
     vehicle_share,
 )
-from mmpf.belief.mixture import Mixture
-from mmpf.belief.moments import component_moments
+from mmpf.joint.known import Known
 from mmpf.joint.newborn import SLOWEST_PASSING_MPS, Appearances, appearances_at, kinds_at_birth
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
 from mmpf.scan import SensorModel
-from mmpf.visibility.false_objects import FalseObjects
 from mmpf.visibility.range_profile import Reach
 from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
@@ -63,8 +64,9 @@ def counted(number: float, watched_s: float) -> FalseObjects:
 
 def places_of(places: list[tuple[float, float]], mixture: Mixture, since_start_s: float = 1e3) -> Appearances:
     situation = situation_with(places)
-    situation = replace(situation, false_objects=replace(NOTHING, since_start_s=since_start_s))
-    return appearances_at(np.arange(len(places)), mixture, component_moments(mixture), situation, FilterOptions())
+    known = replace(Known.of_data_sheet(SENSOR), false_objects=replace(NOTHING, since_start_s=since_start_s))
+    moments = component_moments(mixture)
+    return appearances_at(np.arange(len(places)), mixture, moments, known, situation, FilterOptions())
 
 
 @given(shares, shares, st.floats(0.0, 500.0), st.floats(0.0, 500.0))
@@ -211,9 +213,9 @@ def test_in_the_first_scans_vehicles_in_plain_view_are_still_found() -> None:
 
 def test_where_the_sensor_was_found_to_see_little_a_vehicle_may_have_been_overlooked() -> None:
     blind = Reach.of_data_sheet(SENSOR.range_m).after(np.full(1000, 75.0), np.ones(1000), np.zeros(1000), kept=1.0)
-    situation = replace(situation_with([(75.0, LANE)]), reach=blind, false_objects=replace(NOTHING, since_start_s=1e3))
-    nobody = belief_of([])
-    found = appearances_at(np.arange(1), nobody, component_moments(nobody), situation, FilterOptions())
+    known, nobody = Known(SENSOR, blind, replace(NOTHING, since_start_s=1e3)), belief_of([])
+    situation = situation_with([(75.0, LANE)])
+    found = appearances_at(np.arange(1), nobody, component_moments(nobody), known, situation, FilterOptions())
     assert found.in_view[0] < 0.2
 
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Components, Mixture
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint.noise import FACTOR_BOUNDS, common_factor, no_more_exact, with_innovations
+from mmpf.joint.sources import Sources
 from mmpf.options.joint import JointNoise
 from mmpf.stages.update_rule import Situation
 from tests.mmpf.scenes import belief_of, detections_at, spot
@@ -31,7 +32,7 @@ def one_vehicle() -> Mixture:
     return belief_of([spot(30.0, 5.0)])
 
 
-def learned(innovations: list[tuple[float, float]], share: float = 0.0) -> Components:
+def learned(innovations: list[tuple[float, float]], share: float = 0.0) -> Sources:
     mixture = one_vehicle()
     components, moments, first = mixture.components, component_moments(mixture), np.array([0])
     for lon, lat in innovations:

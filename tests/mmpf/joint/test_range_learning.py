@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401
-from mmpf.belief.kinds import SHAPE, STANDING, VEHICLE, Sightings
+from mmpf.joint.kinds import SHAPE, STANDING, VEHICLE, Sightings
+from mmpf.joint.known import Known
 from mmpf.joint.range_learning import reach_after
 from mmpf.motion.protocol import motion_models
 from mmpf.numerics.arrays import FloatArray
@@ -14,7 +15,6 @@ from mmpf.options.joint import JointOptions
 from mmpf.scan import SensorModel
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, scan_of, spot
-from tests.mmpf.test_update_rules import situation_with
 
 PROMISED = SensorModel().detection_probability
 
@@ -40,8 +40,8 @@ def counted(
         hit=np.array([hit]),
         run_probability=np.zeros(1),
     )
-    situation = situation_with([])
-    reach = reach_after(sightings, before, np.array([run_after]), np.array([45.0]), situation, JointOptions())
+    known = Known.of_data_sheet(SensorModel())
+    reach = reach_after(sightings, before, np.array([run_after]), np.array([45.0]), known, 0.1, JointOptions())
     assert np.delete(reach.expected, 4) == pytest.approx(0.0)
     return reach.expected[4], reach.detected[4]
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmpf.belief.birth import Traffic
-from mmpf.belief.kinds import MOVING, STANDING, VEHICLE
 from mmpf.belief.moments import Moments
+from mmpf.joint.kinds import MOVING, STANDING, VEHICLE
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.map.lane_graph import LaneGraph

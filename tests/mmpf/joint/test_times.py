@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mmpf.motion  # noqa: F401
-from mmpf.belief.mixture import Components, is_longer
+from mmpf.belief.mixture import is_longer
+from mmpf.joint.sources import Sources
 from mmpf.motion.protocol import motion_models
 from mmpf.options.joint import JointExistence, JointResampling
 from mmpf.scan import SensorModel
@@ -15,8 +16,8 @@ from mmpf.tracks import CONFIRMED
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 
-def detected_at(hits_of: list[bool], dt_s: float) -> Components:
-    components = Components.newborn(np.array([1]), np.array([0.9]))
+def detected_at(hits_of: list[bool], dt_s: float) -> Sources:
+    components = Sources.newborn(np.array([1]), np.array([0.9]))
     for was_hit in hits_of:
         components = components.after_scan(np.array([was_hit]), dt_s)
     return components

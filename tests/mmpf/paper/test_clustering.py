@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmpf.belief.moments import component_moments
 from mmpf.motion.state import LON
 from mmpf.options.paper import PaperReclustering
 from mmpf.paper.clustering import k_medoids, recluster
@@ -27,7 +28,7 @@ def test_medoids_of_far_groups_are_one_point_of_each_group(seed: int) -> None:
 def test_particles_that_strayed_to_a_neighbour_change_over_and_the_distribution_stays() -> None:
     mixture = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=0.4)
     mixture.cloud.state[LON, :50] += 6.0
-    after, reclustered = recluster(mixture, PaperReclustering(), np.random.default_rng(0))
+    after, reclustered = recluster(mixture, component_moments(mixture), PaperReclustering(), np.random.default_rng(0))
     assert reclustered == 2
     assert np.bincount(after.cloud.component).tolist() == [350, 450]
     assert np.sort(after.cloud.state[LON]) == pytest.approx(np.sort(mixture.cloud.state[LON]))
@@ -36,6 +37,6 @@ def test_particles_that_strayed_to_a_neighbour_change_over_and_the_distribution_
 
 def test_components_that_do_not_touch_are_left_alone() -> None:
     mixture = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(2))])
-    after, reclustered = recluster(mixture, PaperReclustering(), np.random.default_rng(0))
+    after, reclustered = recluster(mixture, component_moments(mixture), PaperReclustering(), np.random.default_rng(0))
     assert reclustered == 0
     assert (after.cloud.component == mixture.cloud.component).all()

@@ -28,7 +28,7 @@ CHARITABLE = {"reading": "charitable"}
 
 def rule_with(settings: dict[str, object]) -> MaxLikelihoodUpdate:
     options = FilterOptions.model_validate({"update": "max_likelihood", "particles": 400, "max_likelihood": settings})
-    return MaxLikelihoodUpdate(options)
+    return MaxLikelihoodUpdate(options, SensorModel())
 
 
 def after_merging(rule: MaxLikelihoodUpdate, belief: Mixture) -> Mixture:
@@ -105,7 +105,12 @@ def test_a_component_that_weighs_next_to_nothing_keeps_its_particles_where_all_v
         mixture, cloud=replace(mixture.cloud, log_component_weight=np.log(share)[mixture.cloud.component])
     )
     by_weight, alike = (
-        recluster(starved, PaperReclustering(lon_m=3.0, lat_m=1.2, alike=alike), np.random.default_rng(0))[0]
+        recluster(
+            starved,
+            component_moments(starved),
+            PaperReclustering(lon_m=3.0, lat_m=1.2, alike=alike),
+            np.random.default_rng(0),
+        )[0]
         for alike in (False, True)
     )
     assert component_moments(alike).mean[LON] == pytest.approx([30.0, 32.5], abs=0.1)

@@ -19,7 +19,6 @@ from mmpf.scan import SensorModel
 from mmpf.stages.prediction import bootstrap_proposal, prior_update
 from mmpf.stages.update_rule import Situation
 from mmpf.tracker import MixtureTracker
-from mmpf.visibility.range_profile import Reach
 from tests.mmpf.motion.surroundings import around
 from tests.mmpf.scenes import ROAD, lane_centre, scan_of
 
@@ -92,7 +91,7 @@ def added_noise(motion: MotionModel, options: dict[str, object]) -> float:
     before.cloud.state[SPEED] = 30.0
     surroundings = around(before.cloud.state)
     nobody = Traffic(np.zeros(0), np.zeros(0))
-    plane, reach = SensorPlane(scan.ego, ROAD), Reach.of_data_sheet(SensorModel().range_m)
-    situation = Situation(scan, SensorModel(), motion, 0.25, nobody, plane, reach)
-    after = prior_update(before, surroundings, situation, bootstrap_proposal, settings, np.random.default_rng(1))
+    situation = Situation(scan, SensorModel(), motion, 0.25, nobody, SensorPlane(scan.ego, ROAD))
+    error = tracker.rule.model_error(motion)
+    after = prior_update(before, surroundings, situation, bootstrap_proposal, error, np.random.default_rng(1))
     return float(np.std(after.cloud.state[SPEED])) / 0.5

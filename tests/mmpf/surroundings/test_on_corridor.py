@@ -7,8 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from mmpf.belief.kinds import SHAPE, STANDING, VEHICLE
 from mmpf.belief.moments import Moments, component_moments
+from mmpf.joint.kinds import SHAPE, STANDING, VEHICLE
 from mmpf.map.road import Lane, Road, highway
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED

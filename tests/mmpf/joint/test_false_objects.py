@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mmpf.belief.kinds import LEVELS, MOVING, SHAPE, STANDING, VEHICLE
+from mmpf.joint.false_objects import FALSE_KINDS, FEWEST_HITS, FalseObjects
+from mmpf.joint.kinds import LEVELS, MOVING, SHAPE, STANDING, VEHICLE
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.options.joint import JointFalseObjects, JointNewborn, JointVehicles
 from mmpf.scan import SensorModel
-from mmpf.visibility.false_objects import FALSE_KINDS, FEWEST_HITS, FalseObjects
 
 OPTIONS, VEHICLES, SENSOR = JointFalseObjects(), JointVehicles(), SensorModel()
 FOREVER_S = 1e12

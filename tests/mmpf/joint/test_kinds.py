@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mmpf.belief.kinds import (
+from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
     KINDS,

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from mmpf.belief.kinds import FALSE, KINDS, LEVELS, SHADING, VEHICLE, shares_of
+from mmpf.joint.kinds import FALSE, KINDS, LEVELS, SHADING, VEHICLE, shares_of
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options.joint import JointFalseObjects, JointNewborn, JointVehicles
 from mmpf.scan import SensorModel

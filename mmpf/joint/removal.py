@@ -1,0 +1,24 @@
+"""Which components are let go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mmpf.belief.mixture import Components
+from mmpf.belief.moments import Moments
+from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import BoolArray
+from mmpf.options.joint import JointRemoval
+from mmpf.stages.update_rule import Situation, outside_observation_area
+
+
+def worth_keeping(components: Components, moments: Moments, situation: Situation, options: JointRemoval) -> BoolArray:
+    """Return which components exist, are near, were seen lately and have a place, shape (m,)."""
+    left = outside_observation_area(moments.mean[LON], moments.mean[LAT], situation, options.range_margin_m)
+    patience_s = np.where(components.confirmed, options.longest_unseen_s, options.unconfirmed_unseen_s)
+    return np.asarray(
+        (components.existence >= options.existence_below)
+        & (components.unseen_s <= patience_s)
+        & (moments.std_along_m <= options.largest_std_lon_m)
+        & ~left
+    )
