@@ -14,7 +14,7 @@ TIMES = ("steps", "realtime_factor", "total_s", "tracker_ms.p50", "tracker_ms.p9
 TRAFFIC = ("density_veh_per_km_lane", "flow_veh_per_h", "mean_speed_mps", "vehicles_in_range")
 KEYS = {
     *flattened(completed({})),
-    *(quantity.key for quantity in quantities() if not quantity.optional),
+    *(quantity.key for quantity in quantities() if not quantity.is_of_some_runs),
     *(f"timing.{name}" for name in (*TIMES, "sensor_ms.p50", "truth_ms.p50")),
     *(f"traffic.{name}" for name in TRAFFIC),
     "mae.by_seconds_hidden.0.lon_m",

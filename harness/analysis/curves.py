@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,23 +26,38 @@ FEWEST_EVENTS = 20
 """With fewer occlusions at a density, over all seeds, their share says nothing."""
 
 
-FIRST = ("hidden", "gospa_remembered", "mae", "occlusion")
+# The headline of hidden vehicles first, then errors, then identities.
+CURVES = (
+    *("hidden.hidden_cost_m", "hidden.false_hidden_tracks_per_scan"),
+    *("mae.visible.lon_m", "mae.hidden.lon_m", "mae.hidden.n"),
+    *("occlusion.same_id", "mot.hota", "mot.id_switches", "in_plain_view.recall", "in_plain_view.worst_tenth"),
+)
+TOLD = (
+    *("hidden", "gospa_remembered", "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"),
+    *("mae.by_seconds_hidden", "occlusion.survived", "occlusion.same_id", "occlusion.hijacked"),
+    *("occlusion.short.same_id", "occlusion.long.same_id", "mot.hota", "mot.id_switches", "gospa", "in_plain_view"),
+    *("calibration", "existence_calibration", "manoeuvre", "decisions", "hidden_by", "unseen_turns"),
+    "never_seen.log_skill_percent",
+)
+IN_WORDS: dict[str, dict[str, Any]] = {
+    "mae.hidden.lon_m": {"label": "MAE hidden (while followed), m"},
+    "mot.id_switches": {"label": "identity switches a run", "decimals": 1, "weight": "", "scale": None},
+}
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms a step")
 
 
 def curve_quantities() -> list[Quantity]:
-    """Return what has curves: the headline of hidden vehicles first, then errors, then identities, the time last."""
-    from harness.scoring.metrics.registry import quantities  # noqa: PLC0415  pandas is slow to import
+    """Return what has curves, the time of a step last."""
+    from harness.scoring.metrics.registry import view  # noqa: PLC0415  pandas is slow to import
 
-    return [*(each for each in quantities(*FIRST) if each.curve), STEP_TIME]
+    return [*view(CURVES, IN_WORDS), STEP_TIME]
 
 
 def told_quantities() -> list[Quantity]:
     """Return what is tabulated with intervals: all that has curves, in the same order, and more."""
-    from harness.scoring.metrics.registry import quantities  # noqa: PLC0415
+    from harness.scoring.metrics.registry import view  # noqa: PLC0415
 
-    told = [each for each in quantities(*FIRST) if each.curve or each.tabled]
-    return [*told, *coasting_ratio.QUANTITIES, STEP_TIME]
+    return [*view(TOLD, IN_WORDS), *coasting_ratio.QUANTITIES, STEP_TIME]
 
 
 @dataclass(frozen=True)
@@ -144,7 +159,9 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
         varied: Keys of the axes other than network, density and demand.
     """
     done = coasting_ratio.with_ratios(labelled(table))
-    told = [each for each in told_quantities() if not each.optional or np.isfinite(column_of(done, each.key)).any()]
+    told = [
+        each for each in told_quantities() if not each.is_of_some_runs or np.isfinite(column_of(done, each.key)).any()
+    ]
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:
         for (label, value), runs in runs_at(done, axis):

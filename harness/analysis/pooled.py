@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.analysis.curves import labelled, summed_by, sums_and_weights
 from harness.common.bootstrap import few_groups_ci
 from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import quantities
+from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import RECORDING
 from mmpf.numerics.arrays import FloatArray
@@ -20,9 +20,45 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# What the scores are called in the file: the headline of hidden vehicles, multi-object scores, errors, the rest.
+POOLED = {
+    "hidden.hidden_cost_m": "hidden_cost_m",
+    "hidden.false_hidden_tracks_per_scan": "false_hidden_tracks_per_scan",
+    "hidden.identity_cost_m": "hidden_identity_cost_m",
+    "mot.hota": "hota",
+    "mot.idf1": "idf1",
+    "mot.id_switches": "id_switches_per_vehicle_minute",
+    "mae.visible.lon_m": "mae.visible.lon_m",
+    "mae.visible.n": "visible_followed",
+    "mae.hidden.lon_m": "mae.hidden.lon_m",
+    "mae.hidden.n": "hidden_followed",
+    "gospa_remembered.mean": "gospa_remembered_m",
+    "occlusion.same_id": "same_id",
+    **{
+        f"gaps.{kind}.{score}": f"{name}_{kind}"
+        for kind in ("all", "moving", "parked")
+        for score, name in (
+            ("same_id", "same_id_after_gaps"),
+            ("long_same_id", "same_id_after_1_s"),
+            ("position_m", "position_m"),
+        )
+    },
+}
+IN_WORDS: dict[str, dict[str, Any]] = {
+    "mot.hota": {"weight": "mot.truth_n"},
+    "mae.visible.lon_m": {"decimals": 3},
+    "mae.hidden.lon_m": {"label": "MAE hidden (while followed), m"},
+}
+
+
 def pooled_quantities() -> list[Quantity]:
-    """Return the columns of the table: the headline of hidden vehicles, multi-object scores, errors, the rest."""
-    return [quantity for quantity in quantities("hidden", "mot", "mae") if quantity.pooled]
+    """Return the columns of the table."""
+    return view(POOLED, IN_WORDS)
+
+
+def pooled_name(quantity: Quantity) -> str:
+    """Return what a score is called in the file; a metric from outside by its key."""
+    return POOLED.get(quantity.key, quantity.key)
 
 
 @dataclass(frozen=True)
@@ -121,7 +157,7 @@ def pool_files(table: pd.DataFrame) -> Pooled:
     groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
-    told = [quantity for quantity in pooled_quantities() if not quantity.optional or quantity.key in done]
+    told = [each for each in pooled_quantities() if not each.is_of_some_runs or each.key in done]
     means = [_mean(label, quantity, runs) for label, runs in groups for quantity in told]
     return Pooled(_files(done), switches, means, hidden)
 
@@ -138,7 +174,7 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
     sums, counts = summed_by(RECORDING, runs, *sums_and_weights(runs, quantity))
     mean, interval = _ratio(sums, counts)
-    return Mean(label, quantity.pooled, mean, interval, int(counts.sum()))
+    return Mean(label, pooled_name(quantity), mean, interval, int(counts.sum()))
 
 
 def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
-from harness.analysis.pooled import HiddenError, Pooled, pooled_quantities
+from harness.analysis.pooled import HiddenError, Pooled, pooled_name, pooled_quantities
 from harness.analysis.tables import COLOURS, value_cell
 from harness.common.markdown import markdown_table
 from harness.common.plots import label_ends
@@ -49,9 +49,9 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
 
 def _score_table(pooled: Pooled) -> list[str]:
     found = {(mean.tracker, mean.quantity): mean for mean in pooled.means}
-    columns = [column for column in pooled_quantities() if any(key == column.pooled for _, key in found)]
+    columns = [column for column in pooled_quantities() if any(key == pooled_name(column) for _, key in found)]
     rows = [
-        [label, str(switches), *(value_cell(found[label, column.pooled], column.decimals) for column in columns)]
+        [label, str(switches), *(value_cell(found[label, pooled_name(column)], column.decimals) for column in columns)]
         for label, switches in pooled.id_switches.items()
     ]
     return markdown_table(["tracker", "identity switches", *(column.label for column in columns)], rows)

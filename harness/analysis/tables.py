@@ -60,14 +60,15 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
     return "\n".join(lines)
 
 
-def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kinds: str | None) -> list[str]:
+def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kinds: tuple[str, str] | None) -> list[str]:
     """Return a table with a row for each tracker and place, and for each kind of which there is anything to tell."""
     start = ["tracker", NAMES.get(axis, axis)]
     if kinds is None:
         labels = [column.label for column in columns]
         return markdown_table([*start, *labels, "seeds"], _rows(points, axis, columns, True))
+    heading, words = kinds
     shown = dict.fromkeys(_score(column) for column in columns)
-    label_of = {_score(column): column.label.replace(column.of_kind, "") for column in columns}
+    label_of = {_score(column): column.label.replace(f"{words}{_kind(column)}", "") for column in columns}
     found = {(_kind(column), _score(column)): column for column in columns}
     known = {kind: [found[kind, score] for score in shown if (kind, score) in found] for kind, _ in found}
     by_kind: list[tuple[int, list[str]]] = []
@@ -79,7 +80,7 @@ def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kind
                 told = [cells.get(score, "-") for score in shown]
                 by_kind.append((place, [*row[:2], kind, *told, row[-1]]))
     rows = [row for _, row in sorted(by_kind, key=lambda each: each[0])]
-    return markdown_table([*start, kinds, *(label_of[score] for score in shown), "seeds"], rows)
+    return markdown_table([*start, heading, *(label_of[score] for score in shown), "seeds"], rows)
 
 
 def _kind(quantity: Quantity) -> str:
@@ -154,23 +155,23 @@ THEMES = {
     "in_plain_view": PLAIN_NOTE,
     "unseen_turns": ROUTE_NOTE,
 }
-BY_KIND = {MANOEUVRE_NOTE: "vehicles", CAUSE_NOTE: "behind"}
-"""Tables with a row for each kind, the second word of their quantities' keys, and what the kinds are headed by."""
+BY_KIND = {MANOEUVRE_NOTE: ("vehicles", ", "), CAUSE_NOTE: ("behind", ", behind a ")}
+"""Tables with a row for each kind, the second word of keys: the kinds' heading, and what precedes a kind in labels."""
 
 
 def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
     """Return the columns of each table with what stands over it; of optional ones those among the given metrics."""
     themes: dict[str, list[Quantity]] = {HIDDEN_NOTE: [], FOLLOWED_NOTE: [], REST_NOTE: []}
     for quantity in told_quantities():
-        if not quantity.optional or quantity.key in metrics:
-            themes.setdefault(THEMES.get(quantity.key.partition(".")[0], REST_NOTE), []).append(quantity)
+        if not quantity.is_of_some_runs or quantity.key in metrics:
+            themes.setdefault(THEMES.get(quantity.metric, REST_NOTE), []).append(quantity)
     return list(themes.items())
 
 
 def _drawn(points: Sequence[Point]) -> list[Quantity]:
     """Return what has curves, of optional ones those that have a point."""
     known = {point.metric for point in points}
-    return [quantity for quantity in curve_quantities() if not quantity.optional or quantity.key in known]
+    return [quantity for quantity in curve_quantities() if not quantity.is_of_some_runs or quantity.key in known]
 
 
 def _rows(points: Sequence[Point], axis: str, columns: Sequence[Quantity], with_intervals: bool) -> list[list[str]]:

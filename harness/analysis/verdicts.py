@@ -16,11 +16,17 @@ from harness.common.effects import LEVEL, Effect
 from harness.scoring.metrics import closedloop
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import quantities
+from harness.scoring.metrics.registry import view
 from mmpf.numerics.arrays import FloatArray
 
 BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"
 PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent", RECALL, WORST_TENTH)
+COMPARED = (
+    *("hidden.hidden_cost_m", "hidden.false_hidden_tracks_per_scan", "mae.visible.lon_m", "mae.visible.speed_mps"),
+    *("mae.partial.lon_m", "mae.hidden.lon_m", "mae.hidden.speed_mps", "hidden_outcomes", "occlusion.same_id_percent"),
+    *("mot.hota", "mot.idf1", "mot_all.hota", "in_plain_view", "existence_calibration", "decisions"),
+)
+IN_WORDS = {"mae.hidden.lon_m": {"label": "MAE hidden while followed, m"}}
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
 TOLERANCE, TIME_TOLERANCE = 0.02, 0.25
 FEWEST_EQUAL, FEWEST_SHIFTED = 8, 3
@@ -51,17 +57,17 @@ class Rules:
 
 
 def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = False) -> list[Quantity]:
-    """Return what is compared: what gets a verdict, then hidden vehicles, errors, what becomes of tracks, the rest.
+    """Return what is compared: what gets a verdict, then the rest.
 
     Args:
         primary: Keys of what gets a verdict.
         closed_loop: Whether drives by belief are compared, which have metrics of their own.
     """
-    of_runs = ("hidden", "mae", "hidden_outcomes", "occlusion")
-    known = closedloop.QUANTITIES if closed_loop else quantities(*of_runs)
-    every = [quantity for quantity in known if quantity.compared]
+    of_drives = [quantity for quantity in closedloop.QUANTITIES if quantity.key != closedloop.IMPACT]
     order = {key: place for place, key in enumerate(primary)}
-    return sorted(every, key=lambda quantity: order.get(quantity.key, len(order)))
+    return sorted(
+        of_drives if closed_loop else view(COMPARED, IN_WORDS), key=lambda quantity: order.get(quantity.key, len(order))
+    )
 
 
 def quantity_of(metric: str) -> Quantity:

@@ -20,6 +20,12 @@ MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"
 MOT = "mot."
 BESIDE = ("in_plain_view.recall", "in_plain_view.worst_tenth")
 """What stands beside the multi-object scores of the vehicles in sight."""
+REPORTED = (
+    *("hidden", "mot", "gospa_remembered", *BESIDE, "in_plain_view.median_first_report_s"),
+    *("in_plain_view.p90_first_report_s", "in_plain_view.stopped_recall", "calibration", "existence_calibration"),
+    *("manoeuvre", "decisions", "hidden_by", "unseen_turns", "never_seen.log_skill_percent"),
+)
+IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals": 0}}
 
 
 def mot_columns() -> list[Quantity]:
@@ -38,20 +44,20 @@ def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> fl
 
 
 def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
-    """Return name and value of every other score that its metric wants shown."""
+    """Return name and value of every other score that is shown."""
     shown = {quantity.key for quantity in mot_columns()}
     others = [(quantity, quantity.of(metrics)) for quantity in _reported() if quantity.key not in shown]
     return [
         [quantity.label, number(value, quantity.decimals)]
         for quantity, value in others
-        if value is not None or not quantity.optional
+        if value is not None or not quantity.is_of_some_runs
     ]
 
 
 def _reported() -> list[Quantity]:
-    from harness.scoring.metrics.registry import quantities  # noqa: PLC0415  pandas is slow to import
+    from harness.scoring.metrics.registry import view  # noqa: PLC0415  pandas is slow to import
 
-    return [quantity for quantity in quantities() if quantity.reported]
+    return view(REPORTED, IN_WORDS)
 
 
 def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:

@@ -28,10 +28,7 @@ from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 STEPS = 8
-TRACKS_PER_STEP = Quantity(
-    "toy.tracks", "tracks a step", higher_is_better=True, decimals=2, heading="tracks", compared=True, curve=True,
-    pooled="tracks", ablated=True, reported=True,
-)  # fmt: skip
+TRACKS_PER_STEP = Quantity("toy.tracks", "tracks a step", higher_is_better=True, decimals=2, heading="tracks")
 
 
 @pytest.fixture(autouse=True)

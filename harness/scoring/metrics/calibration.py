@@ -26,11 +26,11 @@ NORMAL_95 = 1.959963984540054
 QUANTITIES = (
     Quantity(
         "calibration.anees.visible", "ANEES of tracks in view (1 is right)",
-        decimals=2, heading="ANEES in view", weight="calibration.visible.n", tabled=True, reported=True, optional=True,
+        decimals=2, heading="ANEES in view", weight="calibration.visible.n",
     ),
     Quantity(
         "calibration.anees.hidden", "ANEES of hidden tracks (1 is right)",
-        decimals=2, heading="ANEES hidden", weight="calibration.hidden.n", tabled=True, reported=True, optional=True,
+        decimals=2, heading="ANEES hidden", weight="calibration.hidden.n",
     ),
 )  # fmt: skip
 """They have no direction, so nothing is compared."""

@@ -28,36 +28,26 @@ IN_TIME, BY_COLLISION, OFF_THE_ROAD, NO_CANDIDATE = "in time", "collision", "lef
 WAY_ENDED = "came to where its way ends"
 
 QUANTITIES = (
-    Quantity(COLLIDED, "episodes with a collision, %", decimals=1, compared=True),
-    Quantity(IMPACT, "impact speed, m/s", decimals=1),
-    Quantity(TTC, "time with TTC below 1.5 s, %", decimals=2, compared=True),
-    Quantity(DRAC, "time with DRAC above 3.4 m/s², %", decimals=2, compared=True),
-    Quantity(HARD_BRAKES, "hard brakes (below -3 m/s²) a km", decimals=2, compared=True),
-    Quantity(f"{TABLE}.missed_per_km", "missed brakings a km", decimals=2, compared=True),
-    Quantity(f"{TABLE}.phantom_per_km", "phantom brakings a km", decimals=2, compared=True),
-    Quantity(f"{TABLE}.mean_speed_mps", "mean speed, m/s", higher_is_better=True, decimals=2, compared=True),
-    Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2, compared=True),
-    Quantity(
-        f"{TABLE}.crossed_percent", "episodes in which the ego got across, %",
-        higher_is_better=True, decimals=1, compared=True,
-    ),
+    Quantity(COLLIDED, "episodes with a collision, %"),
+    Quantity(IMPACT, "impact speed, m/s"),
+    Quantity(TTC, "time with TTC below 1.5 s, %", decimals=2),
+    Quantity(DRAC, "time with DRAC above 3.4 m/s², %", decimals=2),
+    Quantity(HARD_BRAKES, "hard brakes (below -3 m/s²) a km", decimals=2),
+    Quantity(f"{TABLE}.missed_per_km", "missed brakings a km", decimals=2),
+    Quantity(f"{TABLE}.phantom_per_km", "phantom brakings a km", decimals=2),
+    Quantity(f"{TABLE}.mean_speed_mps", "mean speed, m/s", higher_is_better=True, decimals=2),
+    Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2),
+    Quantity(f"{TABLE}.crossed_percent", "episodes in which the ego got across, %", higher_is_better=True),
     Quantity(
         f"{TABLE}.yielded_percent", "episodes in which it let the provoked vehicle pass first, %",
-        higher_is_better=True, decimals=1, compared=True,
+        higher_is_better=True,
     ),
-    Quantity(f"{TABLE}.waited_s", "time of waiting before it, s", decimals=1, compared=True),
-    Quantity(
-        f"{TABLE}.pet_below_1_5_percent", "episodes with a post-encroachment time below 1.5 s, %",
-        decimals=1, compared=True,
-    ),
+    Quantity(f"{TABLE}.waited_s", "time of waiting before it, s"),
+    Quantity(f"{TABLE}.pet_below_1_5_percent", "episodes with a post-encroachment time below 1.5 s, %"),
     Quantity(
         f"{TABLE}.made_brake_percent", "episodes in which one with right of way brakes hard while the ego crosses, %",
-        decimals=1, compared=True,
     ),
-    Quantity(
-        f"{TABLE}.unsafe_to_go_percent", "moments at which it goes, of those at which the truth has it hold, %",
-        decimals=1, compared=True,
-    ),
+    Quantity(f"{TABLE}.unsafe_to_go_percent", "moments at which it goes, of those at which the truth has it hold, %"),
 )  # fmt: skip
 """The last six are of episodes alone in which the ego comes to where it must yield."""
 SHORT_PET_S = 1.5

@@ -25,35 +25,23 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 KM = "decisions.km"
 MISSED_PER_KM, PHANTOM_PER_KM = "decisions.missed_per_km", "decisions.phantom_per_km"
 QUANTITIES = (
-    Quantity(
-        MISSED_PER_KM, "missed brakings a km",
-        decimals=2, heading="missed brakings a km", weight=KM, compared=True, tabled=True, reported=True,
-        optional=True,
-    ),
-    Quantity(
-        PHANTOM_PER_KM, "phantom brakings a km",
-        decimals=2, heading="phantom brakings a km", weight=KM, compared=True, tabled=True, reported=True,
-        optional=True,
-    ),
+    Quantity(MISSED_PER_KM, "missed brakings a km", decimals=2, heading="missed brakings a km", weight=KM),
+    Quantity(PHANTOM_PER_KM, "phantom brakings a km", decimals=2, heading="phantom brakings a km", weight=KM),
     Quantity(
         "decisions.accel_difference_mps2", "difference of demanded acceleration, m/s²",
-        decimals=3, heading="demand m/s²", weight="decisions.n", compared=True, tabled=True, reported=True,
-        optional=True,
+        decimals=3, heading="demand m/s²", weight="decisions.n",
     ),
     Quantity(
         "decisions.lateness_s", "lateness of braking, s",
-        decimals=2, heading="lateness s", weight="decisions.onsets", compared=True, tabled=True, reported=True,
-        optional=True,
+        decimals=2, heading="lateness s", weight="decisions.onsets",
     ),
     Quantity(
         "decisions.collision_time_error_s", "error of time to collision below 4 s, s",
-        decimals=2, heading="TTC error s", weight="decisions.collision_time_n", compared=True, tabled=True,
-        reported=True, optional=True,
+        decimals=2, heading="TTC error s", weight="decisions.collision_time_n",
     ),
     Quantity(
         "decisions.unsafe_gaps_percent", "gaps accepted that the truth forbids, %",
-        decimals=1, heading="unsafe gaps %", weight="decisions.forbidden_gaps", compared=True, tabled=True,
-        reported=True, optional=True,
+        heading="unsafe gaps %", weight="decisions.forbidden_gaps",
     ),
 )  # fmt: skip
 

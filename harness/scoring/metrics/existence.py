@@ -19,12 +19,9 @@ DECILES = 10
 QUANTITIES = (
     Quantity(
         f"{NAME}.largest_gap", "existence in sight: largest gap of stated and observed, points",
-        heading="existence gap", compared=True, tabled=True, reported=True, optional=True,
+        heading="existence gap",
     ),
-    Quantity(
-        f"{NAME}.brier", "existence in sight: Brier score",
-        decimals=3, weight=f"{NAME}.n", compared=True, tabled=True, reported=True, optional=True,
-    ),
+    Quantity(f"{NAME}.brier", "existence in sight: Brier score", decimals=3, weight=f"{NAME}.n"),
 )  # fmt: skip
 
 

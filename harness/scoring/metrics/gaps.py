@@ -31,15 +31,15 @@ def _quantities() -> tuple[Quantity, ...]:
         told += [
             Quantity(
                 f"{NAME}.{kind}.same_id", f"same identity after gaps{words}, %", True, weight=f"{NAME}.{kind}.events",
-                scale=100.0, pooled=f"same_id_after_gaps_{kind}", optional=True,
+                scale=100.0,
             ),
             Quantity(
                 f"{NAME}.{kind}.long_same_id", f"same identity after gaps of 1 s and more{words}, %", True,
-                weight=f"{NAME}.{kind}.long_events", scale=100.0, pooled=f"same_id_after_1_s_{kind}", optional=True,
+                weight=f"{NAME}.{kind}.long_events", scale=100.0,
             ),
             Quantity(
                 f"{NAME}.{kind}.position_m", f"position error in sight{words}, m", decimals=2,
-                weight=f"{NAME}.{kind}.n", pooled=f"position_m_{kind}", optional=True,
+                weight=f"{NAME}.{kind}.n",
             ),
         ]  # fmt: skip
     return tuple(told)

@@ -13,12 +13,12 @@ from harness.scoring.metrics.parts import Basis, joined
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray
 
-IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m", tabled=True),)
+IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m"),)
 REMEMBERED = (
-    Quantity("gospa_remembered.mean", "GOSPA remembered, m", pooled="gospa_remembered_m", tabled=True, reported=True),
-    Quantity("gospa_remembered.localisation", "of it localisation, m", tabled=True, reported=True),
-    Quantity("gospa_remembered.missed", "of it missed, m", tabled=True, reported=True),
-    Quantity("gospa_remembered.false", "of it false, m", tabled=True, reported=True),
+    Quantity("gospa_remembered.mean", "GOSPA remembered, m"),
+    Quantity("gospa_remembered.localisation", "of it localisation, m"),
+    Quantity("gospa_remembered.missed", "of it missed, m"),
+    Quantity("gospa_remembered.false", "of it false, m"),
 )
 PARTS = ("mean", "localisation", "missed", "false")
 

@@ -29,22 +29,10 @@ def _quantities() -> tuple[Quantity, ...]:
     for name in CAUSES:
         key, kind = f"{NAME}.{name}", f", behind a {name}"
         told += [
-            Quantity(
-                f"{key}.hidden_cost_m", f"hidden cost{kind}, m",
-                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
-            Quantity(
-                f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True,
-                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
-            Quantity(
-                f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True,
-                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
-            Quantity(
-                f"{key}.switch_percent", f"identity switched in occlusion{kind}, %",
-                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
+            Quantity(f"{key}.hidden_cost_m", f"hidden cost{kind}, m", decimals=2, weight=f"{key}.n"),
+            Quantity(f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True, weight=f"{key}.hidden_n"),
+            Quantity(f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True, weight=f"{key}.events"),
+            Quantity(f"{key}.switch_percent", f"identity switched in occlusion{kind}, %", weight=f"{key}.events"),
         ]  # fmt: skip
     return tuple(told)
 

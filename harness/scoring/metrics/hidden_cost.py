@@ -24,24 +24,10 @@ from mmpf.numerics.arrays import BoolArray, FloatArray
 COST, COST_N, IDENTITY_COST = "hidden.hidden_cost_m", "hidden.n", "hidden.identity_cost_m"
 FALSE_HIDDEN = "hidden.false_hidden_tracks_per_scan"
 QUANTITIES = (
-    Quantity(
-        COST, "hidden cost (10 m if lost), m",
-        decimals=2, heading="hidden cost m", weight=COST_N, compared=True, curve=True, pooled="hidden_cost_m",
-        ablated=True, reported=True,
-    ),
-    Quantity(
-        FALSE_HIDDEN, "false hidden tracks a scan",
-        decimals=2, heading="false hidden", compared=True, curve=True, pooled="false_hidden_tracks_per_scan",
-        ablated=True, reported=True,
-    ),
-    Quantity(
-        "hidden.followed_percent", "hidden with a track within 10 m, %", True,
-        weight=COST_N, tabled=True, reported=True,
-    ),
-    Quantity(
-        IDENTITY_COST, "hidden cost by identity, m",
-        decimals=2, weight=COST_N, tabled=True, pooled="hidden_identity_cost_m", reported=True,
-    ),
+    Quantity(COST, "hidden cost (10 m if lost), m", decimals=2, heading="hidden cost m", weight=COST_N),
+    Quantity(FALSE_HIDDEN, "false hidden tracks a scan", decimals=2, heading="false hidden"),
+    Quantity("hidden.followed_percent", "hidden with a track within 10 m, %", True, weight=COST_N),
+    Quantity(IDENTITY_COST, "hidden cost by identity, m", decimals=2, weight=COST_N),
 )  # fmt: skip
 
 

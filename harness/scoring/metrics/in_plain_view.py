@@ -27,35 +27,24 @@ NEVER_REPORTED, DROPPED = "never reported", "dropped"
 MOST_LISTED = 20
 VEHICLES = f"{NAME}.vehicles_n"
 QUANTITIES = (
-    Quantity(
-        RECALL, "in plain view with a track, %", True,
-        heading="plain view %", weight=f"{NAME}.n", compared=True, curve=True, reported=True, ablated=True,
-        optional=True,
-    ),
+    Quantity(RECALL, "in plain view with a track, %", True, heading="plain view %", weight=f"{NAME}.n"),
     Quantity(
         WORST_TENTH, "in plain view with a track, worst tenth of vehicles, %", True,
-        heading="worst tenth %", weight=f"{NAME}.worst_n", compared=True, curve=True, reported=True, ablated=True,
-        optional=True,
+        heading="worst tenth %", weight=f"{NAME}.worst_n",
     ),
     Quantity(
         f"{NAME}.median_first_report_s", "time in plain view to the first report, median, s",
-        decimals=2, weight=VEHICLES, compared=True, tabled=True, reported=True, optional=True,
+        decimals=2, weight=VEHICLES,
     ),
     Quantity(
         f"{NAME}.p90_first_report_s", "time in plain view to the first report, 90th percentile, s",
-        decimals=2, weight=VEHICLES, compared=True, tabled=True, reported=True, optional=True,
+        decimals=2, weight=VEHICLES,
     ),
-    Quantity(
-        f"{NAME}.never_reported", "vehicles in plain view never reported",
-        decimals=1, compared=True, tabled=True, optional=True,
-    ),
-    Quantity(
-        f"{NAME}.dropped", "tracks dropped in plain view",
-        decimals=1, compared=True, tabled=True, optional=True,
-    ),
+    Quantity(f"{NAME}.never_reported", "vehicles in plain view never reported"),
+    Quantity(f"{NAME}.dropped", "tracks dropped in plain view"),
     Quantity(
         f"{NAME}.stopped_recall", "stopped amid traffic, in plain view with a track, %", True,
-        heading="stopped %", weight=f"{NAME}.stopped_n", compared=True, tabled=True, reported=True, optional=True,
+        heading="stopped %", weight=f"{NAME}.stopped_n",
     ),
 )  # fmt: skip
 

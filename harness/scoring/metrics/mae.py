@@ -27,37 +27,25 @@ NAMES = ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "position_m")
 VISIBLE_LON, VISIBLE_N, HIDDEN_LON, HIDDEN_N = "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"
 TWO_TO_THREE_S = "mae.by_seconds_hidden.2"
 QUANTITIES = (
+    Quantity(VISIBLE_LON, "MAE visible (while followed), m", decimals=2, heading="MAE seen m", weight=VISIBLE_N),
+    Quantity(VISIBLE_N, "visible and followed, %", True, weight="mae.visible.of_n", scale=100.0),
+    Quantity("mae.visible.speed_mps", "speed MAE visible, m/s", decimals=2),
+    Quantity("mae.partial.lon_m", "MAE partly hidden, m", decimals=2),
     Quantity(
-        VISIBLE_LON, "MAE visible (while followed), m",
-        decimals=2, heading="MAE seen m", weight=VISIBLE_N, compared=True, curve=True,
+        HIDDEN_LON, "longitudinal error, hidden (while followed), m",
+        decimals=2, heading="MAE hidden m", weight=HIDDEN_N,
     ),
-    Quantity(VISIBLE_LON, "MAE visible (while followed), m", decimals=3, weight=VISIBLE_N, pooled=VISIBLE_LON),
-    Quantity(
-        VISIBLE_N, "visible and followed, %", True,
-        weight="mae.visible.of_n", scale=100.0, tabled=True, pooled="visible_followed",
-    ),
-    Quantity("mae.visible.speed_mps", "speed MAE visible, m/s", decimals=2, compared=True),
-    Quantity("mae.partial.lon_m", "MAE partly hidden, m", decimals=2, compared=True),
-    Quantity(HIDDEN_LON, "MAE hidden while followed, m", decimals=2, compared=True),
-    Quantity(
-        HIDDEN_LON, "MAE hidden (while followed), m",
-        decimals=2, heading="MAE hidden m", weight=HIDDEN_N, curve=True, pooled=HIDDEN_LON,
-    ),
-    Quantity(
-        HIDDEN_N, "hidden and followed, %", True,
-        heading="followed %", weight="mae.hidden.of_n", scale=100.0, curve=True, pooled="hidden_followed",
-    ),
-    Quantity(HIDDEN_LON, "longitudinal error, hidden (while followed), m", decimals=2, ablated=True),
-    Quantity("mae.hidden.followed_percent", "hidden and followed, %", True, ablated=True),
+    Quantity(HIDDEN_N, "hidden and followed, %", True, heading="followed %", weight="mae.hidden.of_n", scale=100.0),
+    Quantity("mae.hidden.followed_percent", "hidden and followed, %", True),
     Quantity(
         f"{TWO_TO_THREE_S}.lon_m", "MAE hidden 2-3 s (while followed), m",
-        decimals=2, weight=f"{TWO_TO_THREE_S}.n", tabled=True,
+        decimals=2, weight=f"{TWO_TO_THREE_S}.n",
     ),
     Quantity(
         f"{TWO_TO_THREE_S}.tracked_percent", "hidden 2-3 s and followed, %", True,
-        weight=f"{TWO_TO_THREE_S}.hidden_n", tabled=True,
+        weight=f"{TWO_TO_THREE_S}.hidden_n",
     ),
-    Quantity("mae.hidden.speed_mps", "speed MAE hidden, m/s", decimals=2, compared=True),
+    Quantity("mae.hidden.speed_mps", "speed MAE hidden, m/s", decimals=2),
 )  # fmt: skip
 
 

@@ -41,22 +41,10 @@ def _quantities() -> tuple[Quantity, ...]:
     for name in MANOEUVRES:
         key, kind = f"{NAME}.{name}", f", {name}"
         told += [
-            Quantity(
-                f"{key}.position_m", f"position error in sight{kind}, m",
-                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
-            Quantity(
-                f"{key}.speed_mps", f"speed MAE in sight{kind}, m/s",
-                decimals=2, weight=f"{key}.n", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
-            Quantity(
-                f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True,
-                weight=f"{key}.hidden_n", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
-            Quantity(
-                f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True,
-                weight=f"{key}.events", tabled=True, reported=True, optional=True, of_kind=kind,
-            ),
+            Quantity(f"{key}.position_m", f"position error in sight{kind}, m", decimals=2, weight=f"{key}.n"),
+            Quantity(f"{key}.speed_mps", f"speed MAE in sight{kind}, m/s", decimals=2, weight=f"{key}.n"),
+            Quantity(f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True, weight=f"{key}.hidden_n"),
+            Quantity(f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True, weight=f"{key}.events"),
         ]  # fmt: skip
     return tuple(told)
 

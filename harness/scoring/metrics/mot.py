@@ -19,27 +19,20 @@ from mmpf.numerics.arrays import FloatArray
 STEPS_A_MINUTE = 600.0
 HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.truth_n"
 IN_SIGHT = (
-    Quantity(
-        HOTA, "HOTA in sight, %", True,
-        heading="HOTA %", compared=True, curve=True, ablated=True, reported=True,
-    ),
-    Quantity(HOTA, "HOTA in sight, %", True, weight=TRUTH_N, pooled="hota"),
-    Quantity(IDF1, "IDF1 in sight, %", True, heading="IDF1 %", compared=True, ablated=True, reported=True),
-    Quantity(IDF1, "IDF1 in sight, %", True, weight=TRUTH_N, pooled="idf1"),
-    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", reported=True),
-    Quantity(SWITCHES, "identity switches a run", heading="switches", curve=True, ablated=True),
-    Quantity(SWITCHES, "identity switches in sight", decimals=0, heading="switches", reported=True),
+    Quantity(HOTA, "HOTA in sight, %", True, heading="HOTA %"),
+    Quantity(IDF1, "IDF1 in sight, %", True, heading="IDF1 %", weight=TRUTH_N),
+    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %"),
     Quantity(
         SWITCHES, "identity switches a vehicle-minute",
-        decimals=3, weight=TRUTH_N, scale=STEPS_A_MINUTE, pooled="id_switches_per_vehicle_minute",
+        decimals=3, heading="switches", weight=TRUTH_N, scale=STEPS_A_MINUTE,
     ),
-    Quantity("mot.missed", "vehicle-steps missed in sight", decimals=0, heading="missed", reported=True),
-    Quantity("mot.false_tracks", "false track-steps in sight", decimals=0, heading="false", reported=True),
+    Quantity("mot.missed", "vehicle-steps missed in sight", decimals=0, heading="missed"),
+    Quantity("mot.false_tracks", "false track-steps in sight", decimals=0, heading="false"),
 )  # fmt: skip
 REMEMBERED = (
-    Quantity("mot_all.hota", "HOTA last 10 s, %", higher_is_better=True, compared=True),
-    Quantity("mot_all.idf1", "IDF1, seen within 10 s, %", higher_is_better=True, ablated=True),
-    Quantity("mot_all.false_tracks_per_scan", "false tracks a scan, all", decimals=2, ablated=True),
+    Quantity("mot_all.hota", "HOTA last 10 s, %", higher_is_better=True),
+    Quantity("mot_all.idf1", "IDF1, seen within 10 s, %", higher_is_better=True),
+    Quantity("mot_all.false_tracks_per_scan", "false tracks a scan, all", decimals=2),
 )
 
 

@@ -16,26 +16,23 @@ from mmpf.numerics.arrays import BoolArray
 
 EVENTS = "occlusion.events"
 QUANTITIES = (
-    Quantity("occlusion.same_id_percent", "same identity, %", higher_is_better=True, compared=True),
-    Quantity(
-        "occlusion.survived", "occlusions survived, %", True,
-        heading="survived %", weight=EVENTS, scale=100.0, tabled=True,
-    ),
+    Quantity("occlusion.same_id_percent", "same identity, %", higher_is_better=True),
+    Quantity("occlusion.survived", "occlusions survived, %", True, heading="survived %", weight=EVENTS, scale=100.0),
     Quantity(
         "occlusion.same_id", "same identity after occlusion, %", True,
-        heading="same id %", weight=EVENTS, scale=100.0, curve=True, pooled="same_id",
+        heading="same id %", weight=EVENTS, scale=100.0,
     ),
-    Quantity("occlusion.hijacked", "hijacked in occlusion, %", weight=EVENTS, scale=100.0, tabled=True),
+    Quantity("occlusion.hijacked", "hijacked in occlusion, %", weight=EVENTS, scale=100.0),
     Quantity(
         "occlusion.short.same_id", "same identity, hidden to 3 s, %", True,
-        weight="occlusion.short.events", scale=100.0, tabled=True,
+        weight="occlusion.short.events", scale=100.0,
     ),
     Quantity(
         "occlusion.long.same_id", "same identity, hidden 3-10 s, %", True,
-        weight="occlusion.long.events", scale=100.0, tabled=True,
+        weight="occlusion.long.events", scale=100.0,
     ),
-    Quantity("occlusion.short.same_id_percent", "same identity, hidden to 3 s, %", True, decimals=0, ablated=True),
-    Quantity("occlusion.long.same_id_percent", "same identity, hidden 3-10 s, %", True, decimals=0, ablated=True),
+    Quantity("occlusion.short.same_id_percent", "same identity, hidden to 3 s, %", True, decimals=0),
+    Quantity("occlusion.long.same_id_percent", "same identity, hidden 3-10 s, %", True, decimals=0),
 )  # fmt: skip
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import pandas as pd
@@ -45,7 +46,7 @@ class Metric:
     Attributes:
         score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent. An empty
             table says that the metric has no meaning on the run's road, and is left out.
-        quantities: Those of its numbers that tables show.
+        quantities: What people are told of its numbers.
     """
 
     score: Score
@@ -60,7 +61,7 @@ def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
 
     Args:
         name: Key of its table in ``metrics.json``.
-        quantities: Those of its numbers that tables show.
+        quantities: What people are told of its numbers.
 
     Raises:
         ValueError: The name is taken, or a quantity is none of the metric's.
@@ -104,15 +105,25 @@ register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
 register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))
 
 
-def quantities(*first: str) -> list[Quantity]:
-    """Return what all metrics tell of their numbers.
+_OWN = frozenset(METRICS)
+
+
+def quantities() -> list[Quantity]:
+    """Return what all metrics tell of their numbers, in the order of their registration."""
+    return [quantity for metric in METRICS.in_order().values() for quantity in metric.quantities]
+
+
+def view(keys: Iterable[str], changed: Mapping[str, Mapping[str, Any]] = MappingProxyType({})) -> list[Quantity]:
+    """Return what a table, chart or comparison shows: what it lists, then everything of metrics from outside.
 
     Args:
-        first: Metrics that come first; the others follow in the order of their registration.
+        keys: Keys of quantities in their order; a key that others begin with stands for all of these.
+        changed: What this view names, rounds or weighs differently: fields of ``Quantity`` by key.
     """
-    metrics = METRICS.in_order()
-    names = dict.fromkeys((*first, *metrics))
-    return [quantity for name in names for quantity in metrics[name].quantities]
+    known = quantities()
+    listed = [each for key in keys for each in known if f"{each.key}.".startswith(f"{key}.")]
+    outside = [each for each in known if each.metric not in _OWN]
+    return [replace(each, **changed.get(each.key, {})) for each in (*listed, *outside)]
 
 
 def score_metrics(evidence: Evidence) -> dict[str, Any]:

@@ -29,14 +29,8 @@ BEFORE_S, AFTER_S = 5.0, 5.0
 """How much of the vehicle's record around the time without detection is its way."""
 
 QUANTITIES = (
-    Quantity(
-        f"{NAME}.right_route_percent", "right route after an unseen turn, %", True,
-        weight=f"{NAME}.events", tabled=True, reported=True, optional=True,
-    ),
-    Quantity(
-        f"{NAME}.foreseen_percent", "right route just before it came back, %", True,
-        weight=f"{NAME}.events", tabled=True, reported=True, optional=True,
-    ),
+    Quantity(f"{NAME}.right_route_percent", "right route after an unseen turn, %", True, weight=f"{NAME}.events"),
+    Quantity(f"{NAME}.foreseen_percent", "right route just before it came back, %", True, weight=f"{NAME}.events"),
 )  # fmt: skip
 
 

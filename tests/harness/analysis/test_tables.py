@@ -12,7 +12,7 @@ from harness.analysis.curves import BREAK_METRIC, BREAK_PERCENT, Break, Point, c
 from harness.analysis.tables import DEFINITION, as_markdown, break_sentence, curves_figure, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
-OF_SOME_ROADS = {quantity.key for quantity in told_quantities() if quantity.optional}
+OF_SOME_ROADS = {quantity.key for quantity in told_quantities() if quantity.is_of_some_runs}
 HELD = Break("mmpf", None, None, 40.0, False)
 
 

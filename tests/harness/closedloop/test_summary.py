@@ -10,7 +10,7 @@ from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES
 from harness.scoring.metrics.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
 
 CROSSED = "drive.crossed_percent"
-OF_DRIVING = [quantity for quantity in QUANTITIES if quantity.compared and "cross" not in quantity.key]
+OF_DRIVING = [quantity for quantity in QUANTITIES if quantity.key != IMPACT and "cross" not in quantity.key]
 
 
 def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):

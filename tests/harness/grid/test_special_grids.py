@@ -20,7 +20,6 @@ from harness.lab.ablation import DEFAULT, ablation_rows, as_markdown, write_abla
 from harness.lab.tuning.outcome_file import Outcome, write_outcome
 from harness.lab.tuning.spaces import Range
 from harness.lab.tuning.trials import Found, Scores, Trial
-from harness.scoring.metrics.registry import quantities
 from harness.sensor.profiles import sensor_settings
 from tests.harness.analysis.test_pooled import row
 
@@ -30,10 +29,10 @@ POOLED = ("mot.hota", "mot.id_switches", "mae.visible.lon_m")
 @pytest.fixture(autouse=True)
 def _few_quantities(monkeypatch):
     """Let tables be of a few quantities, so that another metric leaves the texts here as they are."""
-    known = {each.key: each for each in quantities() if each.pooled}
+    known = {each.key: each for each in pooled.pooled_quantities()}
     for module in (pooled, pooled_tables):
         monkeypatch.setattr(module, "pooled_quantities", lambda: [known[key] for key in POOLED])
-    ablated = {each.key: each for each in quantities() if each.ablated}
+    ablated = {each.key: each for each in ablation.ablated_quantities()}
     keys = ("hidden.hidden_cost_m", "mot.hota", "mot.id_switches")
     monkeypatch.setattr(ablation, "ablated_quantities", lambda: [ablated[key] for key in keys])
 

@@ -10,12 +10,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.curves import CURVES, TOLD
+from harness.analysis.pooled import POOLED
+from harness.analysis.verdicts import COMPARED
 from harness.decisions.decide import driver_of
+from harness.lab.ablation import COLUMNS
+from harness.report.summary import REPORTED
 from harness.scoring import score_run
 from harness.scoring.driving.asked import Driven
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import completed, quantities, register
+from harness.scoring.metrics.registry import completed, quantities, register, view
 from harness.storage.grid_rows import flattened
 from mmpf.map.road import highway
 from tests.harness.scoring.scenes import traffic
@@ -73,7 +78,7 @@ YOUNGER = ("in_plain_view.", "existence_calibration.", "calibration.")
 
 def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
     truth, detections, tracks = tables
-    told = {key: each.optional for each in quantities() for key in (each.key, each.weight) if key}
+    told = {key: each.is_of_some_runs for each in quantities() for key in (each.key, each.weight) if key}
     driven = Driven(driver_of("hdm"), highway())
     every_road = truth.assign(direction_rad=1.0, wall_fraction=0.0, on_roundabout=False, parked=False)
     every = score_run(every_road, detections, tracks, driven=driven, unseen=unseen()).metrics
@@ -111,3 +116,19 @@ def test_the_documentations_example_is_a_metric(tables):
     scored = score_run(*tables)
     rows = scored.errors.query("state == 'visible' and outcome == 'tracked'")
     assert (rows["lon_error_m"].abs() < scored.metrics["worst"]["lon_m"]).mean() == pytest.approx(0.95, abs=0.01)
+
+
+def test_a_view_has_what_it_lists_in_its_order_and_then_what_is_from_outside():
+    register("toy", Quantity("toy.a", "a", decimals=2), Quantity("toy.b", "b"))(dict)
+    changed = {"mot.idf1": {"label": "identity"}, "toy.b": {"decimals": 0}}
+    shown = view(("mot_all.hota", "mot.idf1", "calibration"), changed)
+    of_calibration = ["calibration.anees.visible", "calibration.anees.hidden"]
+    assert [each.key for each in shown] == ["mot_all.hota", "mot.idf1", *of_calibration, "toy.a", "toy.b"]
+    assert [each.label for each in shown[:2]] == ["HOTA last 10 s, %", "identity"]
+    assert [each.decimals for each in shown[-2:]] == [2, 0]
+
+
+@pytest.mark.parametrize("listed", [CURVES, TOLD, POOLED, COMPARED, COLUMNS, REPORTED])
+def test_every_view_lists_what_there_is(listed):
+    assert all(view((key,)) for key in listed)
+    assert len({quantity.key for quantity in view(listed)}) == len(view(listed))
