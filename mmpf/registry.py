@@ -1,9 +1,10 @@
-"""A name-to-factory table that refuses duplicates, finds what packages add, and answers a wrong name with the names."""
+"""Tables of named things that are found when they are asked for: those that come along, and those that packages add."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable, Iterator
+import difflib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -22,22 +23,49 @@ class UnknownNameError(KeyError):
         return str(self.args[0])
 
 
+class PartMissingError(UnknownNameError):
+    """An entry that needs a part of the package which is not installed; its message says which."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where a named thing is; nothing of it is imported before it is asked for.
+
+    Attributes:
+        place: ``module:attribute``.
+        about: One line about it.
+        extra: Optional part of the package that it needs.
+        needs: What that part installs, for people; empty for the name of the module that is missing.
+    """
+
+    place: str
+    about: str = ""
+    extra: str = ""
+    needs: str = ""
+
+
 @dataclass(frozen=True)
 class Registry(Generic[T]):
     """Named things of one kind, for example the motion models.
 
-    Beside those that register themselves there are those that installed packages declare as entry points; these are
-    looked up where a name is not registered, never replace one that is, and are imported when they are asked for.
-    ``module:attribute`` is a name as well, for one that no package declares.
+    Beside those that come along and those that are registered there are those that installed packages declare as entry
+    points; these are looked up where a name is neither, and never replace one that is. ``module:attribute`` is a name
+    as well, for one that no package declares. All but those that are registered are imported when they are asked for.
 
     Attributes:
         kind: What the entries are, in the singular, for messages ("motion model").
-        group: The group of entry points; without one, entries are registered and nothing else.
+        group: The group of entry points; without one, there are only those that come along or are registered.
+        entries: Those that come along.
+        unknown: What is said of an unknown ``name``, with the ``kind``, and the names ``known`` or ``in_order``.
+        fault: Returns what is wrong with what an entry makes, in words; empty if nothing is.
     """
 
     kind: str
     group: str | None = None
-    _entries: dict[str, T] = field(default_factory=dict)
+    entries: Mapping[str, Entry] = field(default_factory=dict)
+    unknown: str = "unknown {kind} {name!r}; known are: {known}"
+    fault: Callable[[object], str] | None = None
+    _registered: dict[str, T] = field(default_factory=dict)
 
     def register(self, name: str) -> Callable[[T], T]:
         """Return a decorator that files its argument under ``name``.
@@ -47,21 +75,28 @@ class Registry(Generic[T]):
         """
 
         def file_under_name(entry: T) -> T:
-            if name in self._entries:
+            if name in self.own:
                 raise ValueError(f"a {self.kind} named {name!r} is registered already")
-            self._entries[name] = entry
+            self._registered[name] = entry
             return entry
 
         return file_under_name
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """The names of those that come along, in their order, and of those that are registered."""
+        return (*self.entries, *self._registered)
 
     def __getitem__(self, name: str) -> T:
         """Return the entry of that name.
 
         Raises:
-            UnknownNameError: There is none.
+            UnknownNameError: There is none, or it can't be had.
         """
-        if name in self._entries:
-            return self._entries[name]
+        if name in self._registered:
+            return self._registered[name]
+        if name in self.entries:
+            return self._own_entry(name)
         declared = [point for point in self._declared() if point.name == name]
         if len(declared) > 1:
             packages = " and ".join(sorted(_package(point) for point in declared))
@@ -72,14 +107,25 @@ class Registry(Generic[T]):
             from importlib.metadata import EntryPoint  # noqa: PLC0415
 
             return self._loaded(EntryPoint(name, name, self.group), "is it on PYTHONPATH or installed?")
-        raise UnknownNameError(f"unknown {self.kind} {name!r}; known are: {', '.join(self)}")
+        near = difflib.get_close_matches(name, self.names())
+        known, in_order = ", ".join(self), ", ".join(self.names())
+        told = self.unknown.format(kind=self.kind, name=name, known=known, in_order=in_order)
+        raise UnknownNameError(told + (f"; did you mean {' or '.join(near)}?" if near else ""))
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted({*self._entries, *(point.name for point in self._declared())}))
+        return iter(sorted(self.names()))
+
+    def names(self) -> tuple[str, ...]:
+        """Return all names: those that come along in their order, and after them those of installed packages."""
+        return tuple(dict.fromkeys((*self.own, *sorted(point.name for point in self._declared()))))
+
+    def is_outside(self, name: str) -> bool:
+        """Return whether a name is a place, ``module:attribute``, or declared by an installed package."""
+        return name not in self.own and (":" in name or name in self.names())
 
     def in_order(self) -> dict[str, T]:
-        """Return the entries by name in the order of their registration."""
-        return dict(self._entries)
+        """Return those that come along or are registered, by name."""
+        return {name: self[name] for name in self.own}
 
     def _declared(self) -> Iterable[EntryPoint]:
         if self.group is None:
@@ -87,6 +133,20 @@ class Registry(Generic[T]):
         from importlib.metadata import entry_points  # noqa: PLC0415  (slow, and seldom needed)
 
         return entry_points(group=self.group)
+
+    def _own_entry(self, name: str) -> T:
+        entry = self.entries[name]
+        module, _, attribute = entry.place.partition(":")
+        try:
+            return cast("T", getattr(import_module(module), attribute))
+        except ModuleNotFoundError as error:
+            missing = error.name or ""
+            if not entry.extra or missing.partition(".")[0] in (module.partition(".")[0], "mmpf"):
+                raise
+            what = entry.needs or missing
+            raise PartMissingError(
+                f"{name} needs {what}, which is not installed: pip install '.[{entry.extra}]'"
+            ) from None
 
     def _loaded(self, point: EntryPoint, remark: str) -> T:
         try:

@@ -2,21 +2,19 @@
 
 A command's module is imported only when that command is called, so ``--help`` answers at once. To add a command, write
 ``harness/commands/<name>.py`` with a function ``command(options)`` of one table of options (see
-``harness.config.options``) and add one line to ``COMMANDS``. The function may return an exit code. Its docstring is its
+``harness.config.options``) and add one line to ``PANELS``. The function may return an exit code. Its docstring is its
 help: lines of at most 78 characters, examples indented by two under a line "Examples:".
 """
 
 from __future__ import annotations
 
 import errno
-import importlib
 import os
 import re
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import typer
@@ -28,7 +26,7 @@ from harness.commands.from_options import typer_command, with_values
 from harness.common import exit_codes
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.signals import code_of_end, ends_like_ctrl_c, told_to_end
-from mmpf.registry import UnknownNameError
+from mmpf.registry import Entry, Registry, UnknownNameError
 
 EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = (
     *(exit_codes.DONE, exit_codes.WORSE, exit_codes.WRONG_INPUT, exit_codes.RUN_FAILED, exit_codes.INTERRUPTED),
@@ -40,36 +38,36 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM)
 TRACEBACK = "HARNESS_TRACEBACK"
 
 
-@dataclass(frozen=True)
-class CommandEntry:
-    """One command of the command line.
-
-    Attributes:
-        name: What the user types.
-        help: One line for the overview.
-        panel: Heading of the overview under which the command stands.
-    """
-
-    name: str
-    help: str
-    panel: str = "Run and look"
-
-
-COMMANDS = (
-    CommandEntry("run", "Drive, sense, track and score once; leaves a run folder with tables and figures."),
-    CommandEntry("nets", "List the road networks and their named demands."),
-    CommandEntry("settings", "List every setting: default, unit and meaning."),
-    CommandEntry("report", "Write a run's page of results."),
-    CommandEntry("export", "Turn a run into another program's format."),
-    CommandEntry("compare", "Tell whether one run is better or worse than another.", "Compare"),
-    CommandEntry("stress", "Run many densities, models and seeds.", "Compare"),
-    CommandEntry("drive", "Let the ego drive by what trackers tell it; count collisions and conflicts.", "Compare"),
-    CommandEntry("study", "Repeat the published cases; ask whether the models carry over to real roads.", "Compare"),
-    CommandEntry("bench", "Measure how long trackers take.", "Compare"),
-    CommandEntry("reference", "Make a reference table from a clean tree, or check one.", "Compare"),
-    CommandEntry("train", "Fit and select the behaviour model.", "Models and traffic"),
-    CommandEntry("fidelity", "Tell how real the simulated traffic is.", "Models and traffic"),
-    CommandEntry("calibrate", "Fit the simulated traffic to recorded traffic.", "Models and traffic"),
+# What the overview tells of each command, under a heading.
+PANELS = {
+    "Run and look": {
+        "run": "Drive, sense, track and score once; leaves a run folder with tables and figures.",
+        "nets": "List the road networks and their named demands.",
+        "settings": "List every setting: default, unit and meaning.",
+        "report": "Write a run's page of results.",
+        "export": "Turn a run into another program's format.",
+    },
+    "Compare": {
+        "compare": "Tell whether one run is better or worse than another.",
+        "stress": "Run many densities, models and seeds.",
+        "drive": "Let the ego drive by what trackers tell it; count collisions and conflicts.",
+        "study": "Repeat the published cases; ask whether the models carry over to real roads.",
+        "bench": "Measure how long trackers take.",
+        "reference": "Make a reference table from a clean tree, or check one.",
+    },
+    "Models and traffic": {
+        "train": "Fit and select the behaviour model.",
+        "fidelity": "Tell how real the simulated traffic is.",
+        "calibrate": "Fit the simulated traffic to recorded traffic.",
+    },
+}
+COMMANDS: Registry[Callable[..., int | None]] = Registry(
+    "command",
+    entries={
+        name: Entry(f"harness.commands.{name}:command", about)
+        for panel in PANELS.values()
+        for name, about in panel.items()
+    },
 )
 
 OVERVIEW = """Evaluate multi-vehicle tracking through occlusion: traffic, a sensor that it blocks, a tracker, scores.
@@ -120,9 +118,7 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
 
 def _completed(arguments: Sequence[str], called: str | None) -> list[str]:
     """Return what was typed, with the values of options that were typed without one."""
-    if called not in {entry.name for entry in COMMANDS}:
-        return list(arguments)
-    return with_values(importlib.import_module(f"harness.commands.{called}").command, arguments)
+    return list(arguments) if called not in COMMANDS.own else with_values(COMMANDS[called], arguments)
 
 
 def _told(error: BaseException) -> tuple[str, int]:
@@ -191,12 +187,12 @@ def _application(called: str | None) -> typer.Typer:
         invoke_without_command=True,
     )
     application.callback(invoke_without_command=True)(_without_command)
-    for entry in COMMANDS:
-        if entry.name == called:
-            command = typer_command(importlib.import_module(f"harness.commands.{entry.name}").command)
-            application.command(entry.name, rich_help_panel=entry.panel)(command)
-        else:
-            application.command(entry.name, help=entry.help, rich_help_panel=entry.panel)(_not_called)
+    for panel, commands in PANELS.items():
+        for name, about in commands.items():
+            if name == called:
+                application.command(name, rich_help_panel=panel)(typer_command(COMMANDS[name]))
+            else:
+                application.command(name, help=about, rich_help_panel=panel)(_not_called)
     return application
 
 

@@ -41,11 +41,13 @@ def command(options: Options) -> None:
       python -m harness export results/us101-mmpf-gmm-d20-s0 --to my_format:write
     """
     from harness.common.errors import InputError  # noqa: PLC0415
-    from harness.export.formats import export_run, known_formats  # noqa: PLC0415
+    from harness.export.formats import export_formats, export_run  # noqa: PLC0415
 
     folder, to, video, force = options["folder"], options["to"], options["video"], options["force"]
     if to is None and video is None:
-        raise InputError(f"`to`: say which format: {', '.join(known_formats())}; or give `video`, for example run.mp4")
+        raise InputError(
+            f"`to`: say which format: {', '.join(export_formats.names())}; or give `video`, for example run.mp4"
+        )
     files: list[Path] = []
     if to is not None:
         files = export_run(

@@ -17,15 +17,12 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.common.errors import InputError
 from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, TrackerConfig
 from harness.running.resolve import with_usual_traffic
 from harness.sensor.profiles import sensor_profiles, sensor_settings
-from harness.trackers.catalogue import available_trackers, tracker_options, tuned_options
-from harness.trackers.protocol import trackers
+from harness.trackers.catalogue import available_trackers, tracker_options, trackers, tuned_options
 from harness.truth.network.network import available_networks
-from harness.truth.recorded.formats import FORMATS, known_formats
 from harness.truth.recorded.outside import recording_formats
 from mmpf.motion.protocol import motion_models
 from mmpf.options.base import fields_of, unit_of
@@ -77,8 +74,10 @@ def _everything() -> Iterator[Setting]:
     for network in available_networks():
         yield _named("traffic.net", network.name, network.description, "network")
     yield from (row for row in run if row.key.startswith("sensor."))
-    for name in known_formats():
-        yield _named("traffic.recording.format", name, _summary_of_reader(name), "format of recorded traffic")
+    for name in recording_formats.names():
+        yield _named(
+            "traffic.recording.format", name, _summary_of(recording_formats, name), "format of recorded traffic"
+        )
     for name in sensor_profiles:
         yield _named("sensor.profile", name, _summary_of(sensor_profiles, name), "sensor profile")
     yield from _sensors()
@@ -139,11 +138,6 @@ def _summary_of(registry: Registry[Any], name: str) -> str:
         return _summary(registry[name])
     except UnknownNameError as error:
         return str(error)
-
-
-def _summary_of_reader(name: str) -> str:
-    entry = FORMATS.get(name)
-    return _summary(entry.function) if entry is not None else _summary_of(recording_formats, name)
 
 
 def _summary(thing: object) -> str:

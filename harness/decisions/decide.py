@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.decisions import drivers as _registered  # noqa: F401  they register themselves
+from harness.common.named import check_made, named
 from harness.decisions.belief import LEADERS, Belief, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.drivers.following import PARAMETERS
 from harness.decisions.drivers.protocol import Command, Driver, drivers
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.registry import UnknownNameError
 
 GENTLE_MPS2 = PARAMETERS.comfortable_decel_mps2
 """Hardest braking for a doubtful body: 1.5 m/s², the driver's comfortable one."""
@@ -51,18 +50,12 @@ def driver_of(name: str) -> Driver:
             f"`driver` sumo: SUMO's own model answers within a running simulation alone; choose one of "
             f"{', '.join(drivers)}, or module:factory for your own"
         )
-    if ":" not in name and name not in set(drivers):
-        raise InputError(
-            f"`driver` {name}: unknown; choose one of {', '.join(drivers)}, or module:factory for your own"
-        )
+    factory = named(drivers, "driver", name)
     try:
-        driver = drivers[name]()
-    except UnknownNameError as error:
-        raise InputError(f"`driver` {name}: {error}") from None
+        driver = factory()
     except Exception as error:
         raise InputError(f"`driver` {name}: it can't be built ({type(error).__name__}: {error}); mend it") from error
-    if not callable(getattr(driver, "command", None)):
-        raise InputError(f"`driver` {name}: it returned {type(driver).__name__}, which has no method command(belief)")
+    check_made(drivers, "driver", name, driver)
     return driver
 
 

@@ -6,13 +6,12 @@ returns the files. It is found by ``module:function``, or as an entry point.
 
 from __future__ import annotations
 
-import importlib
 import re
 import shutil
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
@@ -22,43 +21,32 @@ from harness.storage import ownership
 from harness.storage.checks import sound_tables
 from harness.storage.lock import lock_beside
 from harness.truth.recorded.fcd import types_file
-from mmpf.registry import Registry, UnknownNameError
+from mmpf.registry import Entry, Registry, UnknownNameError
 
 Exporter = Callable[[RecordedRun, Path], list[Path]]
 EXPORTS = "export"
 XML_FILES = (".xml", ".xml.gz")
-export_formats: Registry[Callable[..., object]] = Registry("export format", "harness.export_formats")
-
-
-@dataclass(frozen=True)
-class Format:
-    """One format.
-
-    Attributes:
-        description: What is written, in one line.
-        module: Module with a function ``export(run, folder)`` that writes into the folder and returns the files.
-        extra: Optional part of the package that it needs.
-        packs: Whether its files can be packed by gzip.
-    """
-
-    description: str
-    module: str
-    extra: str | None = None
-    packs: bool = False
-
-
-FORMATS = {
-    "csv": Format("every table as comma-separated values", "harness.export.csv_tables", packs=True),
-    "fcd": Format("truth as SUMO floating-car data, XML", "harness.export.fcd", packs=True),
-    "kitti": Format(
-        "tracks of a kitti-tracking recording in KITTI's layout, as AB3DMOT's evaluation reads it",
-        "harness.export.kitti",
-    ),
-    "mot": Format("ground truth and tracker in MOTChallenge's layout, as TrackEval reads it", "harness.export.mot"),
-    "mcap": Format("a recording in Foxglove's schemas", "harness.export.mcap_recording", "mcap"),
-    "osi": Format("ASAM OSI ground truth and sensor data, binary traces", "harness.export.osi", "osi"),
-    "rerun": Format("a recording for the rerun viewer", "harness.export.rerun_recording", "viewer"),
-}
+PACKED = ("csv", "fcd")
+"""Formats whose files can be packed by gzip."""
+export_formats: Registry[Callable[..., object]] = Registry(
+    "export format",
+    "harness.export_formats",
+    {
+        "csv": Entry("harness.export.csv_tables:export", "every table as comma-separated values"),
+        "fcd": Entry("harness.export.fcd:export", "truth as SUMO floating-car data, XML"),
+        "kitti": Entry(
+            "harness.export.kitti:export",
+            "tracks of a kitti-tracking recording in KITTI's layout, as AB3DMOT's evaluation reads it",
+        ),
+        "mot": Entry(
+            "harness.export.mot:export", "ground truth and tracker in MOTChallenge's layout, as TrackEval reads it"
+        ),
+        "mcap": Entry("harness.export.mcap_recording:export", "a recording in Foxglove's schemas", "mcap"),
+        "osi": Entry("harness.export.osi:export", "ASAM OSI ground truth and sensor data, binary traces", "osi"),
+        "rerun": Entry("harness.export.rerun_recording:export", "a recording for the rerun viewer", "viewer"),
+    },
+    "there is no format {name!r}; choose from {in_order}, or module:function for your own",
+)
 
 
 def export_run(
@@ -73,7 +61,7 @@ def export_run(
 
     Args:
         folder: A finished run's folder.
-        name: A key of ``FORMATS``, or the name or place of another package's.
+        name: One of ``export_formats``, or the place of another package's.
         out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced. Of ``fcd`` also
             a file, ``.xml`` or ``.xml.gz``.
         force: Whether an earlier export in ``out`` may be replaced.
@@ -86,9 +74,8 @@ def export_run(
             package fails.
     """
     exporter = _exporter(name)
-    if packed and not (name in FORMATS and FORMATS[name].packs):
-        able = " and ".join(known for known, entry in FORMATS.items() if entry.packs)
-        raise InputError(f"`gzip`: only {able} are packed; leave it out")
+    if packed and name not in PACKED:
+        raise InputError(f"`gzip`: only {' and '.join(PACKED)} are packed; leave it out")
     if out is not None and name == "fcd" and out.name.endswith(XML_FILES):
         return _export_to_file(folder, exporter, out, force)
     target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
@@ -148,32 +135,14 @@ def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) ->
 
 
 def _exporter(name: str) -> Exporter:
-    if name not in FORMATS:
-        return _from_outside(name)
-    chosen = FORMATS[name]
-    try:
-        exporter: Exporter = importlib.import_module(chosen.module).export
-    except ModuleNotFoundError as error:
-        if chosen.extra is None:
-            raise
-        raise InputError(f"`to`: {name} needs {error.name}; install it with: pip install '.[{chosen.extra}]'") from None
-    return exporter
-
-
-def known_formats() -> tuple[str, ...]:
-    """Return the names that ``to`` takes; those of installed packages, of which nothing is imported, last."""
-    return (*FORMATS, *(name for name in export_formats if name not in FORMATS))
-
-
-def _from_outside(name: str) -> Exporter:
-    """Return another package's exporter, whose failures are the user's to mend."""
-    if ":" not in name and name not in set(export_formats):
-        known = ", ".join(known_formats())
-        raise InputError(f"`to`: there is no format {name!r}; choose from {known}, or module:function for your own")
+    """Return a format's exporter; the failures of another package's are the user's to mend."""
     try:
         export = export_formats[name]
     except UnknownNameError as error:
-        raise InputError(f"`to` {name}: {error}") from None
+        told = f"`to` {name}" if export_formats.is_outside(name) else "`to`"
+        raise InputError(f"{told}: {error}") from None
+    if name in export_formats.own:
+        return cast(Exporter, export)
 
     def checked(run: RecordedRun, folder: Path) -> list[Path]:
         try:

@@ -8,12 +8,17 @@ from pydantic import ValidationError
 
 from harness.common.error_text import first_problem, what_it_raised
 from harness.common.errors import InputError
+from harness.common.named import check_made
 from harness.config.sensor import SensorSettings
 from mmpf.registry import Registry, UnknownNameError
 
 # TOML can not say none.
 MAY_BE_NONE = ("std_length_m", "std_width_m", "std_range_rate_mps")
-sensor_profiles: Registry[Callable[[], SensorSettings]] = Registry("sensor", "harness.sensors")
+sensor_profiles: Registry[Callable[[], SensorSettings]] = Registry(
+    "sensor",
+    "harness.sensors",
+    fault=lambda made: "" if isinstance(made, SensorSettings) else "not SensorSettings",
+)
 
 
 def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSettings:
@@ -35,7 +40,7 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
 
 def is_built_in(profile: str) -> bool:
     """Return whether a profile is this package's, or was registered by this program."""
-    return profile in sensor_profiles.in_order()
+    return profile in sensor_profiles.own
 
 
 def has_all_figures(profile: str, overrides: Mapping[str, object]) -> bool:
@@ -57,8 +62,7 @@ def _of_profile(profile: str) -> SensorSettings:
         if is_built_in(profile):
             raise
         raise InputError(f"`sensor` {profile}: it can't be made ({what_it_raised(error)}); mend it") from error
-    if not isinstance(settings, SensorSettings):
-        raise InputError(f"`sensor` {profile}: it returned {type(settings).__name__}, not SensorSettings")
+    check_made(sensor_profiles, "sensor", profile, settings)
     return settings
 
 

@@ -3,100 +3,92 @@
 from __future__ import annotations
 
 import difflib
-import importlib
 import inspect
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import cast
 
 from pydantic import ValidationError
 
 from harness.common.error_text import first_problem, what_it_raised
 from harness.common.errors import InputError
-from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting, trackers
+from harness.common.named import check_made, named, without_method
+from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
 from mmpf.options.base import Settings, fields_of
-from mmpf.registry import UnknownNameError
+from mmpf.registry import Entry, Registry, UnknownNameError
 
-
-@dataclass(frozen=True)
-class _Entry:
-    """Where a named tracker is registered; nothing of it is imported before it is asked for."""
-
-    module: str
-    description: str
-    options: str  # module:class
-    needs: tuple[str, str] | None = None  # what must be installed beyond the runtime dependencies: name and extra
-
-
-def _stone_soup(description: str, options: str) -> _Entry:
-    room = "harness.trackers.stonesoup"
-    return _Entry(f"{room}.trackers", description, f"{room}.options:{options}", ("Stone Soup", "baselines"))
-
-
-_CATALOGUE = {
-    "mmpf": _Entry(
-        "harness.trackers.mmpf",
+# Each tracker's factory, the class of its options, and one line about it.
+_BUILT_IN = {
+    "mmpf": (
+        "mmpf:build_mixture_tracker", "mmpf:MixtureTrackerOptions",
         "Modified Mixture Particle Filter, the tracker of this project",
-        "harness.trackers.mmpf:MixtureTrackerOptions",
     ),
-    "stonesoup-gnn": _stone_soup(
-        "Stone Soup: Kalman filters, global nearest neighbour association", "StoneSoupOptions"
+    "stonesoup-gnn": (
+        "stonesoup.trackers:build_gnn", "stonesoup.options:StoneSoupOptions",
+        "Stone Soup: Kalman filters, global nearest neighbour association",
     ),
-    "stonesoup-jpda": _stone_soup(
-        "Stone Soup: Kalman filters, joint probabilistic data association (EHM2)", "JpdaOptions"
+    "stonesoup-jpda": (
+        "stonesoup.trackers:build_jpda", "stonesoup.options:JpdaOptions",
+        "Stone Soup: Kalman filters, joint probabilistic data association (EHM2)",
     ),
-    "stonesoup-jpda-stitched": _stone_soup(
-        "stonesoup-jpda, and a re-appearing vehicle takes its old identity", "StitchedJpdaOptions"
+    "stonesoup-jpda-stitched": (
+        "stonesoup.trackers:build_stitched_jpda", "stonesoup.options:StitchedJpdaOptions",
+        "stonesoup-jpda, and a re-appearing vehicle takes its old identity",
     ),
-    "immortal-kalman": _stone_soup(
+    "immortal-kalman": (
+        "stonesoup.trackers:build_immortal", "stonesoup.options:ImmortalOptions",
         "Stone Soup: Kalman filters whose confirmed tracks never end within range, nearest neighbour association",
-        "ImmortalOptions",
     ),
-    "box-kalman": _Entry(
-        "harness.trackers.rivals.box_kalman",
+    "box-kalman": (
+        "rivals.box_kalman:build_box_kalman", "rivals.box_kalman:BoxKalmanOptions",
         "Kalman filters of boxes matched by their overlap, as AB3DMOT and SimpleTrack do it",
-        "harness.trackers.rivals.box_kalman:BoxKalmanOptions",
     ),
-    "oc-sort": _Entry(
-        "harness.trackers.rivals.oc_sort",
+    "oc-sort": (
+        "rivals.oc_sort:build_oc_sort", "rivals.oc_sort:OcSortOptions",
         "box-kalman's filters with the momentum, recovery and re-update of OC-SORT",
-        "harness.trackers.rivals.oc_sort:OcSortOptions",
     ),
-    "imm-gnn": _Entry(
-        "harness.trackers.rivals.imm_gnn",
+    "imm-gnn": (
+        "rivals.imm_gnn:build_imm_gnn", "rivals.imm_gnn:ImmGnnOptions",
         "interacting models (constant velocity; constant turn rate and acceleration), global nearest neighbour",
-        "harness.trackers.rivals.imm_gnn:ImmGnnOptions",
     ),
-    "pmbm": _Entry(
-        "harness.trackers.rivals.pmbm.tracker",
+    "pmbm": (
+        "rivals.pmbm.tracker:build_pmbm", "rivals.pmbm.tracker:PmbmOptions",
         "Poisson multi-Bernoulli mixture filter, aware of shadows",
-        "harness.trackers.rivals.pmbm.tracker:PmbmOptions",
     ),
-    "oracle-kalman": _Entry(
-        "harness.trackers.oracle",
+    "oracle-kalman": (
+        "oracle:build_oracle_kalman", "oracle:OracleOptions",
         "Kalman filters told the true association: a reference, not a tracker",
-        "harness.trackers.oracle:OracleOptions",
     ),
-    "detections": _Entry(
-        "harness.trackers.detections",
+    "detections": (
+        "detections:build_detections", "detections:DetectionsOptions",
         "each scan's detections and nothing else: a baseline without memory, not a tracker",
-        "harness.trackers.detections:DetectionsOptions",
     ),
-}
+}  # fmt: skip
+_ROOM = "harness.trackers"
+trackers: Registry[TrackerFactory] = Registry(
+    "tracker",
+    _ROOM,
+    {
+        name: Entry(f"{_ROOM}.{place}", about, *(("baselines", "Stone Soup") if place.startswith("stonesoup") else ()))
+        for name, (place, _, about) in _BUILT_IN.items()
+    },
+    "unknown; choose one of {known}, or package.module:factory for your own",
+    without_method("step(scan)", "step_associated"),
+)
+_options: Registry[type[Settings]] = Registry(
+    "class of options", entries={name: Entry(f"{_ROOM}.{place}") for name, (_, place, _) in _BUILT_IN.items()}
+)
 
 
 def available_trackers() -> dict[str, str]:
     """Return each built-in tracker's name and one line about it."""
-    return {name: entry.description for name, entry in _CATALOGUE.items()}
+    return {name: entry.about for name, entry in trackers.entries.items()}
 
 
 def tracker_options(name: str) -> type[Settings]:
     """Return the class of a built-in tracker's options, whether or not what the tracker needs is installed."""
-    module, _, options = _CATALOGUE[name].options.partition(":")
-    return cast(type[Settings], getattr(importlib.import_module(module), options))
+    return _options[name]
 
 
 def build_tracker(
@@ -105,7 +97,7 @@ def build_tracker(
     """Build a fresh tracker for one episode.
 
     Args:
-        maker: A name from ``available_trackers``, one that was registered with ``protocol.trackers`` or that an
+        maker: A name from ``available_trackers``, one that was registered with ``trackers`` or that an
             installed package declares as an entry point of ``harness.trackers``, or ``package.module:factory`` for a
             tracker of one's own; or the factory itself.
         setting: What the tracker may know.
@@ -116,7 +108,7 @@ def build_tracker(
         InputError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
     """
     if isinstance(maker, str):
-        factory = _factory(maker)
+        factory = named(trackers, "tracker", maker)
         options = _over(tuned_options(maker), options) if tuned else options
     else:
         factory = maker
@@ -128,15 +120,12 @@ def build_tracker(
     except (InputError, ValueError, TypeError, UnknownNameError):
         raise
     except Exception as error:
-        if isinstance(maker, str) and maker in _CATALOGUE:
+        if isinstance(maker, str) and maker in _BUILT_IN:
             raise
         raise InputError(
             f"`tracker` {_name_of(maker)}: it can't be built ({what_it_raised(error)}); mend it"
         ) from error
-    if not callable(getattr(tracker, "step", getattr(tracker, "step_associated", None))):
-        raise InputError(
-            f"`tracker` {_name_of(maker)}: it returned {type(tracker).__name__}, which has no method step(scan)"
-        )
+    check_made(trackers, "tracker", _name_of(maker), tracker)
     return tracker
 
 
@@ -151,19 +140,6 @@ def _over(base: Mapping[str, object], above: Mapping[str, object]) -> dict[str, 
         under = merged.get(name)
         merged[name] = _over(under, value) if isinstance(under, Mapping) and isinstance(value, Mapping) else value
     return merged
-
-
-def _factory(name: str) -> TrackerFactory:
-    entry = _CATALOGUE.get(name)
-    if entry is not None:
-        _import_entry(name, entry)
-    elif ":" not in name and name not in set(trackers):
-        known = ", ".join(sorted({*_CATALOGUE, *trackers}))
-        raise InputError(f"`tracker` {name}: unknown; choose one of {known}, or package.module:factory for your own")
-    try:
-        return trackers[name]
-    except UnknownNameError as error:
-        raise InputError(f"`tracker` {name}: {error}") from None
 
 
 def _check_signature(maker: str | TrackerFactory, factory: TrackerFactory) -> None:
@@ -185,22 +161,10 @@ def _check_signature(maker: str | TrackerFactory, factory: TrackerFactory) -> No
         ) from None
 
 
-def _import_entry(name: str, entry: _Entry) -> None:
-    try:
-        importlib.import_module(entry.module)
-    except ModuleNotFoundError as error:
-        if entry.needs is None or (error.name or "").split(".")[0] in {"harness", "mmpf"}:
-            raise
-        package, extra = entry.needs
-        raise InputError(
-            f"`tracker` {name} needs {package}, which is not installed: pip install '.[{extra}]'"
-        ) from None
-
-
 def _first_option_error(tracker: str, error: ValidationError) -> str:
     problem = first_problem(error)
     message = problem.message
-    if problem.unknown and tracker in _CATALOGUE:
+    if problem.unknown and tracker in _BUILT_IN:
         message = f"there is none of that name{_nearest(problem.key, tracker)}"
     return f"tracker option {problem.key!r} of {tracker}: {message}"
 

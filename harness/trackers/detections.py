@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.trackers.protocol import TrackerSetting, trackers
+from harness.trackers.protocol import TrackerSetting
 from mmpf.options.base import Settings
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import CONFIRMED, Tracks
@@ -55,7 +55,6 @@ class Detections:
         )
 
 
-@trackers.register("detections")
 def build_detections(setting: TrackerSetting, options: Mapping[str, object]) -> Detections:  # noqa: ARG001
     """Build the baseline; it needs nothing of the setting."""
     DetectionsOptions.model_validate(dict(options))

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-import mmpf.motion  # noqa: F401  fills the registry of motion models
 from harness.common.error_text import what_it_raised
-from harness.trackers.protocol import TrackerSetting, trackers
+from harness.trackers.protocol import TrackerSetting
 from mmpf.motion.learned.driver import load_learned_driver
 from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
@@ -35,7 +34,6 @@ class MixtureTrackerOptions(FilterOptions):
     """File that the model is read from; the one that travels with the package if None."""
 
 
-@trackers.register("mmpf")
 def build_mixture_tracker(setting: TrackerSetting, options: Mapping[str, object]) -> MixtureTracker:
     """Build the Modified Mixture Particle Filter.
 
@@ -53,7 +51,7 @@ def build_mixture_tracker(setting: TrackerSetting, options: Mapping[str, object]
 def _motion_model(name: str, file: Path | None) -> MotionModel:
     model = motion_models[name]
     if file is None:
-        return model() if name in motion_models.in_order() else _checked(name, model)
+        return model() if name in motion_models.own else _checked(name, model)
     if name not in MODEL_LOADERS:
         raise ValueError(f"model_file: the model {name!r} is not read from a file; choose {' or '.join(MODEL_LOADERS)}")
     return MODEL_LOADERS[name](file)

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from harness.trackers.kalman import GaussianStates, newborn, predict_constant_velocity, tracks_of, updated
 from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
-from harness.trackers.protocol import TrackerSetting, trackers
+from harness.trackers.protocol import TrackerSetting
 from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, joined, taken
 from mmpf.options.base import Positive, Settings, in_unit
 from mmpf.scan import Scan, check_scan
@@ -125,7 +125,6 @@ class OracleKalman:
         return tracks_of(followed.track_id, followed.states.mean, followed.states.std, state)
 
 
-@trackers.register("oracle-kalman")
 def build_oracle_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> OracleKalman:
     """Build the oracle; it needs no more of the setting than whether the road frame is the plane."""
     return OracleKalman(OracleOptions.model_validate(dict(options)), is_in_plane(setting))

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mmpf.map.road import Road
-from mmpf.registry import Registry
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import Tracks
 from mmpf.undetected.intensity import Unseen
@@ -80,6 +79,3 @@ class TrackerFactory(Protocol):
     def __call__(self, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
         """Return a fresh tracker."""
         ...
-
-
-trackers: Registry[TrackerFactory] = Registry("tracker", "harness.trackers")

@@ -1,13 +1,8 @@
-"""Motion models: how a vehicle may move in one time step, given road and traffic around it.
+"""Motion models: how a vehicle may move in one time step, given road and traffic around it."""
 
-Importing the package fills ``mmpf.motion.protocol.motion_models``.
-"""
-
-from mmpf.motion import idm, kinematic
-from mmpf.motion.learned import driver, lane_changer, short_driver, short_pair
 from mmpf.motion.protocol import MotionModel, motion_models
 
-__all__ = ["driver", "idm", "kinematic", "lane_changer", "motion_model", "short_driver", "short_pair"]
+__all__ = ["motion_model"]
 
 
 def motion_model(name: str) -> MotionModel:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, ProcessNoise, committed_table, move_along, process_noise
-from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings, motion_models, offset_in_lane
+from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings, offset_in_lane
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, SPEED
 from mmpf.numerics.arrays import FloatArray
 
@@ -197,10 +197,5 @@ class AdaptiveDriver:
         return np.where(leader.exists, common + self.adaptation.trust * (held - common), common)
 
 
-motion_models.register("idm")(intelligent_driver)
-motion_models.register("idm-kesting-2010")(partial(intelligent_driver, KESTING_2010, name="idm-kesting-2010"))
-motion_models.register("idm-treiber-kesting-2013")(
-    partial(intelligent_driver, TREIBER_KESTING_2013, name="idm-treiber-kesting-2013")
-)
-motion_models.register("idm-fitted")(idm_fitted)
-motion_models.register("idm-adaptive")(AdaptiveDriver)
+IDM_KESTING_2010 = partial(intelligent_driver, KESTING_2010, name="idm-kesting-2010")
+IDM_TREIBER_KESTING_2013 = partial(intelligent_driver, TREIBER_KESTING_2013, name="idm-treiber-kesting-2013")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mmpf.motion.protocol import Memoryless, Surroundings, motion_models
+from mmpf.motion.protocol import Memoryless, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import FloatArray
 
@@ -171,5 +171,4 @@ STEPS: dict[str, KinematicStep] = {
     "csav": constant_steering_velocity,
     "csaa": constant_steering_acceleration,
 }
-for _name in STEPS:
-    motion_models.register(_name)(partial(kinematic, _name))
+CVM, CAM, CSAV, CSAA = (partial(kinematic, name) for name in STEPS)

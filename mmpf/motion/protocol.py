@@ -9,7 +9,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.registry import Registry
+from mmpf.registry import Entry, Registry
 from mmpf.scan import BodyHeadings
 
 
@@ -243,4 +243,21 @@ class MotionModelFactory(Protocol):
         ...
 
 
-motion_models: Registry[MotionModelFactory] = Registry("motion model", "mmpf.motion_models")
+_PLACES = {
+    "cvm": "kinematic:CVM",
+    "cam": "kinematic:CAM",
+    "csav": "kinematic:CSAV",
+    "csaa": "kinematic:CSAA",
+    "idm": "idm:intelligent_driver",
+    "idm-kesting-2010": "idm:IDM_KESTING_2010",
+    "idm-treiber-kesting-2013": "idm:IDM_TREIBER_KESTING_2013",
+    "idm-fitted": "idm:idm_fitted",
+    "idm-adaptive": "idm:AdaptiveDriver",
+    "gmm": "learned.driver:LearnedDriver",
+    "gmm-short": "learned.short_driver:short_term_driver",
+    "gmm-lane-change": "learned.lane_changer:LaneChangeDriver",
+    "gsm": "learned.short_pair:ShortTermPair",
+}
+motion_models: Registry[MotionModelFactory] = Registry(
+    "motion model", "mmpf.motion_models", {name: Entry(f"mmpf.motion.{place}") for name, place in _PLACES.items()}
+)

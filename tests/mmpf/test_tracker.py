@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import mmpf.motion  # noqa: F401
 from mmpf.motion.protocol import motion_models
 from mmpf.options.filter import FilterOptions
 from mmpf.scan import InvalidScanError, SensorModel

@@ -20,7 +20,7 @@ from harness.decisions.drivers.following import (
     interaction,
     safe_gap,
 )
-from harness.decisions.drivers.protocol import Command, drivers
+from harness.decisions.drivers.protocol import Command
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2
 
 
@@ -49,9 +49,3 @@ class HumanDriver:
             accel = accel - interaction(belief.speed_mps, other, parameters)
         accel = np.maximum(accel, -HARDEST_BRAKING_MPS2)
         return Command(accel, safe_gap(belief, belief.left), safe_gap(belief, belief.right))
-
-
-@drivers.register("hdm")
-def hdm() -> HumanDriver:
-    """Return a driver that minds three vehicles ahead (human driver model, spatial anticipation)."""
-    return HumanDriver()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from harness.decisions.belief import Belief
 from harness.decisions.drivers.following import following, safe_gap
-from harness.decisions.drivers.protocol import Command, drivers
+from harness.decisions.drivers.protocol import Command
 
 
 class IdmDriver:
@@ -13,9 +13,3 @@ class IdmDriver:
     def command(self, belief: Belief) -> Command:
         """Return what it would do; see ``Driver``."""
         return Command(following(belief, belief.leader), safe_gap(belief, belief.left), safe_gap(belief, belief.right))
-
-
-@drivers.register("idm")
-def idm() -> IdmDriver:
-    """Return a driver that follows the vehicle right ahead (intelligent driver model)."""
-    return IdmDriver()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from harness.decisions.belief import Belief, Beside, Others
 from harness.decisions.drivers.following import follower_acceleration, following, safe_gap
-from harness.decisions.drivers.protocol import Command, drivers
+from harness.decisions.drivers.protocol import Command
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
 POLITENESS = 0.2
@@ -37,9 +37,3 @@ def _loss(belief: Belief, follower: Others, ahead: Others) -> FloatArray:
 def _between(belief: Belief, side: Beside) -> Others:
     """Return the side's leader as its follower sees it while the ego is not between them."""
     return Others(side.leader.gap_m + belief.length_m + side.follower.gap_m, side.leader.speed_mps, side.leader.body)
-
-
-@drivers.register("mobil")
-def mobil() -> MobilDriver:
-    """Return a driver that follows the vehicle right ahead and changes lanes where it gains (MOBIL)."""
-    return MobilDriver()

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from harness.common.named import without_method
 from harness.decisions.belief import Belief
 from mmpf.numerics.arrays import BoolArray, FloatArray
-from mmpf.registry import Registry
+from mmpf.registry import Entry, Registry
 
 
 @dataclass(frozen=True)
@@ -41,4 +42,14 @@ class DriverFactory(Protocol):
         ...
 
 
-drivers: Registry[DriverFactory] = Registry("driver", "harness.drivers")
+drivers: Registry[DriverFactory] = Registry(
+    "driver",
+    "harness.drivers",
+    {
+        "hdm": Entry(f"{__package__}.hdm:HumanDriver"),
+        "idm": Entry(f"{__package__}.idm:IdmDriver"),
+        "mobil": Entry(f"{__package__}.mobil:MobilDriver"),
+    },
+    "unknown; choose one of {known}, or module:factory for your own",
+    without_method("command(belief)"),
+)

@@ -16,7 +16,7 @@ import numpy as np
 from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting, trackers
+from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.box_tracks import (
     BoxOptions,
     BoxTracks,
@@ -79,7 +79,6 @@ class BoxKalman:
         )
 
 
-@trackers.register("box-kalman")
 def build_box_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of boxes."""
     chosen = in_frame(BoxKalmanOptions.model_validate(dict(options)), setting)

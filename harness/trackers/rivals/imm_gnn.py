@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, newborn
-from harness.trackers.protocol import Tracker, TrackerSetting, trackers
+from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.imm import (
     ACCEL,
@@ -138,7 +138,6 @@ class ImmGnn:
         return ModelBeliefs(mean, covariance, np.tile(shares, (len(index), 1)))
 
 
-@trackers.register("imm-gnn")
 def build_imm_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of interacting models."""
     chosen = in_frame(ImmGnnOptions.model_validate(dict(options)), setting)

@@ -27,7 +27,7 @@ from pydantic import Field
 from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, GaussianStates, predict_constant_velocity, update_variable
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting, trackers
+from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
 from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
@@ -160,7 +160,6 @@ class OcSort:
         return tracks
 
 
-@trackers.register("oc-sort")
 def build_oc_sort(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build OC-SORT."""
     chosen = in_frame(OcSortOptions.model_validate(dict(options)), setting)

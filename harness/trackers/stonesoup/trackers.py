@@ -41,7 +41,7 @@ from stonesoup.updater.kalman import KalmanUpdater
 
 from harness.trackers.doubtful import as_reported
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting, trackers
+from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
 from harness.trackers.stonesoup.options import (
     ImmortalOptions,
@@ -60,7 +60,6 @@ from harness.trackers.stonesoup.parts import (
 from harness.trackers.stonesoup.stitching import IdentityStitcher
 
 
-@trackers.register("stonesoup-gnn")
 def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters with global nearest neighbour association by Mahalanobis distance."""
     chosen = _chosen(StoneSoupOptions, setting, options)
@@ -71,20 +70,17 @@ def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker
     return _in_frame(setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
 
 
-@trackers.register("stonesoup-jpda")
 def build_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters with joint probabilistic data association, exact by efficient hypothesis management (EHM2)."""
     return _jpda(_chosen(JpdaOptions, setting, options), setting)
 
 
-@trackers.register("stonesoup-jpda-stitched")
 def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """``stonesoup-jpda``, and a newly confirmed track near a lost one takes its identity."""
     chosen = _chosen(StitchedJpdaOptions, setting, options)
     return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
 
 
-@trackers.register("immortal-kalman")
 def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters whose confirmed tracks are predicted for as long as they are within range (arXiv 2111.13672)."""
     chosen = _chosen(ImmortalOptions, setting, options)

@@ -15,10 +15,12 @@ from typing import cast
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.common.named import named
 from harness.common.untrusted_files import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded import outside
 from harness.truth.recorded.detected.drive import Drive
+from harness.truth.recorded.outside import recording_formats
 from harness.truth.recorded.rows import ReadTraffic
 
 PARAMETER = "replay"
@@ -53,8 +55,6 @@ class RecordingFormat:
         name: What ``format`` takes.
         brings_road: Whether the file itself says where the lanes are.
         recognises: Whether the first characters of a file are of this format.
-        reader: Module and function that read a file, given its path and, unless it brings its road, the network's name;
-            None of another package's, which is found by the format's name.
         sensor: Profile that tells what is known of the detector whose boxes a recording brings; its reader returns
             drives (``harness.truth.recorded.detected``). None of one that brings no detections.
         least_score: Detections of a lower score are left out unless the user says otherwise.
@@ -65,33 +65,26 @@ class RecordingFormat:
     name: str
     brings_road: bool
     recognises: Callable[[str], bool]
-    reader: str | None
     sensor: str | None = None
     least_score: float = -np.inf
     brings_map: bool = False
 
     def read(self, path: Path, net: str) -> ReadTraffic:
         """Read a file that was driven on a network."""
-        if self.reader is None:
+        if self.name not in FORMATS:
             return outside.read_outside(self.name, path, net)
-        return self.function(path) if self.brings_road else self.function(path, net)
+        read = cast("Callable[..., ReadTraffic]", recording_formats[self.name])
+        return read(path) if self.brings_road else read(path, net)
 
     def drives(self, path: Path, with_map: bool) -> tuple[Drive, ...]:
         """Read a recording that brings its own detections, with the map beside it or without."""
-        read = cast("Callable[..., tuple[Drive, ...]]", self.function)
+        read = cast("Callable[..., tuple[Drive, ...]]", recording_formats[self.name])
         return read(path, with_map) if self.brings_map else read(path)
 
     def own_files(self, path: Path) -> tuple[Path, ...]:
         """Return the files of a recording that brings its own detections."""
-        files: tuple[Path, ...] = import_module((self.reader or "").partition(":")[0]).files_of(path)
+        files: tuple[Path, ...] = import_module(recording_formats[self.name].__module__).files_of(path)
         return files
-
-    @property
-    def function(self) -> Callable[..., ReadTraffic]:
-        """The function that reads a file; its module is imported."""
-        module, _, function = (self.reader or "").partition(":")
-        read: Callable[..., ReadTraffic] = getattr(import_module(module), function)
-        return read
 
 
 def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
@@ -104,15 +97,14 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
     Raises:
         InputError: The file is missing, empty or binary, its format is unknown, or there is no format of that name.
     """
-    if forced is not None and forced not in FORMATS and not outside.is_outside(forced):
-        known = ", ".join(known_formats())
-        raise InputError(f"`format` {forced}: no such format; known are {known}, or module:function for your own")
+    if forced is not None and forced not in FORMATS and not recording_formats.is_outside(forced):
+        named(recording_formats, "format", forced)
     if not checked_path(path, PARAMETER).exists():
         raise InputError(f"`{PARAMETER}`: {path} does not exist; give a run's folder or a file of recorded traffic")
     if not path.is_dir():
         check_file(path, MOST_TABLE_BYTES, PARAMETER)
     if forced is not None and forced not in FORMATS:
-        return RecordingFormat(forced, outside.brings_road(outside.reader_named(forced)), _is_never_recognised, None)
+        return RecordingFormat(forced, outside.brings_road(outside.reader_named(forced)), _is_never_recognised)
     head = "" if path.is_dir() else _head(path)
     if forced is not None:
         return FORMATS[forced]
@@ -129,11 +121,6 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
     raise InputError(
         f"`{PARAMETER}`: {path} is no recorded traffic that is known here ({', '.join(FORMATS)}); name it with `format`"
     )
-
-
-def known_formats() -> tuple[str, ...]:
-    """Return the names that ``format`` takes; those of installed packages, of which nothing is imported, last."""
-    return (*FORMATS, *(name for name in outside.recording_formats if name not in FORMATS))
 
 
 def network_of(entry: RecordingFormat, net: str | None) -> str:
@@ -274,28 +261,16 @@ def _is_ngsim_text(head: str) -> bool:
     return all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", word, re.IGNORECASE) for word in words)
 
 
-_ROOM = "harness.truth.recorded"
 FORMATS: dict[str, RecordingFormat] = {
     entry.name: entry
     for entry in (
-        RecordingFormat("commonroad", True, _with_element("commonRoad"), f"{_ROOM}.commonroad:read_commonroad"),
-        RecordingFormat("fcd", False, _with_element("fcd-export"), f"{_ROOM}.fcd:read_fcd"),
-        RecordingFormat("ngsim", False, _with_columns(NGSIM_NAMES), f"{_ROOM}.ngsim:read_ngsim_csv"),
-        RecordingFormat("highd", True, _with_columns(HIGHD_NAMES), f"{_ROOM}.highd:read_highd"),
-        RecordingFormat("ngsim-text", False, _is_ngsim_text, f"{_ROOM}.ngsim:read_ngsim_text"),
-        RecordingFormat(
-            "kitti-tracking", True, _is_never_recognised, f"{_ROOM}.detected.kitti:read_kitti", "kitti-pointrcnn", 2.0
-        ),
-        RecordingFormat(
-            "av2", True, _is_never_recognised, f"{_ROOM}.detected.av2:read_av2", "av2-points", brings_map=True
-        ),
-        RecordingFormat(
-            "v2v4real",
-            True,
-            _is_never_recognised,
-            f"{_ROOM}.detected.v2v4real:read_v2v4real",
-            "v2v4real-pointpillars",
-            0.2,
-        ),
+        RecordingFormat("commonroad", True, _with_element("commonRoad")),
+        RecordingFormat("fcd", False, _with_element("fcd-export")),
+        RecordingFormat("ngsim", False, _with_columns(NGSIM_NAMES)),
+        RecordingFormat("highd", True, _with_columns(HIGHD_NAMES)),
+        RecordingFormat("ngsim-text", False, _is_ngsim_text),
+        RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0),
+        RecordingFormat("av2", True, _is_never_recognised, "av2-points", brings_map=True),
+        RecordingFormat("v2v4real", True, _is_never_recognised, "v2v4real-pointpillars", 0.2),
     )
 }

@@ -1,4 +1,4 @@
-"""Readers of recorded traffic that other packages bring: how they are found, and whether what they return will do.
+"""Readers of recorded traffic: how they are found, and whether what other packages' return will do.
 
 A reader is a function. With one parameter, ``read(path)``, it takes the road from the file; with two,
 ``read(path, net)``, the traffic drove on a network, whose name it is given. It returns ``ReadTraffic``.
@@ -15,17 +15,28 @@ import numpy as np
 
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
+from harness.common.named import named
 from harness.truth.recorded.rows import ReadTraffic, Rows
 from mmpf.map.road import Road
-from mmpf.registry import Registry, UnknownNameError
+from mmpf.registry import Entry, Registry
 
 Reader = Callable[..., object]
-recording_formats: Registry[Reader] = Registry("format of recorded traffic", "harness.recording_formats")
-
-
-def is_outside(name: str) -> bool:
-    """Return whether a format's name is a reader's place, ``module:function``, or declared by an installed package."""
-    return ":" in name or name in set(recording_formats)
+_ROOM = "harness.truth.recorded"
+recording_formats: Registry[Reader] = Registry(
+    "format of recorded traffic",
+    "harness.recording_formats",
+    {
+        "commonroad": Entry(f"{_ROOM}.commonroad:read_commonroad"),
+        "fcd": Entry(f"{_ROOM}.fcd:read_fcd"),
+        "ngsim": Entry(f"{_ROOM}.ngsim:read_ngsim_csv"),
+        "highd": Entry(f"{_ROOM}.highd:read_highd"),
+        "ngsim-text": Entry(f"{_ROOM}.ngsim:read_ngsim_text"),
+        "kitti-tracking": Entry(f"{_ROOM}.detected.kitti:read_kitti"),
+        "av2": Entry(f"{_ROOM}.detected.av2:read_av2"),
+        "v2v4real": Entry(f"{_ROOM}.detected.v2v4real:read_v2v4real"),
+    },
+    "no such format; known are {in_order}, or module:function for your own",
+)
 
 
 def reader_named(name: str) -> Reader:
@@ -34,10 +45,7 @@ def reader_named(name: str) -> Reader:
     Raises:
         InputError: It can't be imported, or takes other parameters than a path, or a path and a network.
     """
-    try:
-        read = recording_formats[name]
-    except UnknownNameError as error:
-        raise InputError(f"`format` {name}: {error}") from None
+    read = named(recording_formats, "format", name)
     if _parameters(read) not in (1, 2):
         raise InputError(f"`format` {name}: a reader takes (path), or (path, net); this one takes other parameters")
     return read

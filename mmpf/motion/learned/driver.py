@@ -28,7 +28,7 @@ from mmpf.motion.learned.features import SITUATION_SIZE, situation, write_situat
 from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
-from mmpf.motion.protocol import Neighbour, Surroundings, motion_models, take_surroundings
+from mmpf.motion.protocol import Neighbour, Surroundings, take_surroundings
 from mmpf.motion.state import ACCEL, LAT, SPEED
 from mmpf.motion.turning import turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -294,9 +294,6 @@ def _situation(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatAr
     leader_speed = np.where(follows, leader.speed_mps[index], own_speed)
     leader_accel = np.where(follows, leader.accel_mps2[index], 0.0)
     return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
-
-
-motion_models.register("gmm")(LearnedDriver)
 
 
 def save_driver(path: Path, model: DriverModel) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
-from mmpf.motion.protocol import NeighbourView, Surroundings, motion_models
+from mmpf.motion.protocol import NeighbourView, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray
 from mmpf.numerics.kernels import kernel
@@ -181,9 +181,6 @@ class LaneChangeDriver:
         direction = np.where(new, 1.0 if self.to_left else -1.0, latents[DIRECTION])
         after = self.changer.move(state, direction, origin, surroundings, dt_s, rng)
         return after, np.stack([direction, origin])
-
-
-motion_models.register("gmm-lane-change")(LaneChangeDriver)
 
 
 TRAINED_STEP_S = 0.1

@@ -10,7 +10,7 @@ import numpy as np
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
-from mmpf.motion.protocol import Memoryless, Surroundings, motion_models, offset_in_lane
+from mmpf.motion.protocol import Memoryless, Surroundings, offset_in_lane
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 
@@ -81,6 +81,3 @@ def _advance(sampled_m: FloatArray, speed_before: FloatArray, speed_after: Float
     by_speeds = 0.5 * dt_s * (speed_before + speed_after)
     fits = np.abs(sampled_m - by_speeds) < 0.1 + 0.1 * by_speeds
     return np.where(fits, sampled_m, by_speeds)
-
-
-motion_models.register("gmm-short")(short_term_driver)

@@ -15,7 +15,7 @@ from mmpf.motion.learned.driver import LearnedDriver
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_term_driver
-from mmpf.motion.protocol import MotionModel, Surroundings, motion_models, take_surroundings
+from mmpf.motion.protocol import MotionModel, Surroundings, take_surroundings
 from mmpf.motion.state import LAT
 from mmpf.numerics.arrays import FloatArray
 
@@ -69,6 +69,3 @@ class ShortTermPair:
     ) -> FloatArray:
         """Return what it says of weights that particles in sight change lanes more often; see ``TriesMore``."""
         return self.rates.log_prior_over_tried(latents, after, surroundings, dt_s)
-
-
-motion_models.register("gsm")(ShortTermPair)

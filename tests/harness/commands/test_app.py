@@ -142,11 +142,11 @@ def test_overview_loads_nothing_heavy():
 
 
 def test_every_listed_command_can_be_called_for_help(capsys):
-    assert {"run", "nets"} <= {entry.name for entry in app.COMMANDS}
-    for entry in app.COMMANDS:
-        code, out, _ = complaint([entry.name, "--help"], capsys)
+    assert {"run", "nets"} <= set(app.COMMANDS)
+    for name in app.COMMANDS:
+        code, out, _ = complaint([name, "--help"], capsys)
         assert code == 0
-        assert entry.name in out
+        assert name in out
 
 
 def test_nets_lists_networks_and_demands_for_people_and_programs(capsys):

@@ -5,7 +5,6 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-import mmpf.motion  # noqa: F401
 from mmpf.belief.mixture import Components, Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments, effective_sizes
 from mmpf.motion.protocol import motion_models

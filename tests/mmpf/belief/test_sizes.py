@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import mmpf.motion  # noqa: F401
 from mmpf.belief.mixture import Components
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
 from mmpf.motion.protocol import motion_models

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import mmpf.motion  # noqa: F401
 from mmpf.joint.evidence import FEWEST_EFFECTIVE, resolvable_std
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED

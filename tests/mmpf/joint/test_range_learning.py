@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-import mmpf.motion  # noqa: F401
 from mmpf.joint.kinds import SHAPE, STANDING, VEHICLE, Sightings
 from mmpf.joint.known import Known
 from mmpf.joint.range_learning import reach_after

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-import mmpf.motion  # noqa: F401
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint.rule import JointUpdate

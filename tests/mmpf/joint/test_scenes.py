@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import mmpf.motion  # noqa: F401
 from mmpf.belief.moments import component_moments
 from mmpf.stages.update_rule import Updated
 from mmpf.tracks import CONFIRMED, HIDDEN

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import mmpf.motion  # noqa: F401
 from mmpf.belief.mixture import is_longer
 from mmpf.joint.sources import Sources
 from mmpf.motion.protocol import motion_models

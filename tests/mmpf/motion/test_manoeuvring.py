@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import mmpf.motion  # noqa: F401
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.manoeuvring import HOLDS, Manoeuvring
 from mmpf.motion.protocol import motion_models

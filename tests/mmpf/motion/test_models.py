@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-import mmpf.motion  # noqa: F401  fills the registry
 from mmpf.motion.idm import TREIBER_2000, idm_acceleration, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import Memoryless, motion_models, spreads_speed

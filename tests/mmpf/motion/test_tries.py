@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import mmpf.motion  # noqa: F401
 from mmpf.motion.learned.driver import INTENTION, TARGET, LearnedDriver
 from mmpf.motion.manoeuvring import HOLDS, Manoeuvring
 from mmpf.motion.protocol import MotionModel, motion_models

@@ -17,7 +17,7 @@ from pydantic import Field
 from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict_constant_velocity
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting, trackers
+from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import RivalOptions, in_frame
@@ -182,7 +182,6 @@ class Pmbm:
         return reported(shown.lives, states.mean, states.covariance, time_s, self._options, shown.existence)
 
 
-@trackers.register("pmbm")
 def build_pmbm(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the PMBM tracker."""
     chosen = in_frame(PmbmOptions.model_validate(dict(options)), setting)
