@@ -16,13 +16,12 @@ from harness.analysis.verdicts import BETTER, WORSE, Rules
 from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
 from harness.lab.ablation import ablated_quantities
+from harness.plugins import Quantity, register_metric
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.scoring.metrics import registry
-from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import register
 from tests.harness.grid.test_stress import InProcess
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
@@ -36,7 +35,7 @@ def toy(monkeypatch) -> None:
     """Register a metric for the length of a test."""
     monkeypatch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
 
-    @register("toy", TRACKS_PER_STEP)
+    @register_metric("toy", TRACKS_PER_STEP)
     def tracks_per_step(evidence) -> dict[str, object]:
         steps = len(evidence.rows.time_s)
         return {"tracks": len(evidence.rows.tracks) / steps if steps else None}

@@ -12,6 +12,7 @@ import harness
 from harness.commands.app import run_command_line
 from harness.commands.settings_table import all_settings
 from harness.common.errors import RunError
+from harness.decisions.decide import driver_of
 from harness.export.formats import export_run
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
@@ -80,6 +81,13 @@ def test_a_motion_model_that_no_package_declares_is_named_by_its_place(example):
     assert motion_model("plugin_example:Standstill").name == "standstill"
     with pytest.raises(UnknownNameError, match="nowhere_at_all"):
         motion_model("nowhere_at_all:Model")
+
+
+@pytest.mark.parametrize("name", ["sunday", "plugin_example:Sunday"])
+def test_a_driver_of_another_package_is_found_by_its_name_or_its_place(example, name):
+    assert type(driver_of(name)).__name__ == "Sunday"
+    with pytest.raises(harness.InputError, match=r"choose one of hdm, idm, mobil, sunday, .*; did you mean sunday\?"):
+        driver_of("sundae")
 
 
 @pytest.mark.parametrize("name", ["far-sighted", "plugin_example:far_sighted"])

@@ -1,4 +1,4 @@
-"""A tracker, a motion model, a sensor, a reader of recorded traffic and an export format of another package."""
+"""A tracker, a motion model, a driver, a sensor, a reader of recorded traffic and an export of another package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.plugins import ReadTraffic, RecordedRun, Rows, SensorSettings, TrackerSetting
+from harness.plugins import Belief, Command, ReadTraffic, RecordedRun, Rows, SensorSettings, TrackerSetting
 from mmpf import Scan, Surroundings, Tracks, highway
 
 
@@ -57,6 +57,14 @@ class Standstill:
         rng: np.random.Generator,
     ) -> tuple[np.ndarray, np.ndarray]:
         return state.copy(), latents
+
+
+class Sunday:
+    """A driver that never speeds up and never changes lanes."""
+
+    def command(self, belief: Belief) -> Command:
+        never = np.zeros(len(belief), dtype=bool)
+        return Command(np.zeros(len(belief)), never, never)
 
 
 def far_sighted() -> SensorSettings:
