@@ -98,8 +98,8 @@ class RunOptions(TypedDict, total=False):
     format: Annotated[
         str | None,
         Option(
-            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, kitti-tracking, v2v4real, av2, or "
-            "your own reader, module:function. (default: by its content; the last four must be named)",
+            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, kitti-tracking, av2, or your own "
+            "reader, module:function. (default: by its content; the last three must be named)",
             "traffic.recording.format",
             TRAFFIC,
         ),

@@ -64,7 +64,7 @@ class GivenDetections:
         sight = sight_to(moment.given.x_m, moment.given.y_m, road, ego, moment.given.heading_rad)
         reached = in_reach(self.settings, sight.distance, np.zeros(len(sight.distance)))
         given, origin = moment.given.take(reached), moment.origin[reached]
-        detections = self._detections(given, road, ego, moment.goes_ahead)
+        detections = self._detections(given, road, ego)
         if moment.drawn:
             detections = _with_errors(detections, rng)
         view_rad = float(np.deg2rad(self.settings.field_of_view_deg))
@@ -86,7 +86,7 @@ class GivenDetections:
             ),
         )
 
-    def _detections(self, given: GivenBoxes, road: Road, ego: EgoPose, goes_ahead: bool) -> Detections:
+    def _detections(self, given: GivenBoxes, road: Road, ego: EgoPose) -> Detections:
         settings, count = self.settings, len(given)
         sight = sight_to(given.x_m, given.y_m, road, ego, given.heading_rad)
         std = position_std(settings, sight.distance, sight.against_axis, np.ones(count), given.heading_rad)
@@ -98,10 +98,8 @@ class GivenDetections:
             sizes = BodySizes(length, width, *deviations)
         place = _rounded(given.x_m), _rounded(given.y_m)
         std_lon, std_lat = _rounded(std.lon_m), _rounded(std.lat_m)
-        headings = None
-        if goes_ahead:
-            deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
-            headings = BodyHeadings(_rounded(given.heading_rad), deviation, flipped)
+        deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
+        headings = BodyHeadings(_rounded(given.heading_rad), deviation, flipped)
         return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings)
 
 

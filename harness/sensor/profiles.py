@@ -233,32 +233,6 @@ def av2_points() -> SensorSettings:
     )
 
 
-@sensor_profiles.register("v2v4real-pointpillars")
-def v2v4real_pointpillars() -> SensorSettings:
-    """Return what is known of PointPillars' boxes on V2V4Real, one car's own, which a recording brings.
-
-    Nothing is drawn: only reach, data sheet and the deviations that detections report of themselves count. They are set
-    after the 32 training sequences of DMSTrack's files, scores of 0.2 and more: robust deviations of 0.21 m along and
-    0.11 m across vehicles within 20 m, which double at 70 m, 0.40 m and 0.17 m of sizes; 65 % of what either of two
-    cars saw is found, and there are 3.9 boxes a frame on nothing that is labelled. The network was trained on these
-    sequences.
-    """
-    return SensorSettings(
-        range_m=105.0,
-        std_lon_m=0.2,
-        std_lat_m=0.11,
-        std_range_m=0.05,
-        std_range_share=0.005,
-        std_bearing_deg=0.15,
-        std_length_m=0.4,
-        std_width_m=0.17,
-        nominal_detection_probability=0.7,
-        nominal_clutter_per_scan=4.0,
-        nominal_bias_share=0.5,
-        nominal_bias_time_s=1.0,
-    )
-
-
 @sensor_profiles.register("lidar-independent")
 def lidar_independent() -> SensorSettings:
     """Return a roof lidar whose misses, noise and clutter are independent from scan to scan.

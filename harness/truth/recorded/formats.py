@@ -271,6 +271,5 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("ngsim-text", False, _is_ngsim_text),
         RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0),
         RecordingFormat("av2", True, _is_never_recognised, "av2-points", brings_map=True),
-        RecordingFormat("v2v4real", True, _is_never_recognised, "v2v4real-pointpillars", 0.2),
     )
 }

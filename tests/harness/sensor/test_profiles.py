@@ -22,7 +22,6 @@ def test_the_profiles_exist_and_explain_their_figures():
             "lidar-independent",
             "lidar-real",
             "radar",
-            "v2v4real-pointpillars",
         )
     ]
     assert all(len(sensor_profiles[name].__doc__ or "") > 200 for name in sensor_profiles)
@@ -48,7 +47,7 @@ def test_a_number_given_as_text_counts_as_a_number():
         (
             "sonar",
             {},
-            "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, lidar-real, radar, v2v4real-",
+            "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, lidar-real, radar",
         ),
         ("lidar", {"reach": 3}, "sensor.reach"),
         ("lidar", {"range_m": -1}, "sensor.range_m"),

@@ -105,8 +105,6 @@ class Drive:
         labels: The labels, sorted by step.
         given: The detections, sorted by step.
         left_out: How many labelled things and detections were left out, by reason.
-        moves_with_ego: Whether the plane moves and turns with the recording car, of which there are no poses. Boxes
-            then point another way than they move, and nobody can be told to be parked.
         drawn: Whether the detections are labels of what was seen, whose errors are to be drawn.
         lanes: The lanes in the plane; None where there is no map.
     """
@@ -117,7 +115,6 @@ class Drive:
     labels: Labels
     given: GivenBoxes
     left_out: Mapping[str, int] = field(default_factory=dict)
-    moves_with_ego: bool = False
     drawn: bool = False
     lanes: LaneGraph | None = None
 

@@ -47,7 +47,6 @@ class Moment:
         unseen: Whether no detection is of it for half a second or longer, shape (n,).
         given: The detections, shape (d,).
         origin: Index in the frame of the thing that each is of, ``NOTHING`` of a false one, shape (d,).
-        goes_ahead: Whether vehicles move in the plane as they point; not if the plane itself moves.
         drawn: Whether errors of the detections are to be drawn.
     """
 
@@ -56,7 +55,6 @@ class Moment:
     unseen: BoolArray
     given: GivenBoxes
     origin: IntArray
-    goes_ahead: bool
     drawn: bool
 
 
@@ -74,7 +72,7 @@ class DriveOnClock:
         self._label_starts = step_starts(drive.labels.step, len(drive.ego))
         self._given_starts = step_starts(drive.given.step, len(drive.ego))
         self._origin = origins(drive)
-        self.motion = motion_of(drive.labels, can_park=not drive.moves_with_ego)
+        self.motion = motion_of(drive.labels)
         self._unseen = unseen(drive.labels, self._origin)
         self._lane, self._ego_lane = lane_numbers(drive, first_lane)
         ego = drive.ego
@@ -122,7 +120,6 @@ class DriveOnClock:
             unseen=np.concatenate([[False], self._unseen[rows]]),
             given=self.drive.given.take(np.arange(given.start, given.stop)),
             origin=np.where(origin == NOTHING, NOTHING, origin - rows.start + 1),
-            goes_ahead=not self.drive.moves_with_ego,
             drawn=self.drive.drawn,
         )
 
@@ -161,13 +158,8 @@ def lane_numbers(drive: Drive, first_lane: int) -> tuple[IntArray, IntArray]:
     return numbers[: len(labels)], numbers[len(labels) :]
 
 
-def motion_of(labels: Labels, can_park: bool = True) -> Motion:
-    """Return how labelled things move: slopes of their places by least squares over half a second to either side.
-
-    Args:
-        labels: The labels.
-        can_park: Whether what stays in one place of the plane is parked.
-    """
+def motion_of(labels: Labels) -> Motion:
+    """Return how labelled things move: slopes of their places by least squares over half a second to either side."""
     order = np.lexsort((labels.step, labels.thing))
     thing, step = labels.thing[order], labels.step[order]
     # A thing that was not labelled for a while begins anew: no slope reaches over the pause.
@@ -178,9 +170,7 @@ def motion_of(labels: Labels, can_park: bool = True) -> Motion:
     columns = np.stack([speed, y_speed * cosine - x_speed * sine, local_slope(speed, stay)])
     back = np.argsort(order)
     speed, lat_speed, accel = columns[:, back]
-    return Motion(
-        speed, lat_speed, accel, parked=_parked(labels) if can_park else np.zeros(len(labels), dtype=np.bool_)
-    )
+    return Motion(speed, lat_speed, accel, parked=_parked(labels))
 
 
 def _parked(labels: Labels) -> BoolArray:
