@@ -56,7 +56,7 @@ def _table(outcome: Outcome) -> list[str]:
         f"command = {json.dumps(outcome.command)}",
         f"budget = {len(found.trials)}",
         f"objective_is = {json.dumps(OBJECTIVE)}",
-        f"objective_before = {first.objective:.3f}",
+        *([] if first.refused else [f"objective_before = {first.objective:.3f}"]),
         f"objective = {best.objective:.3f}",
         *(f"{name} = {value:.3f}" for name, value in scores.items() if math.isfinite(value)),
         f"at_an_end = {json.dumps(sorted(found.at_an_end))}",
@@ -75,6 +75,8 @@ def _table(outcome: Outcome) -> list[str]:
 
 
 def _told(trial: Trial) -> dict[str, object]:
+    if trial.refused:
+        return {"refused": trial.refused, **trial.options}
     stopped = {"stopped_after": trial.batches} if trial.stopped else {}
     return {"objective": round(trial.objective, 3), **stopped, **trial.options}
 

@@ -6,9 +6,10 @@ Detections are recorded once, on seeds that are never reported on (100 to 199): 
 broken-down vehicles and with vehicles that are hard to detect, so that a tracker that withholds either pays for it.
 Every setting of every tracker follows the same ones. ``tuning_search`` is the search, ``tuning_spaces`` what it may
 change; it begins at the trackers' defaults and at what was found before, and each tracker is tried the same number of
-times. A setting is tried on one seed's recordings after the other and stopped when it is behind. ``--write`` puts the
-outcome into ``harness/trackers/tuned.toml``, from which the trackers take their defaults; mmpf's are defaults in its
-code, which are to be brought up to what the file says.
+times. A setting counts only if the tracker passes the conformance checks with it; it is tried on one seed's recordings
+after the other and stopped when it is behind. ``--write`` puts the outcome into ``harness/trackers/tuned.toml``, from
+which the trackers take their defaults; mmpf's are defaults in its code, which are to be brought up to what the file
+says.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ from harness.running.evaluate import evaluate
 from harness.running.looks import Looks
 from harness.running.open import open_looks
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
+from harness.trackers.conformance.checks import check_tracker
+from harness.trackers.conformance.requirements import TrackerCheckError
 
 DENSITIES = (20.0, 45.0)
 BROKEN_DOWN = (1, 3)
@@ -83,7 +86,8 @@ def tune(tracker: str, batches: Batches, budget: int) -> Found:
     begin = perf_counter()
 
     def tell(trial: Trial) -> None:
-        until = f" stopped after {trial.batches}" if trial.stopped else ""
+        until = f" refused for {trial.refused}" if trial.refused else ""
+        until = f" stopped after {trial.batches}" if trial.stopped else until
         shown = json.dumps(trial.options)
         sys.stderr.write(
             f"{tracker} {trial.objective:.2f}{until} {trial.scores} {shown} {perf_counter() - begin:.0f} s\n"
@@ -92,7 +96,17 @@ def tune(tracker: str, batches: Batches, budget: int) -> Found:
     def follow_batch(options: Options, batch: int) -> list[Scores]:
         return [follow(tracker, options, recording) for recording in batches[batch]]
 
-    return search(starts_of(tracker), space_of(tracker), follow_batch, len(batches), budget, tell)
+    check = partial(refusal, tracker)
+    return search(starts_of(tracker), space_of(tracker), follow_batch, len(batches), budget, tell, check)
+
+
+def refusal(tracker: str, options: Options) -> str:
+    """Return which conformance checks a tracker of given options fails and how, or nothing."""
+    try:
+        check_tracker(partial(build_tracker, tracker, tuned=False), _chosen(tracker, options))
+    except TrackerCheckError as finding:
+        return "; ".join(str(finding).splitlines())
+    return ""
 
 
 def recordings_of(seed: int, duration_s: float, sensor: str) -> list[Recording]:
@@ -111,9 +125,12 @@ def recordings_of(seed: int, duration_s: float, sensor: str) -> list[Recording]:
 
 def follow(tracker: str, options: Options, recording: Recording) -> Scores:
     """Follow a recording with a tracker of given options, dotted keys with values, whatever its tuned ones are."""
-    chosen = nested({**ALWAYS.get(tracker, {}), **options})
-    build = partial(build_tracker, tracker, options=chosen, tuned=False)
+    build = partial(build_tracker, tracker, options=_chosen(tracker, options), tuned=False)
     return Scores.of(evaluate(_looks(recording), build, recording.seed).scores)
+
+
+def _chosen(tracker: str, options: Options) -> Options:
+    return nested({**ALWAYS.get(tracker, {}), **options})
 
 
 @cache
@@ -136,15 +153,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--trials and --processes: give 1 or more")
     try:
         check_installed()
+        batches = [recordings_of(seed, chosen.duration, chosen.sensor) for seed in seeds]
+        recordings = [asdict(each) for batch in batches for each in batch]
+        for name, found in _all_found(names, batches, chosen.trials, chosen.processes):
+            sys.stdout.write(f"{_in_words(name, found)}\n")
+            sys.stdout.flush()
+            if chosen.write:
+                write_outcome(Outcome(name, _command(name, chosen), recordings, found), TUNED_FILE)
     except InputError as error:
         parser.error(str(error))
-    batches = [recordings_of(seed, chosen.duration, chosen.sensor) for seed in seeds]
-    recordings = [asdict(each) for batch in batches for each in batch]
-    for name, found in _all_found(names, batches, chosen.trials, chosen.processes):
-        sys.stdout.write(f"{_in_words(name, found)}\n")
-        sys.stdout.flush()
-        if chosen.write:
-            write_outcome(Outcome(name, _command(name, chosen), recordings, found), TUNED_FILE)
 
 
 def _all_found(names: Sequence[str], batches: Batches, budget: int, processes: int) -> Iterator[tuple[str, Found]]:
@@ -161,9 +178,12 @@ def _all_found(names: Sequence[str], batches: Batches, budget: int, processes: i
 def _in_words(name: str, found: Found) -> str:
     ends = ", ".join(f"{key} ({end})" for key, end in found.at_an_end.items())
     stopped = sum(trial.stopped for trial in found.trials)
+    refused = sum(bool(trial.refused) for trial in found.trials)
+    before = "refused" if found.trials[0].refused else f"{found.trials[0].objective:.2f}"
     return (
-        f"{name}: {found.trials[0].objective:.2f} -> {found.best.objective:.2f} in {len(found.trials)} trials, "
-        f"{stopped} of them stopped early: {json.dumps(found.best.options)}; at the end of its range: {ends or 'none'}"
+        f"{name}: {before} -> {found.best.objective:.2f} in {len(found.trials)} trials, "
+        f"{stopped} of them stopped early, {refused} refused: {json.dumps(found.best.options)}; "
+        f"at the end of its range: {ends or 'none'}"
     )
 
 

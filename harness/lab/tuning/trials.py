@@ -2,8 +2,9 @@
 
 A trial keeps most of the best setting's values, and Optuna chooses the others: with a dozen or more values to choose
 and a budget of some dozens of trials, choosing all of them anew finds less. Each setting is tried on the recordings
-batch by batch; one that is behind half of those tried so far is stopped. Half way and at three quarters of the trials,
-ranges at whose end the best setting lies are widened.
+batch by batch; one that is behind half of those tried so far is stopped. One that fails a conformance check is refused
+before any recording is followed. Half way and at three quarters of the trials, ranges at whose end the best setting
+lies are widened.
 """
 
 from __future__ import annotations
@@ -107,17 +108,24 @@ class Trial:
         scores: Its scores, means over the recordings that it was tried on.
         batches: On how many batches of recordings it was tried.
         stopped: Whether it was stopped before the last one.
+        refused: Why it was refused, empty if it was not.
     """
 
     options: Options
     scores: Scores
     batches: int = 1
     stopped: bool = False
+    refused: str = ""
 
     @property
     def objective(self) -> float:
         """What the search maximises."""
         return self.scores.objective
+
+    @property
+    def counts(self) -> bool:
+        """Whether it may be the best: it was neither stopped nor refused."""
+        return not (self.stopped or self.refused)
 
 
 @dataclass(frozen=True)
@@ -134,8 +142,15 @@ class Found:
 
     @property
     def best(self) -> Trial:
-        """The best trial that was not stopped, the earliest of equals."""
-        return max((trial for trial in self.trials if not trial.stopped), key=lambda trial: trial.objective)
+        """The best trial that counts, the earliest of equals.
+
+        Raises:
+            InputError: None counts.
+        """
+        counting = [trial for trial in self.trials if trial.counts]
+        if not counting:
+            raise InputError(f"every setting was refused, the first one for {self.trials[0].refused}; mend the tracker")
+        return max(counting, key=lambda trial: trial.objective)
 
     @property
     def at_an_end(self) -> dict[str, End]:
@@ -155,6 +170,7 @@ def ends_near(options: Options, space: Mapping[str, Range | Choices]) -> dict[st
 
 
 Follow = Callable[[Options, int], Sequence[Scores]]
+Refusal = Callable[[Options], str]
 
 
 def search(
@@ -164,6 +180,7 @@ def search(
     batches: int,
     budget: int,
     tell: Callable[[Trial], object],
+    refusal: Refusal = lambda _: "",
 ) -> Found:
     """Search for the best setting.
 
@@ -174,14 +191,15 @@ def search(
         batches: How many batches there are.
         budget: Number of trials, those that are stopped among them.
         tell: Is called with every trial.
+        refusal: Returns why a setting must not count, or nothing.
 
     Raises:
-        InputError: Optuna is not installed.
+        InputError: Optuna is not installed, or every setting that the search begins at is refused.
     """
     study, space, rng = _study(), dict(space), np.random.default_rng(0)
     trials: list[Trial] = []
     while len(trials) < budget:
-        if trials and len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
+        if any(trial.counts for trial in trials) and len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
             space = _widened(space, Found(trials, space).at_an_end)
         if len(trials) < len(starts):
             kept, like = set(space), starts[len(trials)]
@@ -190,11 +208,15 @@ def search(
         study.enqueue_trial({key: value for key, value in like.items() if key in kept and value in space[key]})
         asked = study.ask()
         options = _suggested(asked, space, kept, like)
-        trials.append(_tried(options, follow, batches, asked))
-        if trials[-1].stopped:
-            study.tell(asked, state=_optuna().trial.TrialState.PRUNED)
+        reason = refusal(options)
+        if reason:
+            trials.append(Trial(options, Scores(math.nan, math.nan), 0, refused=reason))
         else:
+            trials.append(_tried(options, follow, batches, asked))
+        if trials[-1].counts:
             study.tell(asked, trials[-1].objective)
+        else:
+            study.tell(asked, state=_optuna().trial.TrialState.PRUNED)
         tell(trials[-1])
     return Found(trials, space)
 

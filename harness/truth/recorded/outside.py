@@ -33,7 +33,6 @@ recording_formats: Registry[Reader] = Registry(
         "ngsim-text": Entry(f"{_ROOM}.ngsim:read_ngsim_text"),
         "kitti-tracking": Entry(f"{_ROOM}.detected.kitti:read_kitti"),
         "av2": Entry(f"{_ROOM}.detected.av2:read_av2"),
-        "v2v4real": Entry(f"{_ROOM}.detected.v2v4real:read_v2v4real"),
     },
     "no such format; known are {in_order}, or module:function for your own",
 )

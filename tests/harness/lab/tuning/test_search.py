@@ -104,6 +104,25 @@ def test_what_is_behind_is_stopped_and_never_the_best():
     assert only_stopped_are_better.best.objective == 1.0
 
 
+def test_a_refused_setting_is_never_followed_and_never_the_best():
+    followed: list[float] = []
+
+    def follow(options: dict[str, object], batch: int) -> list[Scores]:
+        followed.append(options["a"])
+        return scored(options["a"])
+
+    def refusal(options: dict[str, object]) -> str:
+        return "too large" if options["a"] >= 6.0 else ""
+
+    space = {"a": Range(0.0, 10.0)}
+    trials = search([{"a": 9.0}, {"a": 2.0}], space, follow, 1, 40, quietly, refusal).trials
+    refused = [trial for trial in trials if trial.refused]
+    assert trials[0].refused == "too large"
+    assert len(refused) + len(followed) == len(trials) == 40
+    assert {(trial.batches, trial.refused, trial.options["a"] >= 6.0) for trial in refused} == {(0, "too large", True)}
+    assert 5.0 < Found(trials, space).best.objective == max(followed) < 6.0
+
+
 def test_a_trial_is_scored_by_the_mean_over_all_recordings_of_its_batches():
     values = [[10.0, 20.0], [60.0]]
 
@@ -304,12 +323,23 @@ def test_the_written_outcome_reads_back_and_leaves_other_trackers_alone(tmp_path
     assert "options" not in tables["mmpf"]
 
 
+def test_a_refused_setting_is_written_with_the_reason_and_without_an_objective(tmp_path: Path):
+    refused = Trial({"gate_std": 3.0}, Scores(math.nan, math.nan), 0, refused='it "lost" a car')
+    found = Found([refused, Trial({"gate_std": 4.0}, Scores(50.0, 50.0))], {"gate_std": Range(1.0, 9.0)})
+    write_outcome(Outcome("pmbm", "python -m x", RECORDINGS, found), tmp_path / "tuned.toml")
+    table = tomllib.loads((tmp_path / "tuned.toml").read_text(encoding="utf-8"))["pmbm"]
+    assert table["trials"] == [{"refused": 'it "lost" a car', "gate_std": 3.0}, {"objective": 50.0, "gate_std": 4.0}]
+    assert (table["options"], table["objective"]) == ({"gate_std": 4.0}, 50.0)
+    assert "objective_before" not in table
+
+
 def test_the_committed_outcome_is_the_best_of_its_own_trials_on_tuning_seeds():
     tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
     assert set(tables) <= set(SEARCH_SPACES)
     for table in tables.values():
         best = max(
-            (each for each in table["trials"] if "stopped_after" not in each), key=lambda each: each["objective"]
+            (each for each in table["trials"] if not {"stopped_after", "refused"} & set(each)),
+            key=lambda each: each["objective"],
         )
         found = {name: value for name, value in best.items() if name != "objective"}
         assert found == table.get("options", table.get("found"))

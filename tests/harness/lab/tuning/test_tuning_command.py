@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from functools import partial
 
@@ -12,7 +13,7 @@ from harness.common.errors import InputError
 from harness.config.model import SensorConfig
 from harness.grid.pool import ONE_THREAD
 from harness.lab.tuning import search
-from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main
+from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main, refusal
 from harness.lab.tuning.spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.lab.tuning.trials import Found, Scores, Trial
 from harness.scoring import score_run
@@ -43,6 +44,7 @@ def asked(monkeypatch) -> dict:
         return Scores(50.0 + options.get("lon_noise", 0.0), 60.0)
 
     monkeypatch.setattr(search, "follow", followed)
+    monkeypatch.setattr(search, "refusal", lambda tracker, options: "")
     monkeypatch.setattr(search, "write_outcome", lambda outcome, path: noted["written"].append((outcome, path)))
     return noted
 
@@ -56,6 +58,7 @@ def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(monkeypatch,
             Trial({"lon_noise": 1.0}, Scores(51.0, 60.0), 2),
             Trial({"lon_noise": 3.0, "gate_std": 2.0}, Scores(53.0, 60.0), 2),
             Trial({"lon_noise": 2.0}, Scores(59.0, 60.0), 1, stopped=True),
+            Trial({"lon_noise": 2.5}, Scores(math.nan, math.nan), 0, refused="it lost a car"),
         ]
         return Found(trials, {"lon_noise": Range(0.3, 3.0), "gate_std": Range(1.0, 3.0)})
 
@@ -72,7 +75,7 @@ def test_each_tracker_is_tried_on_all_recordings_and_told_in_a_line(monkeypatch,
     ]
     assert SensorConfig().profile == "lidar"
     assert searched == [("oracle-kalman", batches, 3), ("pmbm", batches, 3)]
-    told = "55.50 -> 56.50 in 3 trials, 1 of them stopped early: "
+    told = "55.50 -> 56.50 in 4 trials, 1 of them stopped early, 1 refused: "
     rest = '{"lon_noise": 3.0, "gate_std": 2.0}; at the end of its range: lon_noise (high)'
     assert capsys.readouterr().out.splitlines() == [f"{name}: {told}{rest}" for name in ("oracle-kalman", "pmbm")]
 
@@ -85,6 +88,29 @@ def test_every_trial_is_told_on_stderr_with_its_scores_options_and_time(asked, c
     assert asked["followed"] == [("pmbm", each) for each in RECORDINGS]
     (trial,) = found.trials
     assert capsys.readouterr().err == f'pmbm 55.50 {trial.scores} {{"lon_noise": 1.0}} 42 s\n'
+
+
+def test_a_setting_that_fails_a_check_is_refused_before_it_follows_anything(asked, capsys, monkeypatch):
+    monkeypatch.setattr(search, "refusal", refusal)
+    monkeypatch.setattr(search, "starts_of", lambda tracker: [{"confirm_detections": n} for n in (1000, 3)])
+    monkeypatch.setattr(search, "space_of", lambda tracker: {"confirm_detections": Range(1, 10, whole=True)})
+    found = search.tune("oracle-kalman", [RECORDINGS], 2)
+    never_confirmed, usual = found.trials
+    checks = [finding.partition(":")[0] for finding in never_confirmed.refused.split("; ")]
+    assert checks[:2] == ["one_car_becomes_one_confirmed_track", "identities_stay_with_their_cars"]
+    assert "0 confirmed tracks of one car; " in never_confirmed.refused
+    assert (usual.refused, found.best) == ("", usual)
+    assert len(asked["followed"]) == len(RECORDINGS)
+    assert " refused for one_car_becomes" in capsys.readouterr().err.splitlines()[0]
+
+
+def test_a_tracker_that_passes_with_no_setting_is_told_in_one_line(asked, capsys, monkeypatch):
+    monkeypatch.setattr(search, "refusal", lambda tracker, options: "its cars swap")
+    with pytest.raises(SystemExit) as ended:
+        main(["--tracker", "oracle-kalman", "--trials", "8", "--write"])
+    assert (ended.value.code, asked["followed"], asked["written"]) == (2, [], [])
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.endswith("every setting was refused, the first one for its cars swap; mend the tracker")
 
 
 def test_the_usual_search_of_a_tracker_finds_better_settings(asked, capsys):
