@@ -97,9 +97,10 @@ class DiagnosticsKeeper:
         if not isinstance(tracker, DiagnosedTracker):
             return
         report, frame = tracker.last_report, look.frame
-        told = {**vars(report), "step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
+        when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
         # The wall times of the stages are no part of the table: equal runs give equal tables.
-        self._rows.append({name: told[name] for name in TABLES[DIAGNOSTICS].needed})
+        names = (name for name in TABLES[DIAGNOSTICS].needed if name not in when)
+        self._rows.append(when | {name: getattr(report, name) for name in names})
         for stage, took_ms in report.stage_ms.items():
             self.stages_ms.setdefault(stage, array("d")).append(took_ms)
 
