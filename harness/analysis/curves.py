@@ -11,6 +11,7 @@ import numpy as np
 from harness.analysis import coasting_ratio
 from harness.common.bootstrap import few_groups_ci
 from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import NET
 from mmpf.numerics.arrays import FloatArray
@@ -48,15 +49,11 @@ STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms 
 
 def curve_quantities() -> list[Quantity]:
     """Return what has curves, the time of a step last."""
-    from harness.scoring.metrics.registry import view  # noqa: PLC0415  pandas is slow to import
-
     return [*view(CURVES, IN_WORDS), STEP_TIME]
 
 
 def told_quantities() -> list[Quantity]:
     """Return what is tabulated with intervals: all that has curves, in the same order, and more."""
-    from harness.scoring.metrics.registry import view  # noqa: PLC0415
-
     return [*view(TOLD, IN_WORDS), *coasting_ratio.QUANTITIES, STEP_TIME]
 
 

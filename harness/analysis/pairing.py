@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from harness.analysis.arms import Layout
 from harness.storage.schema import RECORDING
 from mmpf.numerics.arrays import IntArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FEWEST_COMMON = 0.5
 """Share of a's runs in the common settings that b needs to have too; with less, something is amiss with b."""
@@ -75,8 +72,6 @@ def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
 
 def _numbered(a: pd.DataFrame, b: pd.DataFrame, columns: list[str]) -> tuple[IntArray, IntArray]:
     """Number the distinct rows of some columns of two tables, shapes (rows of a,) and (rows of b,)."""
-    import pandas as pd  # noqa: PLC0415
-
     both = pd.concat([a[columns], b[columns]], ignore_index=True).astype(object)
     if not len(both):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)

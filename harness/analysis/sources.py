@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from harness.analysis.curves import labelled
 from harness.analysis.verdicts import compared_quantities
@@ -15,10 +18,6 @@ from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.grid_rows import flattened
 from harness.storage.schema import MISMATCH, RECORDING
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 STANDARD = "standard"
 SETTING = ("net", "density", "demand")
@@ -91,8 +90,6 @@ def _open_grid(name: str, folder: Path, parameter: str) -> Source:
 
 def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], path: Path, parameter: str) -> None:
     """Refuse a table of runs that no grid writes: empty, with a run twice, with texts for numbers."""
-    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
-
     if not len(table):
         raise InputError(f"`{parameter}`: {path} has no rows; make the grid again")
     known = (*compared_quantities(), *compared_quantities(closed_loop=True))
@@ -106,8 +103,6 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
 
 
 def _open_run(name: str, folder: Path, parameter: str) -> Source:
-    import pandas as pd  # noqa: PLC0415
-
     if not folder.is_dir():
         raise InputError(f"`{parameter}`: {folder} is no folder; give the folder of a run or of a stress test")
     runfolder.read_manifest(folder, parameter)

@@ -24,6 +24,7 @@ from harness.scoring.metrics.closedloop import COLLIDED, IMPACT, WITH
 from harness.storage import ownership
 from harness.storage.grid_folder import FIGURES, KEPT, RUNS
 from harness.storage.grid_rows import Row, column_of
+from harness.storage.tables import write_table
 from harness.truth.network.network import load_network
 
 if TYPE_CHECKING:
@@ -136,8 +137,6 @@ def _check_road(request: DriveRequest, grid: Grid) -> None:
 
 
 def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[str, Row]) -> FinishedDrives:
-    from harness.storage.tables import write_table  # noqa: PLC0415
-
     table = assemble(grid, rows)
     failures = [
         {"key": run.key, "error": rows[run.key]["error"]} for run in grid.runs if not rows[run.key]["succeeded"]

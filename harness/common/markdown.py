@@ -5,6 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 
+from rich.console import Console
+from rich.markdown import Markdown
+
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     """Return the lines of a Markdown table."""
@@ -21,8 +24,6 @@ def show_markdown(text: str, on_stderr: bool = False) -> None:
     if not stream.isatty():
         stream.write(text + "\n")
         return
-    from rich.console import Console  # noqa: PLC0415  slow to import
-    from rich.markdown import Markdown  # noqa: PLC0415
 
     shown = "\n".join(line for line in text.splitlines() if not line.startswith("!["))
     Console(file=stream, highlight=False).print(Markdown(shown))

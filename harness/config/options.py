@@ -16,6 +16,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_type_hints
 
+import tomli_w
+
 from harness.common.errors import InputError
 from harness.common.untrusted_files import checked_path
 
@@ -282,8 +284,6 @@ def setting_words(settings: Sequence[str] | Mapping[str, object] | None, paramet
 
 
 def _as_toml(key: str, value: object, parameter: str) -> str:
-    import tomli_w  # noqa: PLC0415
-
     plain = value.tolist() if hasattr(value, "tolist") else value
     try:
         return tomli_w.dumps({"value": os.fspath(plain) if isinstance(plain, os.PathLike) else plain})[8:].strip()

@@ -18,6 +18,7 @@ from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.running.evaluate import evaluate
 from harness.running.looks import Looks
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.metrics.paired import paired_errors
 from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, VISIBILITY_STATES
 from harness.trackers.catalogue import build_tracker
@@ -43,8 +44,6 @@ def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, 
         ``hidden`` over all, ``by_seconds_hidden`` by the time since the last detection: mean absolute longitudinal
         errors ``lon_m`` and ``coasting_lon_m``, None without rows, and their number ``n``.
     """
-    from harness.scoring.metrics.paired import paired_errors  # noqa: PLC0415  pandas is slow to import
-
     both = paired_errors(errors, coasting)
     both = both[both["state"] == VISIBILITY_STATES[HIDDEN]]
     unseen_s = both["seconds_hidden"].to_numpy(dtype=np.float64)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from harness.grid.cells import Grid, PlannedRun
 from harness.storage.grid_rows import TEXT_COLUMNS, Row, flattened
 from harness.storage.schema import RUN_IDENTITY, RUN_OUTCOME
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def finished_row(run: PlannedRun, metrics: Mapping[str, Any], total_s: float) -> Row:
@@ -26,8 +25,6 @@ def failed_row(run: PlannedRun, error: str, total_s: float) -> Row:
 
 def assemble(grid: Grid, rows: Mapping[str, Row]) -> pd.DataFrame:
     """Return the table of a grid, one row for each run in the grid's order, columns in a fixed order."""
-    import pandas as pd  # noqa: PLC0415
-
     ordered = [rows[run.key] for run in grid.runs]
     metrics = dict.fromkeys(name for row in ordered for name in row)
     identity, outcome = ([column.name for column in columns] for columns in (RUN_IDENTITY, RUN_OUTCOME))

@@ -11,6 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.analysis.curves import Break, Point, breaks, curve_points
+from harness.analysis.mismatch_cost import costs, costs_markdown, leads
+from harness.analysis.pooled import pool_files
+from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
+from harness.analysis.tables import as_markdown, curves_figure
 from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
@@ -18,9 +22,13 @@ from harness.grid.cells import Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.rows import assemble
+from harness.running.open import check_driver, check_tracker, open_looks
+from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_folder import FIGURES, RUNS
 from harness.storage.grid_rows import Row
 from harness.storage.schema import MISMATCH, RECORDING
+from harness.storage.tables import write_table
+from harness.truth.network.network import load_network
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,8 +104,6 @@ def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
     Raises:
         InputError: Something is wrong.
     """
-    from harness.truth.network.network import load_network  # noqa: PLC0415
-
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
         _check_recordings(grid, tell)
@@ -115,16 +121,11 @@ def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
 
 def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
     """Read every file once, so that a broken one is told before hours of runs over the others."""
-    from harness.running.open import open_looks  # noqa: PLC0415
-
     for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
         tell(open_looks(config).report)
 
 
 def _check_sensors_and_trackers(grid: Grid) -> None:
-    from harness.running.open import check_driver, check_tracker  # noqa: PLC0415
-    from harness.sensor.profiles import sensor_settings  # noqa: PLC0415
-
     for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
         try:
             sensor_settings(config.sensor.profile, config.sensor.overrides)
@@ -137,8 +138,6 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
 
 def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
     """Write curves over the axes; of recorded traffic, one table over all files."""
-    from harness.storage.tables import write_table  # noqa: PLC0415
-
     table = assemble(grid, rows)
     failures = [
         {"key": run.key, "run": _in_words(rows[run.key]), "error": rows[run.key]["error"]}
@@ -167,8 +166,6 @@ class _Told:
 
 
 def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:
-    from harness.analysis.tables import as_markdown, curves_figure  # noqa: PLC0415
-
     points, broken = curve_points(table, grid.axes), breaks(table)
     for axis in dict.fromkeys(point.axis for point in points):
         save_figure(curves_figure(points, axis, request.title), figures / f"over_{axis.replace('.', '_')}.png")
@@ -177,7 +174,6 @@ def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path
 
 
 def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
-    from harness.analysis.mismatch_cost import costs, costs_markdown, leads  # noqa: PLC0415
 
     found, ahead = costs(table), leads(table)
     numbers = {"mismatches": [asdict(cost) for cost in found], "leads": [asdict(each) for each in ahead]}
@@ -185,8 +181,6 @@ def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: 
 
 
 def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
-    from harness.analysis.pooled import pool_files  # noqa: PLC0415
-    from harness.analysis.pooled_tables import hidden_figure, pooled_markdown  # noqa: PLC0415
 
     pooled = pool_files(table)
     save_figure(hidden_figure(pooled), figures / "hidden.png")

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from scipy.stats import binomtest
+
 from harness.truth.frame import ROAD_OF_RECORDING
 
 Metrics = Mapping[str, Any]
@@ -103,8 +105,6 @@ def headlines(metrics: Metrics) -> list[Headline]:
 
 def _interval_of_share(successes: int, trials: int) -> str:
     """Return the 95 % interval of a share (Wilson 1927)."""
-    from scipy.stats import binomtest  # noqa: PLC0415  slow to import
-
     interval = binomtest(successes, trials).proportion_ci(method="wilson")
     return f"{100 * interval.low:.0f} to {100 * interval.high:.0f} %"
 

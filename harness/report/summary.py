@@ -13,6 +13,7 @@ from rich.text import Text
 
 from harness.report.sentences import number, traffic_source
 from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import view
 from harness.truth.network.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
@@ -55,8 +56,6 @@ def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
 
 
 def _reported() -> list[Quantity]:
-    from harness.scoring.metrics.registry import view  # noqa: PLC0415  pandas is slow to import
-
     return view(REPORTED, IN_WORDS)
 
 

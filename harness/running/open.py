@@ -20,12 +20,20 @@ from harness.running.replay import read_looks
 from harness.scoring.driving.asked import Driven
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor, data_sheet
+from harness.sensor.given import GivenDetections
 from harness.sensor.observation import Sensor
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
+from harness.truth.network.network import load_network
+from harness.truth.recorded.detected.source import open_drives
+from harness.truth.recorded.formats import brings_detections, check_map, files_of, least_score_of, read_drives
+from harness.truth.recorded.source import open_recorded_traffic
+from harness.truth.sumo.planetruth import BEYOND_RANGE_M, REACH_M
+from harness.truth.sumo.simulation import open_traffic
+from harness.truth.sumo.window import check_window
 from mmpf.map.road import Road, highway
 from mmpf.registry import UnknownNameError
 
@@ -37,8 +45,6 @@ OpenLooks = Callable[[RunConfig], Looks]
 
 def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float, gui: bool = False) -> TruthSource:
     """Start a simulation; see ``harness.truth.sumo.simulation.open_traffic``."""
-    from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415
-
     return open_traffic(
         network,
         reach_m=reach_m,
@@ -85,9 +91,6 @@ def _altered(looks: Looks, config: RunConfig) -> Looks:
 
 
 def _recorded(path: Path, config: RunConfig) -> Looks:
-    from harness.truth.recorded.formats import brings_detections, check_map, files_of  # noqa: PLC0415
-    from harness.truth.recorded.source import open_recorded_traffic  # noqa: PLC0415
-
     traffic, recording = config.traffic, config.traffic.recording
     if recording is None:
         raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
@@ -109,10 +112,6 @@ def _recorded(path: Path, config: RunConfig) -> Looks:
 
 def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
     """Return looks at drives whose detections are on record."""
-    from harness.sensor.given import GivenDetections  # noqa: PLC0415
-    from harness.truth.recorded.detected.source import open_drives  # noqa: PLC0415
-    from harness.truth.recorded.formats import files_of, least_score_of, read_drives  # noqa: PLC0415
-
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     drives = read_drives(path, recording.format, recording.map)
     least_score = least_score_of(recording.format, recording.least_score)
@@ -128,8 +127,6 @@ def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
 def _simulated(config: RunConfig, simulate: Simulate) -> Looks:
     # The sensor is checked first: it costs nothing, while opening traffic starts a simulation.
     sensor = _sensor(config)
-    from harness.truth.network.network import load_network  # noqa: PLC0415
-    from harness.truth.sumo.planetruth import BEYOND_RANGE_M, REACH_M  # noqa: PLC0415
 
     traffic = config.traffic
     network = load_network(traffic.net)
@@ -165,7 +162,6 @@ def check_gui(config: RunConfig) -> None:
         raise InputError(
             "`gui`: `replay` uses recorded traffic, so no SUMO runs and there is nothing to open; leave it out"
         )
-    from harness.truth.sumo.window import check_window  # noqa: PLC0415
 
     check_window()
 

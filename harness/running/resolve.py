@@ -18,6 +18,7 @@ from harness.sensor.profiles import has_all_figures, is_built_in, sensor_setting
 from harness.storage import run_folder as runfolder
 from harness.truth.network.demand import DEFAULT_DENSITY
 from harness.truth.network.network import default_demand
+from harness.truth.recorded.formats import network_of, recognise
 
 
 def resolve_run_config(
@@ -70,8 +71,6 @@ def with_usual_traffic(config: RunConfig) -> RunConfig:
 
 def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return the traffic's table with the file's format and the network that it is driven on."""
-    from harness.truth.recorded.formats import network_of, recognise  # noqa: PLC0415
-
     traffic = dict(asked.get("traffic", {}))
     recording = {"ego": "auto"} | dict(traffic.get("recording", {}))
     entry = recognise(path, recording.get("format"))

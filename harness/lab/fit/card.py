@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from harness.common.files import save_figure, write_text
 from harness.common.markdown import markdown_table
@@ -57,8 +58,6 @@ def write_card(
 
 def _draw_sizes(sizes: Sequence[SizeScore], best: SizeScore, path: Path) -> None:
     """Draw BIC over the number of components."""
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
     figure = Figure(figsize=(5.0, 3.2), layout="constrained")
     axis = figure.subplots()
     axis.plot([size.components for size in sizes], [size.bic / 1000.0 for size in sizes], "o-", color="#0072B2")

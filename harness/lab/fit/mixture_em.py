@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -99,8 +100,6 @@ def _expectation_maximisation(
 def _fitted(
     samples: FloatArray, components: int, seed: int, iterations: int, start: GaussianMixture | None = None
 ) -> GaussianMixture:
-    import warnings  # noqa: PLC0415
-
     from sklearn.exceptions import ConvergenceWarning  # noqa: PLC0415
     from sklearn.mixture import GaussianMixture  # noqa: PLC0415
 

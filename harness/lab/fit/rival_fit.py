@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import Bounds, differential_evolution
 
 from harness.common.files import write_toml
 from harness.lab.windows.cases import Cases, following_cases
@@ -112,8 +113,6 @@ def _search(
     seed: int,
     step_s: float,
 ) -> FloatArray:
-    from scipy.optimize import Bounds, differential_evolution  # noqa: PLC0415
-
     cases = following_cases(windows, WINDOWS, step_s, np.random.default_rng(seed))
 
     def error(values: FloatArray) -> float:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from harness.common.errors import InputError
 from harness.storage import run_folder as runfolder
 
@@ -117,7 +119,6 @@ def _read(path: Path) -> dict[str, Any]:
         return {}
     if path.suffix == ".json":
         return dict(_leaves(json.loads(path.read_text(encoding="utf-8")), ""))
-    import pandas as pd  # noqa: PLC0415
 
     rows = pd.read_parquet(path)
     return {

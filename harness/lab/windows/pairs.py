@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from harness.common.errors import InputError
 from harness.lab.windows.following import Following, following_windows
@@ -14,10 +14,6 @@ from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.map.road import Road, highway
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 LANE_WIDTH_M = 3.66
 # So much of both ends of a pair's record is left out: there the smoothing that the source applied swings in, which
@@ -142,8 +138,6 @@ def _from_lane_middle(table: pd.DataFrame) -> FloatArray:
 
 
 def _read_pairs(path: Path) -> pd.DataFrame:
-    import pandas as pd  # noqa: PLC0415
-
     try:
         table = pd.read_parquet(path)
     except FileNotFoundError:

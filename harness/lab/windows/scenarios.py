@@ -9,6 +9,7 @@ from pathlib import Path
 from harness.lab.windows.recording import Scenario, record_all
 from harness.truth.frame import TruthSource
 from harness.truth.network.network import Network
+from harness.truth.sumo.simulation import open_traffic
 
 DENSITIES_VEH_PER_KM_LANE = (8.0, 15.0, 22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
 FIRST_TRAINING_SEED = 1000
@@ -26,8 +27,6 @@ def scenarios(first_seed: int, count: int, duration_s: float) -> list[Scenario]:
 
 def _open_scenario(network: Network, scenario: Scenario) -> TruthSource:
     """Start SUMO for one scenario, with no ego vehicle."""
-    from harness.truth.sumo.simulation import open_traffic  # noqa: PLC0415  starts libsumo
-
     return open_traffic(
         network,
         demand=scenario.density_veh_per_km_lane,

@@ -18,7 +18,7 @@ from harness.common.errors import InputError
 from harness.common.named import named
 from harness.common.untrusted_files import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
-from harness.truth.recorded import outside
+from harness.truth.recorded import fcd, highd, outside
 from harness.truth.recorded.detected.drive import Drive
 from harness.truth.recorded.outside import recording_formats
 from harness.truth.recorded.rows import ReadTraffic
@@ -206,8 +206,6 @@ def read_drives(path: Path, format_name: str, with_map: bool = False) -> tuple[D
 
 def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
     """Return the files of a recording: the file itself and those beside it that belong to it, or all of a folder."""
-    from harness.truth.recorded import fcd, highd  # noqa: PLC0415
-
     if format_name not in FORMATS:
         return tuple(sorted(file for file in path.iterdir() if file.is_file())) if path.is_dir() else (path,)
     if FORMATS[format_name].sensor is not None:

@@ -15,6 +15,7 @@ from typing import TextIO
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
@@ -67,8 +68,6 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
     Raises:
         InputError: It does not have 18 columns of numbers.
     """
-    import pandas as pd  # noqa: PLC0415  (heavy)
-
     with _text(path) as file:
         found = len(next(line for line in file if line.strip()).split())
     if found != len(TEXT_COLUMNS):
