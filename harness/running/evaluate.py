@@ -22,9 +22,9 @@ from harness.running.resolve import write_config
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.running.write import RunWriter
-from harness.scoring import RunScorer
 from harness.scoring.driving.asked import Driven
 from harness.scoring.metrics.registry import completed
+from harness.scoring.score import RunScorer
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from mmpf.map.road import Road

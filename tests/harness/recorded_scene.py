@@ -19,7 +19,7 @@ from harness.running.evaluate import Evaluated, write_run
 from harness.running.follow import StageTimes
 from harness.running.metrics import TrafficSums
 from harness.running.resolve import resolve_run_config
-from harness.scoring import score_run
+from harness.scoring.score import score_run
 from harness.storage import run_folder as runfolder
 from mmpf.map.road import Road, highway
 

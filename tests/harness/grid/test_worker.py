@@ -21,7 +21,7 @@ from harness.grid.making import keeping
 from harness.grid.rerun import command_of
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Started, work_on_cell
 from harness.running import evaluate
-from harness.scoring import score_run
+from harness.scoring.score import score_run
 from harness.storage import ownership
 from harness.storage.grid_folder import KEPT
 from harness.storage.grid_rows import flattened

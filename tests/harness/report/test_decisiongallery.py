@@ -14,8 +14,8 @@ from harness.report.decisiongallery import decision_figure, draw_decisions, wors
 from harness.report.page import write_run_page
 from harness.report.sentences import decision_summary
 from harness.running.finished import read_recorded_run
-from harness.scoring import score_run
 from harness.scoring.driving.asked import Driven
+from harness.scoring.score import score_run
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
 from harness.storage.tables import write_table

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring import score_run
 from harness.scoring.evidence.directions import along_and_across, along_axes
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene, traffic
 
 # Axes that the deviations of an honest tracker are along turn with the map, so their coverage may differ.

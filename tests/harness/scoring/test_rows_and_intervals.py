@@ -14,10 +14,10 @@ from harness.common.bootstrap import (
     independent_ci,
     sums_by_label,
 )
-from harness.scoring import score_run
 from harness.scoring.evidence.rows import _codes, _origins, read_run
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.parts import ratio
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene
 
 NAN = float("nan")

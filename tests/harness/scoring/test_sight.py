@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.scoring import score_run
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene, traffic
 
 STEPS = np.arange(100)

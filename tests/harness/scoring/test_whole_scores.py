@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.scoring import RunScorer, ScoredRun, score_run
 from harness.scoring.driving.asked import Driven
+from harness.scoring.score import RunScorer, ScoredRun, score_run
 from mmpf.map.road import Lane, Road
 from tests.harness.scoring.metrics.test_decisions import LEFT, Drive
 from tests.harness.scoring.scenes import STEP_S, traffic

@@ -16,7 +16,7 @@ from harness.lab.tuning import search
 from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main, refusal
 from harness.lab.tuning.spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.lab.tuning.trials import Found, Scores, Trial
-from harness.scoring import score_run
+from harness.scoring.score import score_run
 from harness.sensor.detectability import drawn_factors
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import TUNED_FILE, build_tracker

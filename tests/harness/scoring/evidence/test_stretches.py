@@ -11,10 +11,10 @@ import pytest
 
 from harness.common.bootstrap import cluster_bootstrap
 from harness.decisions.decide import driver_of
-from harness.scoring import RunScorer, score_run
 from harness.scoring.driving.asked import Driven
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.registry import register
+from harness.scoring.score import RunScorer, score_run
 from harness.storage import run_folder as runfolder
 from mmpf.map.road import Lane, Road
 from tests.harness.scoring.scenes import traffic

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.scoring import score_run
 from harness.scoring.driving.asked import Driven
+from harness.scoring.score import score_run
 from mmpf.map.road import highway
 
 ROAD = highway(lanes=3, lane_width_m=3.66)

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from harness.scoring import score_run
 from harness.scoring.metrics.unseen_turns import distance_to_line
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import STEP_S, Scene
 
 STEPS = 100

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from harness.scoring import score_run
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import gather
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene, traffic
 
 CUTOFF_M = 10.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.scoring import RunScorer, score_run
 from harness.scoring.metrics.in_plain_view import worst_share
+from harness.scoring.score import RunScorer, score_run
 from tests.harness.scoring.scenes import STEP_S, Scene, traffic
 
 STEPS = 40

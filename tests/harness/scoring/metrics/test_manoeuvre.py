@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from harness.scoring import score_run
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.metrics.manoeuvre import LEFT, ONCOMING, RIGHT, STRAIGHT, manoeuvres
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import STEP_S, Scene
 
 STEPS = 60

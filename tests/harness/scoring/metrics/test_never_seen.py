@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring import score_run
 from harness.scoring.evidence.unseen import _distances
 from harness.scoring.metrics.never_seen import NAME
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene
 
 STEPS = np.arange(60)

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.scoring import score_run
 from harness.scoring.metrics.paired import paired_errors
+from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene
 
 

@@ -16,11 +16,11 @@ from harness.analysis.verdicts import COMPARED
 from harness.decisions.decide import driver_of
 from harness.lab.ablation import COLUMNS
 from harness.report.summary import REPORTED
-from harness.scoring import score_run
 from harness.scoring.driving.asked import Driven
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import completed, quantities, register, view
+from harness.scoring.score import score_run
 from harness.storage.grid_rows import flattened
 from mmpf.map.road import highway
 from tests.harness.scoring.scenes import traffic

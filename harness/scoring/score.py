@@ -1,0 +1,110 @@
+"""A run, whole or stretch by stretch, to its scores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.brakings import braking_table, command_table
+from harness.scoring.evidence.events import event_table
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import gather
+from harness.scoring.metrics.parts import Basis
+from harness.scoring.metrics.registry import Totals
+from harness.storage import run_folder as runfolder
+
+
+@dataclass(frozen=True)
+class ScoredRun:
+    """A run's scores as they are written to its folder.
+
+    Attributes:
+        errors: One row per vehicle and step, see ``harness.scoring.evidence.errors.error_table``.
+        metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
+        events: One row per occlusion event, see ``harness.scoring.evidence.events.event_table``.
+        brakings: One row per missed or phantom braking, see ``brakings.braking_table``; None where no
+            driver was asked.
+        commands: One row per step, see ``harness.scoring.driving.brakings.command_table``; likewise.
+    """
+
+    errors: pd.DataFrame
+    metrics: dict[str, Any]
+    events: pd.DataFrame
+    brakings: pd.DataFrame | None = None
+    commands: pd.DataFrame | None = None
+
+
+def score_run(
+    truth: pd.DataFrame,
+    detections: pd.DataFrame,
+    tracks: pd.DataFrame,
+    seed: int = 0,
+    driven: Driven | None = None,
+    unseen: pd.DataFrame | None = None,
+) -> ScoredRun:
+    """Score a run by the published rules.
+
+    Args:
+        truth: One row per vehicle and step.
+        detections: One row per detection.
+        tracks: One row per track and step.
+        seed: Seed of the bootstrap intervals.
+        driven: The ego's driver and its road; None asks no driver.
+        unseen: One row per stretch of lane and moment with the vehicles expected there without a track; None for none.
+
+    Returns:
+        The errors, metrics and occlusion events, and what the driver would do.
+
+    Raises:
+        ValueError: The tables contradict each other or hold unknown states.
+    """
+    scorer = RunScorer(seed, driven)
+    tables = scorer.add(truth, detections, tracks, unseen)
+    metrics = scorer.metrics()
+    return ScoredRun(metrics=metrics, **{name.removesuffix(".parquet"): table for name, table in tables.items()})
+
+
+class RunScorer:
+    """Scores a run that comes stretch by stretch, each of one or more whole episodes, without keeping them.
+
+    A run that is a single stretch gets the numbers of ``score_run``; those of several differ from the same run's in
+    one piece by the rounding of sums and by the order in which vehicles are resampled.
+    """
+
+    def __init__(self, seed: int = 0, driven: Driven | None = None) -> None:
+        """Begin; the seed is that of the bootstrap intervals, the driver is asked by truth and by tracks."""
+        self._basis = Basis(ScoringSettings(), seed)
+        self._totals = Totals(self._basis)
+        self._driven = driven
+
+    @property
+    def takes_stretches(self) -> bool:
+        """Whether a run may come in more than one stretch: every metric is in parts."""
+        return not self._totals.whole_run_needed()
+
+    def add(
+        self,
+        truth: pd.DataFrame,
+        detections: pd.DataFrame,
+        tracks: pd.DataFrame,
+        unseen: pd.DataFrame | None = None,
+    ) -> dict[str, pd.DataFrame]:
+        """Measure the next stretch and return its tables by file. Errors are those of ``score_run``."""
+        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven, unseen)
+        self._totals.add(evidence)
+        asked, found, rows = evidence.asked, evidence.brakings, evidence.rows
+        tables = {
+            runfolder.ERRORS: evidence.error_table,
+            runfolder.EVENTS: event_table(truth, rows, evidence.events),
+        }
+        if asked is not None and found is not None:
+            tables[runfolder.BRAKINGS] = braking_table(truth, found, asked, rows, evidence.history)
+            tables[runfolder.COMMANDS] = command_table(truth, asked, rows)
+        return tables
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the nested dictionary of ``metrics.json`` over all stretches, without timing and traffic."""
+        return self._totals.metrics()
