@@ -15,9 +15,16 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+import pandas as pd
+
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
-from harness.grid.options import GridOptions, request_of
+from harness.grid.asked import request_of
+from harness.grid.options import GridOptions
+from harness.running.finished import read_metrics
+from harness.running.resolve import resolve_run_config
+from harness.storage.grid_rows import flattened
+from harness.storage.run_folder import read_manifest, read_table
 from mmpf.registry import UnknownNameError
 
 __all__ = [
@@ -36,8 +43,6 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from harness.config.model import RunConfig
     from harness.grid.making import RunCells
     from harness.grid.stress import FinishedGrid
@@ -60,11 +65,6 @@ class Run:
 
         An interval ends in ``.low`` and ``.high``, an entry of a list in its place from 0.
         """
-        import pandas as pd  # noqa: PLC0415
-
-        from harness.running.finished import read_metrics  # noqa: PLC0415
-        from harness.storage.grid_rows import flattened  # noqa: PLC0415
-
         flat = flattened(read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
         return pd.DataFrame({"value": pd.Series(numbers, dtype="float64")}).rename_axis("metric")
@@ -114,8 +114,6 @@ class Run:
         return page
 
     def _table(self, name: str) -> pd.DataFrame:
-        from harness.storage.run_folder import read_table  # noqa: PLC0415
-
         return read_table(self.folder, name, "folder", ())
 
 
@@ -132,8 +130,6 @@ class Grid:
     @cached_property
     def runs(self) -> pd.DataFrame:
         """One row per run, failed ones too: ``succeeded``, ``error``, its settings, and every metric by its name."""
-        from harness.storage.run_folder import read_table  # noqa: PLC0415
-
         return read_table(self.folder, "runs.parquet", "folder", ())
 
     @cached_property
@@ -184,8 +180,6 @@ def open_run(folder: Path | str) -> Run:
     Raises:
         InputError: It is no finished run's folder.
     """
-    from harness.storage.run_folder import read_manifest  # noqa: PLC0415
-
     read_manifest(Path(folder), "folder")
     return Run(Path(folder))
 
@@ -228,17 +222,14 @@ def compare(
     Raises:
         InputError: A folder is not there, or the two have nothing in common that could be compared.
     """
-    import pandas as pd  # noqa: PLC0415
-
-    from harness.analysis.compare import compare as compare_sources  # noqa: PLC0415
-    from harness.analysis.sources import open_source  # noqa: PLC0415
-    from harness.analysis.verdicts import PRIMARY, Rules  # noqa: PLC0415
+    from harness.analysis import compare as comparing  # noqa: PLC0415
+    from harness.analysis import sources, verdicts  # noqa: PLC0415
 
     first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
-    rules = Rules(tolerance, time_tolerance, PRIMARY if primary is None else tuple(primary))
-    compared = compare_sources(open_source(first, "a"), open_source(second, "b"), rules)
-    verdicts = pd.DataFrame(compared.as_table()["verdicts"])
-    return Comparison(compared.outcome, compared.regression, compared.reasons, compared.notes, verdicts)
+    rules = verdicts.Rules(tolerance, time_tolerance, verdicts.PRIMARY if primary is None else tuple(primary))
+    compared = comparing.compare(sources.open_source(first, "a"), sources.open_source(second, "b"), rules)
+    table = pd.DataFrame(compared.as_table()["verdicts"])
+    return Comparison(compared.outcome, compared.regression, compared.reasons, compared.notes, table)
 
 
 def make_run(options: Mapping[str, object], command: str, quiet: bool) -> FinishedRun:
@@ -253,34 +244,29 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         values = checked(RunOptions, options, "run")
         config = _run_config(values)
         # Only now: what is wrong with the input is told before anything heavy is imported.
-        from harness.report.figures import draw_figures  # noqa: PLC0415
-        from harness.report.page import write_run_page  # noqa: PLC0415
+        from harness.report import figures, page, video  # noqa: PLC0415
+        from harness.running import open as opening  # noqa: PLC0415
         from harness.running import run as running  # noqa: PLC0415
-        from harness.running.open import check_gui, open_looks, simulate  # noqa: PLC0415
 
         if values["video"] is not None:
-            from harness.report.video import check_film, write_video  # noqa: PLC0415
-
-            check_film(values["video"], values["force"])
+            video.check_film(values["video"], values["force"])
         if values["gui"]:
-            check_gui(config)
+            opening.check_gui(config)
         finished = running.run(
             config,
             out=values["out"],
             force=values["force"],
             command=command,
             quiet=quiet,
-            draw=running.Drawing(draw_figures, write_run_page),
-            open_looks=partial(open_looks, simulate=partial(simulate, gui=values["gui"])),
+            draw=running.Drawing(figures.draw_figures, page.write_run_page),
+            open_looks=partial(opening.open_looks, simulate=partial(opening.simulate, gui=values["gui"])),
         )
         if values["video"] is not None:
-            write_video(finished.folder, values["video"], values["force"])
+            video.write_video(finished.folder, values["video"], values["force"])
         return finished
 
 
 def _run_config(values: Mapping[str, Any]) -> RunConfig:
-    from harness.running.resolve import resolve_run_config  # noqa: PLC0415
-
     chosen = {name: values[name] for name in keys_of_options()}
     chosen["replay"] = None if values["replay"] is None else str(values["replay"])
     factory = values["tracker"] if callable(values["tracker"]) else None
@@ -301,39 +287,36 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             raise InputError(f"`keep` {values['keep']}: only runs can be kept; for example `keep` runs")
         if values["scheduler"] is not None and values["keep"] is not None:
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
-        from harness.grid.making import keeping, on_stderr  # noqa: PLC0415
-        from harness.grid.stress import run_stress  # noqa: PLC0415
-        from harness.report.folderpage import write_page  # noqa: PLC0415
+        from harness.grid import making  # noqa: PLC0415
+        from harness.grid import stress as stressing  # noqa: PLC0415
+        from harness.report import folderpage, keptpages  # noqa: PLC0415
 
         with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
-            finished = run_stress(
+            finished = stressing.run_stress(
                 request,
                 values["out"],
-                execute if values["keep"] is None else keeping(execute, Path(values["out"])),
+                execute if values["keep"] is None else making.keeping(execute, Path(values["out"])),
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                user=on_stderr(quiet),
+                user=making.on_stderr(quiet),
                 command=command,
             )
         if values["keep"] is not None:
-            from harness.report.keptpages import write_kept_pages  # noqa: PLC0415
-
-            write_kept_pages(finished.folder, quiet)
-        write_page(finished.folder)
+            keptpages.write_kept_pages(finished.folder, quiet)
+        folderpage.write_page(finished.folder)
         return finished
 
 
 @contextmanager
 def _execution(scheduler: str | None, workers: int | None, timeout_s: float | None) -> Iterator[RunCells]:
     """Yield what runs the cells: processes of this machine, or a cluster."""
-    from harness.grid.cluster import connect, run_cells_on_cluster  # noqa: PLC0415
-    from harness.grid.pool import run_cells  # noqa: PLC0415
+    from harness.grid import cluster, pool  # noqa: PLC0415
 
     if scheduler is None:
-        yield lambda cells, on_row: run_cells(cells, workers or os.cpu_count() or 1, timeout_s, on_row)
+        yield lambda cells, on_row: pool.run_cells(cells, workers or os.cpu_count() or 1, timeout_s, on_row)
         return
-    with connect(scheduler) as client:
-        yield lambda cells, on_row: run_cells_on_cluster(client, cells, timeout_s, on_row)
+    with cluster.connect(scheduler) as client:
+        yield lambda cells, on_row: cluster.run_cells_on_cluster(client, cells, timeout_s, on_row)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from harness.common.bootstrap import few_groups_ci
 from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
 from harness.storage.grid_rows import column_of
-from harness.storage.schema import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
+from harness.storage.schema import AS_IS, DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.base import fields_of
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NAN = float("nan")
-AS_IS = "as is"
-"""The world that nothing alters."""
 TRAFFIC_SETTINGS = {f"traffic.{key}" for key, _ in fields_of(TrafficConfig)}
 HOTA, SWITCHES, COVERAGE = "mot.hota", "mot.id_switches", "calibration.coverage95.lon"
 RECALL, WORST_TENTH = "in_plain_view.recall", "in_plain_view.worst_tenth"

@@ -1,15 +1,12 @@
-"""The options of a closed loop, each declared once, and the request that they make."""
+"""The options of a closed loop, each declared once."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import Annotated, TypedDict
 
-from harness.config.options import Option, setting_words
-
-if TYPE_CHECKING:
-    from harness.closedloop.plan import DriveRequest
+from harness.config.options import Option
 
 DRIVES, RESULT = "The drives", "How it is run"
 
@@ -101,30 +98,3 @@ class DriveOptions(TypedDict, total=False):
     timeout_per_run: Annotated[
         float | None, Option("Seconds after which a drive is given up.", panel=RESULT, least=0.1)
     ]
-
-
-def request_of(values: Mapping[str, Any]) -> DriveRequest:
-    """Return what checked options ask for."""
-    from harness.closedloop.plan import DriveRequest, with_truth  # noqa: PLC0415
-
-    return with_truth(
-        DriveRequest(
-            beliefs=values["beliefs"],
-            episodes=values["episodes"],
-            seed=values["seed"],
-            net=str(values["net"]),
-            density=values["density"],
-            demand=values["demand"],
-            driver=values["driver"],
-            sensor=values["sensor"],
-            provoke=values["provoke"],
-            heed_unseen=values["heed_unseen"],
-            settings=(*_broken_down(values["broken_down"]), *setting_words(values["settings"])),
-            flow=values["flow"],
-            detected=values["detected"],
-        )
-    )
-
-
-def _broken_down(count: int | None) -> list[str]:
-    return [] if count is None else setting_words({"traffic.broken_down": count})

@@ -5,9 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
-import typer
-
-from harness.common.errors import InputError
 from harness.config.options import Option
 
 
@@ -46,45 +43,6 @@ def command(options: Options) -> None:
       python -m harness bench --trackers mmpf:gmm,mmpf:idm --vehicles 50,200
       python -m harness bench --vehicles 50 --beside 5
     """
-    import json  # noqa: PLC0415
+    from harness.commands.actions.bench import measure  # noqa: PLC0415
 
-    from rich.console import Console  # noqa: PLC0415
-
-    from harness.common.files import save_figure, write_text  # noqa: PLC0415
-    from harness.common.numbers import without_nan  # noqa: PLC0415
-    from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.lab.bench.bench import BenchPlan, run_bench  # noqa: PLC0415
-    from harness.lab.bench.written import plot, print_tables  # noqa: PLC0415
-
-    out, quiet = options["out"], options["quiet"]
-    plan = BenchPlan(
-        vehicles=_counts(options["vehicles"]),
-        trackers=tuple(name.strip() for name in (options["trackers"] or "").split(",") if name.strip()),
-        particles=options["particles"],
-        steps=options["steps"],
-        seed=options["seed"],
-        budget_s=options["budget"],
-        beside=options["beside"],
-    )
-    steps = len(plan.vehicles) * plan.steps
-    with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
-        result = without_nan(run_bench(plan, advance))
-    out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-    write_text(out / "bench.json", text)
-    save_figure(plot(result), out / "bench.png")
-    if not quiet:
-        print_tables(result, Console(stderr=True))
-        typer.echo(f"written to {out}", err=True)
-    if options["json"]:
-        typer.echo(text, nl=False)
-
-
-def _counts(text: str) -> tuple[int, ...]:
-    try:
-        counts = tuple(sorted({int(word) for word in text.split(",")}))
-    except ValueError:
-        counts = ()
-    if not counts or counts[0] < 1 or counts[-1] > 2000:
-        raise InputError(f"`vehicles` {text}: give whole numbers from 1 to 2000 with commas between, for example 25,50")
-    return counts
+    measure(options)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, TypedDict
-
-import typer
 
 from harness.config.options import Option
 
@@ -76,31 +73,6 @@ def command(options: Options) -> None:
       python -m harness calibrate --keep-drivers --trials 5 --write
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """
-    from harness.common.errors import InputError  # noqa: PLC0415
-    from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.config.lists import seed_values  # noqa: PLC0415
-    from harness.lab.fidelity.calibration import CalibrationRequest, calibrate  # noqa: PLC0415
-    from harness.truth.network.network import load_network  # noqa: PLC0415
+    from harness.commands.actions.calibrate import fit_traffic  # noqa: PLC0415
 
-    net, write, out, quiet = options["net"], options["write"], options["out"], options["quiet"]
-    network = load_network(net)
-    if network.calibration_file is None and write:
-        raise InputError(f"`write`: {net} names no calibration_file in its network.toml")
-    request = CalibrationRequest(
-        fields=options["fields"],
-        demand=options["demand"],
-        trials=options["trials"],
-        seeds=tuple(seed_values(options["seeds"])),
-        duration_s=60.0 * options["minutes"],
-        keep_drivers=options["keep_drivers"],
-        fresh=options["fresh"],
-        workers=options["workers"],
-        first_step=options["step"],
-        recordings=tuple(options["recordings"] or ()),
-    )
-    with progress_bar("calibrate", request.runs(network), quiet, before="calibrate: the first simulations") as advance:
-        result = calibrate(network, request, advance, lambda line: None if quiet else typer.echo(line, err=True))
-    result.write(out, network if write else None)
-    if options["json"]:
-        typer.echo(json.dumps(result.as_json(), indent=2))
-    typer.echo(f"written to {out}{f' and {network.calibration_file}' if write else ''}", err=True)
+    fit_traffic(options)

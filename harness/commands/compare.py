@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import Annotated, TypedDict
 
-import typer
-
-from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.config.options import Option
-
-if TYPE_CHECKING:
-    from harness.analysis.sources import Source
-    from harness.analysis.verdicts import Rules
 
 
 class Options(TypedDict):
@@ -79,71 +70,6 @@ def command(options: Options) -> int:
       python -m harness compare --suite standard --markdown comment.md
       python -m harness compare --suite standard --record
     """
-    from harness.analysis.compare import compare  # noqa: PLC0415
+    from harness.commands.actions.compare import compare_sides  # noqa: PLC0415
 
-    sides = _sides(options)
-    if sides is None:
-        return 0
-    comparison = compare(*sides, _rules(options))
-    if not options["quiet"]:
-        from harness.analysis.comparison_text import print_comparison  # noqa: PLC0415
-
-        print_comparison(comparison)
-    markdown, html = options["markdown"], options["html"]
-    if markdown is not None:
-        from harness.analysis.comparison_text import as_markdown  # noqa: PLC0415
-
-        _write(markdown, as_markdown(comparison), "markdown")
-    if html is not None:
-        from harness.report.comparisonpage import comparison_page  # noqa: PLC0415
-
-        _write(html, comparison_page(comparison), "html")
-    if options["json"]:
-        typer.echo(json.dumps(comparison.as_table(), indent=2))
-    undecided = DONE if options["allow_undecided"] else UNDECIDED
-    return {"worse": WORSE, "undecided": undecided}.get(comparison.outcome, DONE)
-
-
-def _rules(options: Options) -> Rules:
-    from harness.analysis.verdicts import PRIMARY, Rules  # noqa: PLC0415
-    from harness.config.lists import names  # noqa: PLC0415
-
-    primary = PRIMARY if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
-    return Rules(options["tolerance"], options["time_tolerance"], tuple(primary))
-
-
-def _write(path: Path, text: str, parameter: str) -> None:
-    from harness.common.errors import InputError  # noqa: PLC0415
-    from harness.common.files import write_text  # noqa: PLC0415
-
-    try:
-        write_text(path, text)
-    except OSError as error:
-        raise InputError(f"`{parameter}`: can't write {path}: {error.strerror}; choose another file") from None
-
-
-def _sides(options: Options) -> tuple[Source, Source] | None:
-    """Return what is compared; None where a suite was run to be kept as the baseline."""
-    from harness.analysis.sources import open_source  # noqa: PLC0415
-    from harness.common.errors import InputError, RunError  # noqa: PLC0415
-    from harness.lab.suite import BASELINE, keep_as_baseline, run_suite  # noqa: PLC0415
-
-    given, baseline, suite = list(options["folders"] or ()), options["baseline"], options["suite"]
-    if options["record"] and (suite is None or given):
-        raise InputError("`record`: only a suite makes a baseline; for example `suite` standard with `record`")
-    if suite is not None and not given:
-        before = None if options["record"] else open_source(baseline or str(BASELINE), "baseline")
-        workers = options["workers"] or os.cpu_count() or 1
-        ran = run_suite(suite, options["out"], workers=workers, resume=options["resume"], quiet=options["quiet"])
-        if ran.failures:
-            raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
-        if before is None:
-            kept = keep_as_baseline(ran, suite, Path(baseline or BASELINE))
-            typer.echo(f"baseline: {kept}", err=True)
-            return None
-        return before, open_source(str(ran.folder), "out")
-    if suite is None and len(given) == 1 and baseline is not None:
-        return open_source(baseline, "baseline"), open_source(given[0], "folders")
-    if suite is None and len(given) == 2 and baseline is None:
-        return open_source(given[0], "folders"), open_source(given[1], "folders")
-    raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")
+    return compare_sides(options)

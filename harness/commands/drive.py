@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from harness.closedloop.options import RESULT, DriveOptions, request_of
-from harness.config.options import Option, checked
-
-if TYPE_CHECKING:
-    from harness.closedloop.drive import FinishedDrives
+from harness.closedloop.options import RESULT, DriveOptions
+from harness.common.errors import RunError
+from harness.config.options import Option
 
 
 class Options(DriveOptions, total=False):
@@ -48,15 +44,12 @@ def command(options: Options) -> None:
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """
-    from harness.common.errors import RunError  # noqa: PLC0415
+    from harness.commands.actions.drive import make_drives, tell  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_drives(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
     if not quiet:
-        from harness.common.markdown import show_markdown  # noqa: PLC0415
-
-        show_markdown(finished.text, on_stderr=True)
-        sys.stderr.write(f"{finished.folder}\n")
+        tell(finished)
     if as_json:
         typer.echo(json.dumps(finished.summary, indent=2))
     if finished.failures:
@@ -64,44 +57,3 @@ def command(options: Options) -> None:
             f"{len(finished.failures)} of {finished.summary['runs']} drives failed, the first: "
             f"{finished.failures[0]}; all rows are in {finished.folder}"
         )
-
-
-def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
-    """Drive, and write the folder and its pages.
-
-    Args:
-        options: Options by name, as ``DriveOptions`` has them.
-        command: What the manifest says of how it was called.
-        quiet: Whether to leave out the progress bar.
-
-    Raises:
-        InputError: An option or the folder is wrong; nothing was driven.
-    """
-    values = checked(DriveOptions, options, "drive")
-    request = request_of(values)
-    # Only now: what is wrong with the input is told before anything heavy is imported.
-    from harness.closedloop.drive import Execution, run_drives  # noqa: PLC0415
-    from harness.grid.making import on_stderr  # noqa: PLC0415
-
-    workers = values["workers"] or os.cpu_count() or 1
-    how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
-    finished = run_drives(request, values["out"], how, on_stderr(quiet), command)
-    _write_pages(finished, quiet)
-    return finished
-
-
-def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
-    """Write the pages of the collisions that the tables lead to, as far as they are not there, then the folder's."""
-    from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.report.folderpage import write_page  # noqa: PLC0415
-    from harness.report.page import PAGE, write_run_page  # noqa: PLC0415
-    from harness.storage import run_folder as runfolder  # noqa: PLC0415
-    from harness.storage.grid_folder import KEPT  # noqa: PLC0415
-
-    folders = [finished.folder / KEPT / key for key in finished.shown]
-    with progress_bar("pages of the collisions", len(folders), quiet) as advance:
-        for folder in folders:
-            if (folder / runfolder.MANIFEST).is_file() and not (folder / PAGE).is_file():
-                write_run_page(folder)
-            advance()
-    write_page(finished.folder)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, TypedDict
-
-import typer
 
 from harness.config.options import Option
 
@@ -45,28 +42,6 @@ def command(options: Options) -> None:
       python -m harness fidelity --fields us101_fields
              --recordings ngsim --recordings commonroad
     """
-    from harness.common.progress import progress_bar  # noqa: PLC0415
-    from harness.config.lists import names, seed_values  # noqa: PLC0415
-    from harness.lab.fidelity.comparison import FidelityRequest, compare_traffic  # noqa: PLC0415
-    from harness.lab.fidelity.report import print_fidelity, write_fidelity  # noqa: PLC0415
-    from harness.truth.network.network import load_network  # noqa: PLC0415
+    from harness.commands.actions.fidelity import judge_traffic  # noqa: PLC0415
 
-    demand, out, quiet = options["demand"], options["out"], options["quiet"]
-    network = load_network(options["net"])
-    request = FidelityRequest(
-        demands=names(demand, "--demand", "us101-0805") if demand is not None else (),
-        seeds=tuple(seed_values(options["seeds"])),
-        duration_s=60.0 * options["minutes"],
-        fields=options["fields"],
-        recordings=tuple(options["recordings"] or ()),
-        workers=options["workers"],
-    )
-
-    with progress_bar("fidelity", request.runs(network), quiet, before="fidelity: the first simulations") as advance:
-        result = compare_traffic(network, request, advance)
-    write_fidelity(result, out)
-    if not quiet:
-        print_fidelity(result)
-    if options["json"]:
-        typer.echo(json.dumps(result.as_json(), indent=2))
-    typer.echo(f"written to {out}", err=True)
+    judge_traffic(options)

@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
-import os
-import tempfile
-from collections.abc import Sequence
-from contextlib import chdir
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import Annotated, TypedDict
 
-import typer
-
-from harness.commands.from_options import typer_command, with_values
-from harness.common.exit_codes import DONE, WORSE
 from harness.config.options import Option
-
-if TYPE_CHECKING:
-    from harness.lab.reference.registry import Reference
 
 
 class Options(TypedDict):
@@ -50,113 +38,6 @@ def command(options: Options) -> int:
       python -m harness reference trackers --workers 2
       python -m harness reference small --check
     """
-    from harness.lab.reference.making import make_reference  # noqa: PLC0415
-    from harness.lab.reference.registry import FOLDER, reference_named  # noqa: PLC0415
-    from harness.lab.reference.tree import top_of_tree  # noqa: PLC0415
+    from harness.commands.actions.reference import make_or_check  # noqa: PLC0415
 
-    root, name = top_of_tree(), options["name"]
-    if name is None:
-        _list(root)
-        return DONE
-    reference = reference_named(name, root)
-
-    def execute(words: list[str], out: Path) -> None:
-        _execute(words, out, options["workers"], options["quiet"], root)
-
-    if options["check"]:
-        from harness.lab.reference.differing import differences, made_here, told  # noqa: PLC0415
-
-        committed = root / FOLDER / name
-        with tempfile.TemporaryDirectory() as made:
-            execute(list(reference.words), Path(made) / name)
-            same_kind = made_here(committed)
-            found = differences(committed, Path(made) / name, not same_kind)
-        same = (
-            "the same" if same_kind else "the same traffic and detections; scores belong to another kind of processor"
-        )
-        typer.echo(told(found, committed) if found else f"{name}: remade, and {same}", err=True)
-        return WORSE if found else DONE
-    if options["out"] is not None:
-        out = options["out"].absolute()
-        execute(list(reference.words), out)
-    else:
-        out = make_reference(reference, root, execute)
-    typer.echo(f"reference: {out}", err=True)
-    return DONE
-
-
-def _execute(words: list[str], out: Path, workers: int | None, quiet: bool, root: Path) -> None:
-    """Run another command of this program so that it writes into ``out``, which it takes up again where it can."""
-    called = _command_of(words[0])
-    known = {flag for parameter in called.params for flag in parameter.opts}
-    added = ["--out", str(out)]
-    if "--resume" in known and out.exists():
-        added.append("--resume")
-    if "--workers" in known:
-        added += ["--workers", str(workers or os.cpu_count() or 1)]
-    if quiet and "--quiet" in known:
-        added.append("--quiet")
-    with chdir(root):
-        called(
-            args=_typed(words[0], [*words[1:], *added]),
-            prog_name=f"python -m harness {words[0]}",
-            standalone_mode=False,
-        )
-
-
-def _command_of(name: str) -> Any:  # noqa: ANN401
-    application = typer.Typer(add_completion=False)
-    application.command()(typer_command(_function_of(name)))
-    return typer.main.get_command(application)
-
-
-def _typed(name: str, words: Sequence[str]) -> list[str]:
-    """Return a command's words, with the values of options that were typed without one."""
-    return with_values(_function_of(name), words)
-
-
-def _function_of(name: str) -> Any:  # noqa: ANN401
-    return importlib.import_module(f"harness.commands.{name}").command
-
-
-def _list(root: Path) -> None:
-    """Print each reference with its state, what it is for and what it stands for."""
-    from harness.lab.reference.registry import references  # noqa: PLC0415
-
-    for reference in references(root).values():
-        typer.echo(f"{reference.name}: {reference.about}\n  {state_of(reference, root)}\n  {reference.command}")
-
-
-def state_of(reference: Reference, root: Path) -> str:
-    """Return in words whether a reference is there and made as the list says."""
-    import json  # noqa: PLC0415
-
-    from harness.lab.reference.registry import FOLDER  # noqa: PLC0415
-
-    folder = root / FOLDER / reference.name
-    if not folder.is_dir():
-        return "not made yet"
-    try:
-        made_of = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["git_revision"]
-    except (OSError, ValueError, KeyError):
-        made_of = "an unknown revision"
-    same = made_as_listed(reference, folder)
-    return f"made of {made_of}{'' if same else ', with other options than these'}"
-
-
-def made_as_listed(reference: Reference, folder: Path) -> bool:
-    """Return whether a stress test's folder holds the grid that the list asks for; True of what is none."""
-    if reference.words[0] != "stress":
-        return True
-    import json  # noqa: PLC0415
-    from dataclasses import asdict  # noqa: PLC0415
-
-    from harness.config.options import checked  # noqa: PLC0415
-    from harness.grid.options import GridOptions, request_of  # noqa: PLC0415
-
-    context = _command_of("stress").make_context("stress", _typed("stress", reference.words[1:]))
-    own = {name: value for name, value in context.params.items() if name in GridOptions.__annotations__}
-    asked = json.loads(json.dumps(asdict(request_of(checked(GridOptions, own, "stress")))))
-    made = json.loads((folder / "grid.json").read_text(encoding="utf-8"))
-    # A grid of before knew fewer choices; what it does not name was as it is when it is not given.
-    return all(made.get(key, value) == value for key, value in asked.items() if key != "replay")
+    return make_or_check(options)

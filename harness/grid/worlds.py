@@ -11,9 +11,9 @@ import difflib
 import re
 from collections.abc import Mapping
 
-from harness.analysis.mismatch_cost import AS_IS
 from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
+from harness.storage.schema import AS_IS
 
 ALL, USUAL = "all", "usual"
 Worlds = dict[str, tuple[str, ...]]

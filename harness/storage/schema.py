@@ -21,6 +21,8 @@ FATES = ("none", "lost", "displaced", "hijacked", "ghost")
 
 # Columns that say which cell of a grid a row is of.
 NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
+AS_IS = "as is"
+"""The world of a column ``mismatch`` that nothing alters."""
 
 DENSITY_RANGE = (5.0, 65.0)
 """Lowest and highest density that may be asked for, vehicles per kilometre and lane."""

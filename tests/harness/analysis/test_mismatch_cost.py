@@ -2,18 +2,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.mismatch_cost import AS_IS, costs, costs_markdown, leads
+from harness.analysis.mismatch_cost import costs, costs_markdown, leads
 from harness.commands.from_options import with_values
 from harness.commands.stress import command
 from harness.common.errors import InputError
 from harness.config.options import checked
+from harness.grid.asked import request_of
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.options import GridOptions, request_of
+from harness.grid.options import GridOptions
 from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
 from harness.running.open import open_looks
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.sensor.profiles import sensor_settings
+from harness.storage.schema import AS_IS
 
 
 def test_every_tracker_runs_under_every_mismatch_on_shared_detections():

@@ -10,9 +10,10 @@ from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.config.options import checked
 from harness.grid import grid as planning
+from harness.grid.asked import request_of
 from harness.grid.cells import PlannedRun, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, title_of
-from harness.grid.options import GridOptions, request_of
+from harness.grid.options import GridOptions
 from tests.harness.stand_ins import echo_tracker
 
 FEW = "fewer densities, seeds or values, for example `densities` 5:65:10, `seeds` 10"

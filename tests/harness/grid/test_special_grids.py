@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from harness.analysis import pooled, pooled_tables
-from harness.analysis.mismatch_cost import AS_IS, Cost, costs, costs_markdown, leads
+from harness.analysis.mismatch_cost import Cost, costs, costs_markdown, leads
 from harness.analysis.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
 from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
 from harness.grid.worlds import usual_worlds
@@ -21,6 +21,7 @@ from harness.lab.tuning.outcome_file import Outcome, write_outcome
 from harness.lab.tuning.spaces import Range
 from harness.lab.tuning.trials import Found, Scores, Trial
 from harness.sensor.profiles import sensor_settings
+from harness.storage.schema import AS_IS
 from tests.harness.analysis.test_pooled import row
 
 POOLED = ("mot.hota", "mot.id_switches", "mae.visible.lon_m")

@@ -1,0 +1,84 @@
+"""A comparison of two sides, told and written as the options of ``compare`` ask for."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from harness.analysis.compare import compare
+from harness.analysis.comparison_text import as_markdown, print_comparison
+from harness.analysis.sources import Source, open_source
+from harness.analysis.verdicts import PRIMARY, Rules
+from harness.common.errors import InputError, RunError
+from harness.common.exit_codes import DONE, UNDECIDED, WORSE
+from harness.common.files import write_text
+from harness.config.lists import names
+from harness.lab.suite import BASELINE, keep_as_baseline, run_suite
+from harness.report.comparisonpage import comparison_page
+
+
+def compare_sides(options: Mapping[str, Any]) -> int:
+    """Compare what the options name.
+
+    Returns:
+        Exit code: done, worse or undecided.
+
+    Raises:
+        InputError: The options or the folders do not make two sides that can be compared.
+        RunError: A run of the suite failed.
+    """
+    sides = _sides(options)
+    if sides is None:
+        return 0
+    comparison = compare(*sides, _rules(options))
+    if not options["quiet"]:
+        print_comparison(comparison)
+    markdown, html = options["markdown"], options["html"]
+    if markdown is not None:
+        _write(markdown, as_markdown(comparison), "markdown")
+    if html is not None:
+        _write(html, comparison_page(comparison), "html")
+    if options["json"]:
+        typer.echo(json.dumps(comparison.as_table(), indent=2))
+    undecided = DONE if options["allow_undecided"] else UNDECIDED
+    return {"worse": WORSE, "undecided": undecided}.get(comparison.outcome, DONE)
+
+
+def _rules(options: Mapping[str, Any]) -> Rules:
+    primary = PRIMARY if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
+    return Rules(options["tolerance"], options["time_tolerance"], tuple(primary))
+
+
+def _write(path: Path, text: str, parameter: str) -> None:
+    try:
+        write_text(path, text)
+    except OSError as error:
+        raise InputError(f"`{parameter}`: can't write {path}: {error.strerror}; choose another file") from None
+
+
+def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:
+    """Return what is compared; None where a suite was run to be kept as the baseline."""
+    given, baseline, suite = list(options["folders"] or ()), options["baseline"], options["suite"]
+    if options["record"] and (suite is None or given):
+        raise InputError("`record`: only a suite makes a baseline; for example `suite` standard with `record`")
+    if suite is not None and not given:
+        before = None if options["record"] else open_source(baseline or str(BASELINE), "baseline")
+        workers = options["workers"] or os.cpu_count() or 1
+        ran = run_suite(suite, options["out"], workers=workers, resume=options["resume"], quiet=options["quiet"])
+        if ran.failures:
+            raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
+        if before is None:
+            kept = keep_as_baseline(ran, suite, Path(baseline or BASELINE))
+            typer.echo(f"baseline: {kept}", err=True)
+            return None
+        return before, open_source(str(ran.folder), "out")
+    if suite is None and len(given) == 1 and baseline is not None:
+        return open_source(baseline, "baseline"), open_source(given[0], "folders")
+    if suite is None and len(given) == 2 and baseline is None:
+        return open_source(given[0], "folders"), open_source(given[1], "folders")
+    raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")

@@ -1,0 +1,57 @@
+"""Drives that an ego makes by what trackers tell it, with the pages of their folder."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+
+from harness.closedloop.drive import Execution, FinishedDrives, run_drives
+from harness.closedloop.options import DriveOptions
+from harness.closedloop.plan import request_of
+from harness.common.markdown import show_markdown
+from harness.common.progress import progress_bar
+from harness.config.options import checked
+from harness.grid.making import on_stderr
+from harness.report.folderpage import write_page
+from harness.report.page import PAGE, write_run_page
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import KEPT
+
+
+def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
+    """Drive, and write the folder and its pages.
+
+    Args:
+        options: Options by name, as ``DriveOptions`` has them.
+        command: What the manifest says of how it was called.
+        quiet: Whether to leave out the progress bar.
+
+    Raises:
+        InputError: An option or the folder is wrong; nothing was driven.
+    """
+    values = checked(DriveOptions, options, "drive")
+    request = request_of(values)
+
+    workers = values["workers"] or os.cpu_count() or 1
+    how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
+    finished = run_drives(request, values["out"], how, on_stderr(quiet), command)
+    _write_pages(finished, quiet)
+    return finished
+
+
+def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
+    """Write the pages of the collisions that the tables lead to, as far as they are not there, then the folder's."""
+    folders = [finished.folder / KEPT / key for key in finished.shown]
+    with progress_bar("pages of the collisions", len(folders), quiet) as advance:
+        for folder in folders:
+            if (folder / runfolder.MANIFEST).is_file() and not (folder / PAGE).is_file():
+                write_run_page(folder)
+            advance()
+    write_page(finished.folder)
+
+
+def tell(finished: FinishedDrives) -> None:
+    """Print the tables and the folder on stderr."""
+    show_markdown(finished.text, on_stderr=True)
+    sys.stderr.write(f"{finished.folder}\n")

@@ -1,0 +1,152 @@
+"""The studies: made, written as a folder with its page, and told on stdout."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import typer
+
+from harness.common.errors import InputError
+from harness.common.markdown import show_markdown
+from harness.common.progress import progress_bar
+from harness.config.lists import seed_values
+from harness.grid.grid import GridRequest
+from harness.grid.making import Telling
+from harness.grid.pool import run_cells
+from harness.grid.stress import run_stress
+from harness.lab.ablation import (
+    IDEAL_ABLATIONS,
+    ablation_request,
+    ablation_rows,
+    as_markdown,
+    ideal_request,
+    write_ablation,
+)
+from harness.lab.study import published, written
+from harness.lab.study.transfer import transfer
+from harness.lab.study.transfer import written as transfer_written
+from harness.lab.windows.realdata import real_data_folder
+from harness.report.folderpage import write_page
+from harness.storage.grid_folder import RUNS
+from harness.truth.network.network import Network, load_network
+
+ABLATION_S = 30.0
+
+
+def make_study_of(options: Mapping[str, Any]) -> None:
+    """Make the study that the options of ``study`` ask for.
+
+    Raises:
+        InputError: There is no such study, or it has no such choice.
+    """
+    case, net, quiet = options["case"], options["net"], options["quiet"]
+    traffic = seed_values(options["seeds"] or ("0:4" if case == "ablation" else "0:16"))
+    first, count = traffic.start, len(traffic)
+    folder = options["out"] or Path("results") / f"study-{case}"
+
+    def say(line: str) -> None:
+        if not quiet:
+            typer.echo(line, err=True)
+
+    if case == "ablation":
+        _refuse(options, ("models", "model_file", "real_data"), "the ablation study")
+        told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
+    elif case == "transfer":
+        _refuse(options, ("models", "model_file"), "the transfer study")
+        plan = transfer.TransferPlan(
+            real_data_folder(options["real_data"]),
+            options["cases"],
+            options["particles"] or 200,
+            options["seed"],
+            first,
+            count,
+            cache=options["cache"],
+        )
+        told = _make_transfer(plan, load_network(net), folder, say, quiet)
+    else:
+        _refuse(options, ("real_data",), "a study of simulated traffic")
+        chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
+        cases = published.StudyPlan(
+            case,
+            chosen,
+            options["model_file"],
+            options["cases"],
+            options["particles"] or 1000,
+            options["seed"],
+            first,
+            count,
+            options["cache"],
+        )
+        told = _make_published(cases, load_network(net), folder, say, quiet)
+
+    write_page(folder)
+    if options["json"]:
+        typer.echo(json.dumps(told.numbers))
+    else:
+        show_markdown(told.text)
+    typer.echo(f"written to {folder}", err=True)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a study says on stdout, for programs and for people."""
+
+    numbers: dict[str, Any]
+    text: str
+
+
+def _refuse(options: Mapping[str, Any], parameters: tuple[str, ...], study: str) -> None:
+    for parameter in parameters:
+        if options.get(parameter) is not None:
+            raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
+
+
+def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
+    def runs_of(request: GridRequest, out: Path) -> pd.DataFrame:
+        run_stress(
+            request,
+            out,
+            lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
+            resume=(out / RUNS).exists() or (out / "grid.json").exists(),
+            user=Telling(quiet),
+            command="harness study ablation",
+        )
+        return pd.read_parquet(out / RUNS)
+
+    rows = ablation_rows(runs_of(ablation_request(net, seeds, ABLATION_S), folder))
+    ideal = ablation_rows(runs_of(ideal_request(net, seeds, ABLATION_S), folder / "ideal"), IDEAL_ABLATIONS)
+    setting = (
+        f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, gmm unless "
+        "an arm says otherwise."
+    )
+    return _Told(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
+
+
+def _make_transfer(
+    plan: transfer.TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
+) -> _Told:
+    before = "study transfer: recording, reading and fitting"
+    with progress_bar("study transfer: predicting", transfer.MODELS * transfer.TEST_SETS, quiet, before) as advance:
+        result = transfer.make_transfer_study(plan, network, say, advance)
+    transfer_written.write_transfer(result, folder)
+    return _Told(transfer_written.as_json(result), transfer_written.as_markdown(result))
+
+
+def _make_published(
+    plan: published.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
+) -> _Told:
+    runs = plan.runs if plan.study in published.MODELS else 1
+    title = f"study {plan.study}"
+    try:
+        with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
+            result, setting = published.make_study(plan, network, say, advance)
+    except ValueError as error:
+        raise InputError(f"`model_file` {plan.model_file}: {error}") from error
+    written.write_study(result, setting, folder)
+    return _Told(written.as_json(result, setting), written.as_markdown(result, setting))

@@ -1,0 +1,49 @@
+"""The behaviour model: fitted, written and told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import typer
+
+from harness.common.errors import InputError
+from harness.config.lists import seed_values
+from harness.lab.fit.train import TrainingPlan, train
+from harness.lab.fit.turning_fit import ON_NETWORKS, TURNING, train_turning
+from harness.lab.windows.scenarios import FIRST_TRAINING_SEED
+from harness.truth.network.network import load_network
+
+
+def fit_model(options: Mapping[str, Any]) -> None:
+    """Do what the options of ``train`` ask for; raises ``InputError`` where they are wrong."""
+    case = options["case"]
+    seeds = options["seeds"] or {"lane-change": "1000:1040", TURNING: "1000:1006"}.get(case, "1000:1032")
+    traffic = seed_values(seeds)
+    first, count = traffic.start, len(traffic)
+    if first < FIRST_TRAINING_SEED:
+        raise InputError(
+            f"`seeds` {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "
+            f"give {FIRST_TRAINING_SEED} and up"
+        )
+
+    def say(line: str) -> None:
+        typer.echo(line, err=True)
+
+    if case == TURNING:
+        if options["components"] is not None:
+            raise InputError("`components`: the case turning fits six numbers and no mixture; leave it out")
+        networks = [load_network(name) for name in (options["net"] or ON_NETWORKS).split(",")]
+        paths = [train_turning(networks, traffic, options["cache"], options["out"], say)]
+    else:
+        plan = TrainingPlan(
+            *(case, options["components"], first, count, options["seed"], options["sweep"]),
+            *(options["cache"], options["out"]),
+        )
+        paths = train(plan, load_network(options["net"] or "us101"), say)
+    if options["json"]:
+        typer.echo(json.dumps({"models": [str(path) for path in paths]}))
+    else:
+        for path in paths:
+            typer.echo(f"{path} and {path.with_suffix('.md').name}")
