@@ -19,9 +19,7 @@ import pandas as pd
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
-from harness.grid.asked import request_of
 from harness.grid.options import GridOptions
-from harness.running.finished import read_metrics
 from harness.running.resolve import resolve_run_config
 from harness.storage.grid_rows import flattened
 from harness.storage.run_folder import read_manifest, read_table
@@ -65,6 +63,8 @@ class Run:
 
         An interval ends in ``.low`` and ``.high``, an entry of a list in its place from 0.
         """
+        from harness.running.finished import read_metrics  # noqa: PLC0415
+
         flat = flattened(read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
         return pd.DataFrame({"value": pd.Series(numbers, dtype="float64")}).rename_axis("metric")
@@ -280,6 +280,8 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
     """Do what ``stress`` does; arguments as for ``make_run``."""
     with _input_errors():
         values = checked(GridOptions, options, "stress")
+        from harness.grid.asked import request_of  # noqa: PLC0415
+
         request = request_of(values)
         if values["scheduler"] is not None and values["workers"] is not None:
             raise InputError("`workers`: the cluster has its own workers; leave it out with `scheduler`")

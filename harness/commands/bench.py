@@ -43,6 +43,6 @@ def command(options: Options) -> None:
       python -m harness bench --trackers mmpf:gmm,mmpf:idm --vehicles 50,200
       python -m harness bench --vehicles 50 --beside 5
     """
-    from harness.commands.actions.bench import measure  # noqa: PLC0415
+    from harness.commands.actions.measure import measure  # noqa: PLC0415
 
     measure(options)

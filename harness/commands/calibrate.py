@@ -73,6 +73,6 @@ def command(options: Options) -> None:
       python -m harness calibrate --keep-drivers --trials 5 --write
       python -m harness calibrate --demand us101-0750 --seeds 1000:1003
     """
-    from harness.commands.actions.calibrate import fit_traffic  # noqa: PLC0415
+    from harness.commands.actions.fit_traffic import fit_traffic  # noqa: PLC0415
 
     fit_traffic(options)

@@ -70,6 +70,6 @@ def command(options: Options) -> int:
       python -m harness compare --suite standard --markdown comment.md
       python -m harness compare --suite standard --record
     """
-    from harness.commands.actions.compare import compare_sides  # noqa: PLC0415
+    from harness.commands.actions.compare_sides import compare_sides  # noqa: PLC0415
 
     return compare_sides(options)

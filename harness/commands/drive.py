@@ -44,7 +44,7 @@ def command(options: Options) -> None:
       python -m harness drive --driver idm --beliefs mmpf,stonesoup-jpda --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """
-    from harness.commands.actions.drive import make_drives, tell  # noqa: PLC0415
+    from harness.commands.actions.make_drives import make_drives, tell  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_drives(options, shlex.join(["harness", *sys.argv[1:]]), quiet)

@@ -42,6 +42,6 @@ def command(options: Options) -> None:
       python -m harness fidelity --fields us101_fields
              --recordings ngsim --recordings commonroad
     """
-    from harness.commands.actions.fidelity import judge_traffic  # noqa: PLC0415
+    from harness.commands.actions.judge_traffic import judge_traffic  # noqa: PLC0415
 
     judge_traffic(options)

@@ -38,6 +38,6 @@ def command(options: Options) -> int:
       python -m harness reference trackers --workers 2
       python -m harness reference small --check
     """
-    from harness.commands.actions.reference import make_or_check  # noqa: PLC0415
+    from harness.commands.actions.make_or_check import make_or_check  # noqa: PLC0415
 
     return make_or_check(options)

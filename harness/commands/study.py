@@ -5,7 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.common.errors import InputError
 from harness.config.options import Option
+
+NO_CHOICE = {
+    "ablation": (("models", "model_file", "real_data"), "the ablation study"),
+    "transfer": (("models", "model_file"), "the transfer study"),
+}
+"""By study, the options that it has no use for, and how its message names it."""
 
 
 class Options(TypedDict):
@@ -49,6 +56,10 @@ def command(options: Options) -> None:
       python -m harness study transfer --real-data recordings
       python -m harness study ablation
     """
-    from harness.commands.actions.study import make_study_of  # noqa: PLC0415
+    parameters, study = NO_CHOICE.get(options["case"], (("real_data",), "a study of simulated traffic"))
+    for parameter in parameters:
+        if options.get(parameter) is not None:
+            raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
+    from harness.commands.actions.make_study import make_study_of  # noqa: PLC0415
 
     make_study_of(options)

@@ -51,6 +51,6 @@ def command(options: Options) -> None:
       python -m harness train --case lane-change --components 40 --no-sweep
       python -m harness train --case turning
     """
-    from harness.commands.actions.train import fit_model  # noqa: PLC0415
+    from harness.commands.actions.fit_model import fit_model  # noqa: PLC0415
 
     fit_model(options)

@@ -10,7 +10,7 @@ from harness.closedloop import worker
 from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, STOPPED, DriveRequest, plan_drives
-from harness.commands.actions.drive import make_drives
+from harness.commands.actions.make_drives import make_drives
 from harness.common.errors import InputError, RunError
 from harness.decisions.drivers.protocol import Command
 from harness.grid.worker import Finished

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.commands.actions.reference import made_as_listed
+from harness.commands.actions.make_or_check import made_as_listed
 from harness.common.errors import InputError
 from harness.lab.reference.differing import differences, made_here
 from harness.lab.reference.making import make_reference

@@ -19,7 +19,6 @@ from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.common.files import write_text
 from harness.config.lists import names
 from harness.lab.suite import BASELINE, keep_as_baseline, run_suite
-from harness.report.comparisonpage import comparison_page
 
 
 def compare_sides(options: Mapping[str, Any]) -> int:
@@ -42,6 +41,8 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     if markdown is not None:
         _write(markdown, as_markdown(comparison), "markdown")
     if html is not None:
+        from harness.report.comparisonpage import comparison_page  # noqa: PLC0415  matplotlib is slow to import
+
         _write(html, comparison_page(comparison), "html")
     if options["json"]:
         typer.echo(json.dumps(comparison.as_table(), indent=2))

@@ -43,7 +43,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
     """Make the study that the options of ``study`` ask for.
 
     Raises:
-        InputError: There is no such study, or it has no such choice.
+        InputError: There is no such study, network or model.
     """
     case, net, quiet = options["case"], options["net"], options["quiet"]
     traffic = seed_values(options["seeds"] or ("0:4" if case == "ablation" else "0:16"))
@@ -55,10 +55,8 @@ def make_study_of(options: Mapping[str, Any]) -> None:
             typer.echo(line, err=True)
 
     if case == "ablation":
-        _refuse(options, ("models", "model_file", "real_data"), "the ablation study")
         told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
     elif case == "transfer":
-        _refuse(options, ("models", "model_file"), "the transfer study")
         plan = transfer.TransferPlan(
             real_data_folder(options["real_data"]),
             options["cases"],
@@ -70,7 +68,6 @@ def make_study_of(options: Mapping[str, Any]) -> None:
         )
         told = _make_transfer(plan, load_network(net), folder, say, quiet)
     else:
-        _refuse(options, ("real_data",), "a study of simulated traffic")
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
         cases = published.StudyPlan(
             case,
@@ -99,12 +96,6 @@ class _Told:
 
     numbers: dict[str, Any]
     text: str
-
-
-def _refuse(options: Mapping[str, Any], parameters: tuple[str, ...], study: str) -> None:
-    for parameter in parameters:
-        if options.get(parameter) is not None:
-            raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
 
 
 def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
