@@ -112,6 +112,16 @@ class Registry(Generic[T]):
         told = self.unknown.format(kind=self.kind, name=name, known=known, in_order=in_order)
         raise UnknownNameError(told + (f"; did you mean {' or '.join(near)}?" if near else ""))
 
+    def problem(self, name: str) -> str:
+        """Return in words why a name has no entry to be had, to follow what was named; empty if it has one."""
+        try:
+            self[name]
+        except PartMissingError as error:
+            return f": {error}"
+        except UnknownNameError as error:
+            return f" {name}: {error}"
+        return ""
+
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(self.names()))
 

@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from harness.common.errors import InputError
-from mmpf.registry import PartMissingError, Registry, UnknownNameError
 
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 
 
-def named(registry: Registry[T], option: str, name: str) -> T:
+class Catalogue(Protocol[T_co]):
+    """A registry, as ``mmpf.registry.Registry`` is one."""
+
+    @property
+    def fault(self) -> Callable[[object], str] | None:
+        """Return what is wrong with a thing that an entry made; None where anything is right."""
+
+    def __getitem__(self, name: str) -> T_co:
+        """Return the entry of a name."""
+
+    def problem(self, name: str) -> str:
+        """Return in words why a name has no entry to be had, empty if it has."""
+
+
+def named(registry: Catalogue[T], option: str, name: str) -> T:
     """Return the entry of a name.
 
     Args:
@@ -22,15 +36,12 @@ def named(registry: Registry[T], option: str, name: str) -> T:
     Raises:
         InputError: There is none of that name, or it can't be had.
     """
-    try:
-        return registry[name]
-    except PartMissingError as error:
-        raise InputError(f"`{option}`: {error}") from None
-    except UnknownNameError as error:
-        raise InputError(f"`{option}` {name}: {error}") from None
+    if problem := registry.problem(name):
+        raise InputError(f"`{option}`{problem}")
+    return registry[name]
 
 
-def check_made(registry: Registry[T], option: str, name: str, thing: object) -> None:
+def check_made(registry: Catalogue[T], option: str, name: str, thing: object) -> None:
     """Refuse what an entry made if it is something else.
 
     Raises:
