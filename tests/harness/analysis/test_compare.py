@@ -462,7 +462,7 @@ def small_suite(monkeypatch) -> None:
             work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
 
     monkeypatch.setattr("harness.lab.suite.run_cells", run_here)
-    monkeypatch.setattr("harness.analysis.tables.curves_figure", lambda *arguments: Figure())
+    monkeypatch.setattr("harness.grid.stress.curves_figure", lambda *arguments: Figure())
 
 
 def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):

@@ -44,8 +44,8 @@ def drawn(monkeypatch) -> list:
     """Let no figure be drawn: which of them are saved where, and of what, is noted."""
     noted: list = []
     monkeypatch.setattr(stress, "save_figure", lambda figure, path: noted.append((figure, path)))
-    for place in ("tables.curves_figure", "pooled_tables.hidden_figure"):
-        monkeypatch.setattr(f"harness.analysis.{place}", lambda *words: words)
+    for name in ("curves_figure", "hidden_figure"):
+        monkeypatch.setattr(stress, name, lambda *words: words)
     return noted
 
 
@@ -128,8 +128,8 @@ def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
 
 def test_a_grid_over_recordings_leaves_one_figure_and_pooled_numbers(tmp_path, drawn, monkeypatch):
     pooled = SimpleNamespace()
-    monkeypatch.setattr("harness.analysis.pooled.pool_files", lambda table: pooled)
-    monkeypatch.setattr("harness.analysis.pooled_tables.pooled_markdown", lambda *words: str(words[1]))
+    monkeypatch.setattr("harness.grid.stress.pool_files", lambda table: pooled)
+    monkeypatch.setattr("harness.grid.stress.pooled_markdown", lambda *words: str(words[1]))
     monkeypatch.setattr(stress, "asdict", lambda what: {"pooled": what is pooled})
     told = stress._pooled(pd.DataFrame(), None, None, tmp_path, ["it broke"])
     assert (told.numbers, told.text, told.points) == ({"pooled": True}, "['it broke']", ())
@@ -288,7 +288,7 @@ def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
         opened.append(config.replay)
         return SimpleNamespace(report=f"read {config.replay.name}")
 
-    monkeypatch.setattr("harness.running.open.open_looks", open_looks)
+    monkeypatch.setattr("harness.grid.stress.open_looks", open_looks)
     said: list = []
     stress._check_recordings(SimpleNamespace(cells=runs), said.append)
     assert (opened, said) == (files, ["read a.csv", "read b.csv"])
@@ -296,7 +296,7 @@ def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
 
 def test_a_network_that_brings_its_own_traffic_takes_no_densities(monkeypatch):
     own = SimpleNamespace(name="mine", configuration="x.sumocfg", demand=lambda name: None)
-    monkeypatch.setattr("harness.truth.network.network.load_network", lambda name: own)
+    monkeypatch.setattr("harness.grid.stress.load_network", lambda name: own)
     for asked in ({"densities": "20"}, {"demands": "any"}):
         with pytest.raises(
             InputError, match=r"^`densities`: mine brings its own demand; leave densities and demands out$"
