@@ -18,7 +18,7 @@ from harness.common.numbers import without_nan
 from harness.grid.cells import Cell, Grid
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, keeping, make_rows
 from harness.grid.pool import OnRow, run_cells
-from harness.grid.rows import assemble
+from harness.grid.result_rows import assemble
 from harness.grid.stress import check_grid
 from harness.scoring.metrics.closedloop import COLLIDED, IMPACT, WITH
 from harness.storage import ownership

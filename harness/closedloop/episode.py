@@ -30,7 +30,7 @@ from harness.closedloop.passing import Passage
 from harness.closedloop.plan import CROSS, DRIVEN_S, STREAMS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
 from harness.closedloop.traffic import Traffic, with_ego
-from harness.closedloop.withheld import PlainSight
+from harness.closedloop.withheld_ahead import PlainSight
 from harness.decisions.belief import Belief, Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import Decision, decide_by, driver_of, with_doubt

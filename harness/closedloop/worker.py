@@ -25,7 +25,7 @@ from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
 from harness.common.errors import RunError
 from harness.grid.cells import Cell
-from harness.grid.rows import failed_row, finished_row
+from harness.grid.result_rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.looks import Looks, Streams

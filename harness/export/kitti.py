@@ -18,7 +18,6 @@ from harness.common.errors import InputError
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
 from harness.truth.frame import STEP_S
-from harness.truth.recorded.detected.drive import Boxes, step_starts
 from harness.truth.recorded.detected.kitti import (
     ANGLE,
     BOX,
@@ -33,6 +32,7 @@ from harness.truth.recorded.detected.kitti import (
     sequences,
 )
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
+from harness.truth.recorded.detected.recorded_drive import Boxes, step_starts
 from harness.truth.recorded.formats import least_score_of
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 

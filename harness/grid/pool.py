@@ -17,7 +17,7 @@ from time import monotonic
 from typing import IO
 
 from harness.grid.cells import Cell, CellTraffic, PlannedRun
-from harness.grid.rows import failed_row
+from harness.grid.result_rows import failed_row
 from harness.grid.waiting import WaitingCells
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
 from harness.storage.grid_rows import Row

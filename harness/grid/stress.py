@@ -21,7 +21,7 @@ from harness.common.numbers import without_nan
 from harness.grid.cells import Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
-from harness.grid.rows import assemble
+from harness.grid.result_rows import assemble
 from harness.running.open import check_driver, check_tracker, open_looks
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_folder import FIGURES, RUNS

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from harness.grid.cells import Cell, PlannedRun
 from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.rerun import command_of
-from harness.grid.rows import failed_row, finished_row
+from harness.grid.result_rows import failed_row, finished_row
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.looks import Looks
 from harness.running.open import OpenLooks, open_looks

@@ -18,8 +18,8 @@ from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.report.charts.chart import Charts
 from harness.report.gridruns import runs_of
+from harness.report.html_tables import html_table
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
-from harness.report.tables import html_table
 from harness.scoring.metrics.registry import quantities
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder

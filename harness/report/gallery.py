@@ -24,7 +24,7 @@ from harness.report.fromabove import (
     draw_scale,
 )
 from harness.report.strips import save_strips
-from harness.report.withheld import withheld_vehicles
+from harness.report.withheld_gallery import withheld_vehicles
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats

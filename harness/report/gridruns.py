@@ -20,8 +20,8 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.report.charts.chart import Charts
 from harness.report.charts.grid import grid_charts
+from harness.report.html_tables import html_table
 from harness.report.page import PAGE
-from harness.report.tables import html_table
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS

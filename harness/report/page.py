@@ -16,17 +16,17 @@ from markupsafe import Markup
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.report.charts.chart import Charts, charts_data, library
-from harness.report.charts.run import error_charts, visibility_charts
+from harness.report.charts.run_charts import error_charts, visibility_charts
 from harness.report.decisiongallery import GALLERY as DECISIONS
 from harness.report.decisiongallery import draw_decisions, worst_brakings
 from harness.report.figures import DIAGNOSTICS, OVER_TIME, SCENE
 from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
+from harness.report.html_tables import error_table, hidden_table, mot_table
 from harness.report.replay_data import Beside, replay_data
 from harness.report.sentences import decision_summary, headlines, summary_sentences
 from harness.report.strips import strips_in
-from harness.report.tables import error_table, hidden_table, mot_table
 from harness.report.vehicles import vehicle_table
-from harness.report.withheld import withheld_words
+from harness.report.withheld_gallery import withheld_words
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder

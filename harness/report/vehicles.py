@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from harness.report.tables import html_table
+from harness.report.html_tables import html_table
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import BoolArray, FloatArray

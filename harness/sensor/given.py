@@ -20,8 +20,8 @@ from harness.sensor.shadows import free_space
 from harness.sensor.visibility import compile_kernels
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
-from harness.truth.recorded.detected.drive import GivenBoxes
 from harness.truth.recorded.detected.origin import NOTHING
+from harness.truth.recorded.detected.recorded_drive import GivenBoxes
 from harness.truth.recorded.detected.source import DriveTruth
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray

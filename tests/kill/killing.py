@@ -19,9 +19,9 @@ from typing import Any
 
 import pandas as pd
 
+from harness.lab.reference.catalogue import FOLDER
+from harness.lab.reference.catalogue import TABLES as TABLES_OF_REFERENCES
 from harness.lab.reference.making import MAKING
-from harness.lab.reference.registry import FOLDER
-from harness.lab.reference.registry import TABLES as TABLES_OF_REFERENCES
 from harness.lab.reference.tree import SOURCES
 
 REPOSITORY = Path(__file__).parents[2]

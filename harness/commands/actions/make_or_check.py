@@ -19,9 +19,9 @@ from harness.common.exit_codes import DONE, WORSE
 from harness.config.options import checked
 from harness.grid.asked import request_of
 from harness.grid.options import GridOptions
+from harness.lab.reference.catalogue import FOLDER, Reference, reference_named, references
 from harness.lab.reference.differing import differences, made_here, told
 from harness.lab.reference.making import make_reference
-from harness.lab.reference.registry import FOLDER, Reference, reference_named, references
 from harness.lab.reference.tree import top_of_tree
 
 

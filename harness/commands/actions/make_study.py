@@ -28,9 +28,9 @@ from harness.lab.ablation import (
     ideal_request,
     write_ablation,
 )
-from harness.lab.study import published, written
+from harness.lab.study import published, study_text
 from harness.lab.study.transfer import transfer
-from harness.lab.study.transfer import written as transfer_written
+from harness.lab.study.transfer import transfer_text as transfer_written
 from harness.lab.windows.realdata import real_data_folder
 from harness.report.folderpage import write_page
 from harness.storage.grid_folder import RUNS
@@ -139,5 +139,5 @@ def _make_published(
             result, setting = published.make_study(plan, network, say, advance)
     except ValueError as error:
         raise InputError(f"`model_file` {plan.model_file}: {error}") from error
-    written.write_study(result, setting, folder)
-    return _Told(written.as_json(result, setting), written.as_markdown(result, setting))
+    study_text.write_study(result, setting, folder)
+    return _Told(study_text.as_json(result, setting), study_text.as_markdown(result, setting))

@@ -14,7 +14,7 @@ from harness.common.files import save_figure, write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
 from harness.lab.bench.bench import BenchPlan, run_bench
-from harness.lab.bench.written import plot, print_tables
+from harness.lab.bench.bench_text import plot, print_tables
 
 
 def measure(options: Mapping[str, Any]) -> None:

@@ -12,9 +12,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from harness.common.errors import InputError
+from harness.lab.bench.bench_scene import bench_scene
 from harness.lab.bench.busy import busy_machine
 from harness.lab.bench.measure import Contender, as_row, time_in_turns, warm_up
-from harness.lab.bench.scene import bench_scene
 from mmpf.motion.gmm.conditional import expand
 from mmpf.motion.gmm.model_file import committed_mixture
 from mmpf.motion.learned.lane_changer import CHANGE

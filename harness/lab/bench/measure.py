@@ -11,7 +11,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from harness.lab.bench.scene import BenchScene
+from harness.lab.bench.bench_scene import BenchScene
 from harness.running.memory import keep_freed_memory
 from harness.running.watchers import DiagnosedTracker
 from harness.trackers.catalogue import build_tracker

@@ -13,9 +13,9 @@ from harness.common.files import save_figure, write_text
 from harness.common.markdown import markdown_table
 from harness.common.plots import strip
 from harness.lab.fit.mixture_em import SizeScore
+from harness.lab.windows.car_following import Following
 from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import follow
-from harness.lab.windows.following import Following
 from harness.lab.windows.scores import HORIZONS_S, score
 from mmpf.motion.protocol import MotionModel
 

@@ -23,9 +23,9 @@ from scipy.stats import beta, betabinom
 
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
-from harness.truth.recorded.detected.drive import Drive
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.origin import NOTHING, origins
+from harness.truth.recorded.detected.recorded_drive import Drive
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 KITTI_HELD_OUT = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")

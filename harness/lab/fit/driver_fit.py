@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.lab.fit.mixture_em import fit_mixture
 from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
-from harness.lab.windows.following import Following
+from harness.lab.windows.car_following import Following
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
 from mmpf.motion.learned.features import log_headway, situation

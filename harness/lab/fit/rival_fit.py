@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 
 from harness.common.files import write_toml
+from harness.lab.windows.car_following import Following
 from harness.lab.windows.cases import Cases, following_cases
-from harness.lab.windows.following import Following
 from harness.lab.windows.scores import HORIZONS_S
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic

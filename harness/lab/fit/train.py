@@ -22,9 +22,9 @@ from harness.lab.fit.driver_fit import (
 from harness.lab.fit.mixture_em import SizeScore, sweep_sizes
 from harness.lab.fit.recovery import RecoveryGains, recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
+from harness.lab.windows.car_following import STEPS, Following, load_following
 from harness.lab.windows.cases import cases_of, lane_change_cases
 from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
-from harness.lab.windows.following import STEPS, Following, load_following
 from harness.lab.windows.recording import load_all
 from harness.lab.windows.scenarios import (
     FIRST_TUNING_SEED,

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from harness.common.errors import InputError
 from harness.common.files import replacing, write_text
+from harness.lab.reference.catalogue import FOLDER, Reference
 from harness.lab.reference.differing import processor_kind
-from harness.lab.reference.registry import FOLDER, Reference
 from harness.lab.reference.tree import changes, revision, sources_of, tracked
 from harness.storage import run_folder as runfolder
 from harness.storage.manifest import RunFacts, write_manifest

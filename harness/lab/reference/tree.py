@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 from harness.common.errors import InputError
-from harness.lab.reference.registry import FOLDER
+from harness.lab.reference.catalogue import FOLDER
 
 SOURCES = ("mmpf", "harness", "networks", "constraints.txt")
 """What results depend on; pages, tests and the list of references may change between the runs of a table."""

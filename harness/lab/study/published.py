@@ -11,10 +11,10 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.lab.study.study import COMPLETE, PARTIAL, StudyResult, run_study
+from harness.lab.windows.car_following import load_following
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
 from harness.lab.windows.filtering import MeasurementNoise
-from harness.lab.windows.following import load_following
 from harness.lab.windows.scenarios import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from harness.lab.windows.car_following import Following
 from harness.lab.windows.changing import LaneChanges
-from harness.lab.windows.following import Following
 from harness.lab.windows.neighbours import Others
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE

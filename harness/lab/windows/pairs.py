@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.errors import InputError
-from harness.lab.windows.following import Following, following_windows
+from harness.lab.windows.car_following import Following, following_windows
 from harness.lab.windows.recording import Recording
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic

@@ -19,7 +19,7 @@ from harness.common.named import named
 from harness.common.untrusted_files import MOST_TABLE_BYTES, check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded import fcd, highd, outside
-from harness.truth.recorded.detected.drive import Drive
+from harness.truth.recorded.detected.recorded_drive import Drive
 from harness.truth.recorded.outside import recording_formats
 from harness.truth.recorded.rows import ReadTraffic
 

@@ -14,7 +14,7 @@ from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
-from harness.grid.rows import assemble, failed_row
+from harness.grid.result_rows import assemble, failed_row
 from harness.lab.tuning.spaces import nested
 from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership

@@ -15,7 +15,7 @@ from harness.grid import making, stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.making import Telling, on_stderr
-from harness.grid.rows import failed_row, finished_row
+from harness.grid.result_rows import failed_row, finished_row
 from harness.grid.stress import run_stress
 from harness.storage import ownership
 

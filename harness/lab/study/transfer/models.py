@@ -10,8 +10,8 @@ import numpy as np
 
 from harness.lab.fit.driver_fit import fit_follower, fit_short, situation_columns
 from harness.lab.fit.rival_fit import fit_idm
-from harness.lab.study.transfer.traffic import HeldOutSet, Say
-from harness.lab.windows.following import Following
+from harness.lab.study.transfer.training_sets import HeldOutSet, Say
+from harness.lab.windows.car_following import Following
 from harness.truth.frame import STEP_S
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise

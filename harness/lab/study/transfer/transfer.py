@@ -21,7 +21,7 @@ from harness.lab.study.transfer.models import (
     fitted_models,
     input_rows,
 )
-from harness.lab.study.transfer.traffic import (
+from harness.lab.study.transfer.training_sets import (
     PAIRS,
     SHORT_STEPS,
     SNIPPETS,
@@ -35,9 +35,9 @@ from harness.lab.study.transfer.traffic import (
     split_pairs,
 )
 from harness.lab.study.transfer.verdicts import Comparison, Outcome, Trend, compare_transfer
+from harness.lab.windows.car_following import STEPS, Following, load_following
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.filtering import Cloud, follow
-from harness.lab.windows.following import STEPS, Following, load_following
 from harness.lab.windows.pairs import EDGE_S, pair_windows
 from harness.lab.windows.realdata import pairs_file, snippet_files
 from harness.lab.windows.scenarios import (

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.common.bootstrap import bootstrap_ci
 from harness.lab.study.transfer.models import ON_NOTHING, ON_REAL, ON_SUMO, UNTRAINED, TrainedModel
-from harness.lab.study.transfer.traffic import HeldOutPart
+from harness.lab.study.transfer.training_sets import HeldOutPart
 from harness.lab.windows.scores import RESAMPLES, Scores
 from mmpf.numerics.arrays import FloatArray
 

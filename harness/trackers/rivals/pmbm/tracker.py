@@ -31,7 +31,7 @@ from harness.trackers.rivals.pmbm.mixture import (
     updated_mixture,
     without,
 )
-from harness.trackers.shadows import POINTS, Visibility, detection_probabilities
+from harness.trackers.shadow_model import POINTS, Visibility, detection_probabilities
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, taken
 from mmpf.options.base import Positive, Probability

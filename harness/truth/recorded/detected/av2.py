@@ -18,8 +18,8 @@ import pyarrow.feather
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
-from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes
+from harness.truth.recorded.detected.recorded_drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.numerics.arrays import FloatArray

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.truth.recorded.detected.drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, numbers_of, words_of
+from harness.truth.recorded.detected.recorded_drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.truth.recorded.detected.drive import Drive
+from harness.truth.recorded.detected.recorded_drive import Drive
 from harness.truth.recorded.laneletgraph import road_of_graph
 from mmpf.map.lane_graph import NOWHERE, LaneGraph, without_map
 from mmpf.map.road import Road

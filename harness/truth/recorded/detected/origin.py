@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from harness.truth.recorded.detected.drive import Drive, step_starts
+from harness.truth.recorded.detected.recorded_drive import Drive, step_starts
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 NOTHING = -1

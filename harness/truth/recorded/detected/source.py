@@ -10,9 +10,9 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.frame import STEP_S, Frame
-from harness.truth.recorded.detected.drive import EGO, Drive, GivenBoxes, Labels, step_starts
 from harness.truth.recorded.detected.laidapart import laid_apart, road_of
 from harness.truth.recorded.detected.origin import NOTHING, origins
+from harness.truth.recorded.detected.recorded_drive import EGO, Drive, GivenBoxes, Labels, step_starts
 from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import local_slope
 from mmpf.map.lane_graph import NOWHERE

@@ -9,10 +9,10 @@ import pytest
 from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.lab.bench.bench import BenchPlan, contender_of, run_bench, slopes
+from harness.lab.bench.bench_scene import bench_scene
+from harness.lab.bench.bench_text import plot
 from harness.lab.bench.busy import busy_machine
 from harness.lab.bench.measure import SETTLING_STEPS, Contender, Stepping, as_row, time_in_turns
-from harness.lab.bench.scene import bench_scene
-from harness.lab.bench.written import plot
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.lab.fit.detectability_fit import Recalls, fit_beta_binomial, main, recalls_of, without_long_runs
-from harness.truth.recorded.detected.drive import Drive, EgoPath, GivenBoxes, Labels
+from harness.truth.recorded.detected.recorded_drive import Drive, EgoPath, GivenBoxes, Labels
 
 STEPS = 12
 

@@ -12,9 +12,9 @@ import pytest
 
 from harness.commands.actions.make_or_check import made_as_listed
 from harness.common.errors import InputError
+from harness.lab.reference.catalogue import FOLDER, Reference, reference_named, references
 from harness.lab.reference.differing import differences, made_here
 from harness.lab.reference.making import make_reference
-from harness.lab.reference.registry import FOLDER, Reference, reference_named, references
 
 ROOT = Path(__file__).parents[4]
 TABLE = Reference("table", "A table.", ("stress", "--seeds", "1"))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from harness.lab.study.study import COMPLETE, PARTIAL, run_study
-from harness.lab.study.written import as_json, as_markdown, write_study
+from harness.lab.study.study_text import as_json, as_markdown, write_study
+from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.filtering import MeasurementNoise, follow, measure
-from harness.lab.windows.following import following_windows
 from harness.lab.windows.scores import mean_with_interval, score, weighted_crps
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.state import LON, SPEED

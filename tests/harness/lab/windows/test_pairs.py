@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.lab.windows.following import following_windows
+from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.pairs import pair_windows, recording_of
 from harness.truth.recorded.source import open_recorded_traffic
 from tests.harness.lab.fit.recorded_pairs import FOLLOWER_LENGTH_M, LEADER_LENGTH_M, pair_rows, write_pairs

@@ -14,7 +14,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.report.charts.chart import LIBRARY, charts_data, library
 from harness.report.charts.comparison import comparison_charts
 from harness.report.charts.grid import grid_charts
-from harness.report.charts.run import error_charts, visibility_charts
+from harness.report.charts.run_charts import error_charts, visibility_charts
 from harness.report.folderpage import text_page
 from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import write_recorded_scene

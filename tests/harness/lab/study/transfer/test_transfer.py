@@ -15,10 +15,10 @@ from harness.lab.fit import driver_fit
 from harness.lab.study.transfer import models as transfer_models
 from harness.lab.study.transfer import transfer
 from harness.lab.study.transfer.models import INPUTS, ON_NOTHING, ON_SUMO, TrainedModel, committed_models, input_rows
-from harness.lab.study.transfer.traffic import held_out_set, mixed, snippet_windows, split_pairs
+from harness.lab.study.transfer.training_sets import held_out_set, mixed, snippet_windows, split_pairs
 from harness.lab.study.transfer.transfer import TransferPlan, make_transfer_study
+from harness.lab.study.transfer.transfer_text import as_json, summary_lines, write_transfer
 from harness.lab.study.transfer.verdicts import Outcome, Trend, compare_transfer
-from harness.lab.study.transfer.written import as_json, summary_lines, write_transfer
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.pairs import pair_windows
 from harness.lab.windows.scores import mean_with_interval, score

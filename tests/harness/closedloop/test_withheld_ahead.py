@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.closedloop.beliefs import true_bodies
-from harness.closedloop.withheld import PlainSight
+from harness.closedloop.withheld_ahead import PlainSight
 from harness.sensor.observation import Look
 from harness.storage.schema import PARTIAL, VISIBLE
 from tests.harness.closedloop.frames import frame_of

@@ -15,13 +15,13 @@ from harness.common.files import save_figure, write_results
 from harness.common.markdown import markdown_table
 from harness.common.numbers import rounded
 from harness.lab.study.figures import COLOURS
+from harness.lab.study.study_text import DECIMALS, error_cell, setting_line
 from harness.lab.study.transfer.models import ON_BOTH, ON_REAL
 from harness.lab.study.transfer.transfer import TransferResult
 from harness.lab.study.transfer.verdicts import Comparison
-from harness.lab.study.written import DECIMALS, error_cell, setting_line
 
 if TYPE_CHECKING:
-    from harness.lab.study.transfer.traffic import HeldOutPart
+    from harness.lab.study.transfer.training_sets import HeldOutPart
     from harness.lab.study.transfer.verdicts import Outcome
 
 

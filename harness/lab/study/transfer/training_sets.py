@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.lab.windows.car_following import Following, following_windows, join
 from harness.lab.windows.cases import Cases, cases_of
-from harness.lab.windows.following import Following, following_windows, join
 from harness.lab.windows.pairs import recording_of
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
