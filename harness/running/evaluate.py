@@ -42,7 +42,7 @@ class Evaluated:
     Attributes:
         road: The lanes.
         tables: What was recorded and what scoring made of it, by file; empty where it was written as the run went on.
-        scores: The tables of scores by name, see ``harness.scoring.ScoredRun``.
+        scores: The tables of scores by name, see ``harness.scoring.score.ScoredRun``.
         traffic: The ``traffic`` table.
         times: Wall times of the stages.
         step_s: Simulated time of a step.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 
 from harness.commands.app import run_command_line
-from harness.running import keeping
+from harness.running import evaluate
 
 if __name__ == "__main__":
-    keeping.STRETCH_ROWS = 1
+    evaluate.STRETCH_ROWS = 1
     sys.exit(run_command_line(sys.argv[1:]))
