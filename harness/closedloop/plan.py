@@ -32,7 +32,6 @@ TRACKED_S, DRIVEN_S = 5.0, 20.0
 BELIEFS_EXAMPLE = "truth,oracle-kalman,mmpf,detections"
 STAND_IN = "detections"
 """Tracker of a belief that needs none: it costs next to nothing, and a kept episode has tracks to look at."""
-MOST_EPISODES = 10_000
 FLOWS_MPS = (10.0, 15.0, 20.0, 25.0, 30.0)
 """Speeds of the traffic of which each seed's episodes of ``stopped`` draw one."""
 FLOW_STREAM = 10

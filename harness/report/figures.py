@@ -74,13 +74,13 @@ def error_over_time(errors: pd.DataFrame, title: str) -> Figure:
     longest_s = width_s * np.ceil(float(tracked["time_s"].max()) / width_s + 1e-9) if len(tracked) else 1.0
     panels[-1].set_xlim(0.0, 1.16 * longest_s)
     panels[-1].set_xlabel("time, s")
-    figure.suptitle(f"{title}: mean absolute error in stretches of {width_s:g} s", fontsize=11)
+    figure.suptitle(f"{title}\nmean absolute error in stretches of {width_s:g} s", fontsize=11)
     return figure
 
 
 def error_by_visibility(mae: Mapping[str, Any], title: str) -> Figure:
     """Return bars of the mean absolute errors of ``metrics.json`` with their 95 % intervals, one panel a quantity."""
-    figure = Figure(figsize=(9.0, 3.6), dpi=120, layout="constrained")
+    figure = Figure(figsize=(10.5, 3.8), dpi=120, layout="constrained")
     panels = figure.subplots(1, len(ERROR_COLUMNS))
     for axes, (_, key, label) in zip(panels, ERROR_COLUMNS, strict=True):
         highest = 0.0
@@ -91,7 +91,7 @@ def error_by_visibility(mae: Mapping[str, Any], title: str) -> Figure:
         axes.set_ylim(0.0, 1.15 * highest or 1.0)
         axes.set_ylabel(label)
         strip(axes)
-    figure.suptitle(f"{title}: mean absolute error while followed, 95 % intervals over vehicles", fontsize=11)
+    figure.suptitle(f"{title}\nmean absolute error while followed, 95 % intervals over vehicles", fontsize=11)
     return figure
 
 
@@ -142,7 +142,7 @@ def diagnostics_figure(diagnostics: pd.DataFrame, title: str) -> Figure:
     panels[-1].set_xlabel("time, s")
     figure.align_ylabels(panels)
     width_s = stretch_s(longest_s - float(diagnostics["time_s"].min()))
-    figure.suptitle(f"{title}: inside the tracker, each step (grey) and means over {width_s:g} s", fontsize=11)
+    figure.suptitle(f"{title}\ninside the tracker, each step (grey) and means over {width_s:g} s", fontsize=11)
     return figure
 
 
