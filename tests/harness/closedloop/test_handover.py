@@ -3,11 +3,13 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from harness.closedloop.handover import _free_ways, hand_overs
+from harness.closedloop.beliefs import believed_by_each
+from harness.closedloop.handover import _free_ways, _hidden_second_leader, hand_overs
 from harness.closedloop.plan import BRAKE, CROSS, FREE
 from harness.sensor.profiles import sensor_settings
-from mmpf.map.road import Road
+from mmpf.map.road import Road, highway
 from tests.harness.closedloop.frames import frame_of
 from tests.harness.closedloop.test_routes import GRAPH, held_at
 
@@ -64,3 +66,17 @@ def test_the_hand_over_tells_the_way_and_kinds_without_a_candidate_come_alone():
     assert [each if isinstance(each, str) else each.kind for each in found] == [FREE, BRAKE, CROSS]
     assert [GRAPH.name[lane] for lane in found[0].route] == ["in_0", ":j_0", "on_0", "last_0"]
     assert found[1:] == [BRAKE, CROSS]
+
+
+@pytest.mark.parametrize(
+    ("leader_m", "second_m", "found"), [(30.0, 75.0, "second"), (30.0, 85.0, ""), (50.0, 70.0, "")]
+)
+def test_who_is_to_brake_is_a_hidden_second_leader_seen_before_behind_a_near_leader(leader_m, second_m, found):
+    # The second leader drives beside the lane of the others until the last moment.
+    lanes = [[5.4, 5.4, 9.0]] * 20 + [[5.4, 5.4, 5.4]]
+    lon, names = [500.0, 500.0 + leader_m, 500.0 + second_m], ["ego", "leader", "second"]
+    frames = [frame_of(lon, lat, step=step, names=names) for step, lat in enumerate(lanes)]
+    road = highway(3, 3.6)
+    traffic = SimpleNamespace(frames=frames, network=SimpleNamespace(road=road))
+    belief = believed_by_each(frames[-1], np.array([0]), road)
+    assert _hidden_second_leader(traffic, belief, 0, 0, SENSOR) == found

@@ -10,6 +10,8 @@ from sklearn.metrics import r2_score, roc_auc_score
 from harness.sensor.detector import build_sensor
 from harness.sensor.memory import Chain, next_state
 from harness.sensor.profiles import sensor_settings
+from harness.sensor.returns import _seen_fractions
+from harness.sensor.scene import Scene, sight_to
 from tests.harness.sensor.sensor_scenes import ROAD, frame_of
 
 STEP_S = 0.1
@@ -261,3 +263,10 @@ def test_clutter_reports_deviations_as_true_detections_do(reports):
     train, held_out = np.array_split(order, 2)
     model = HistGradientBoostingClassifier(max_depth=3, max_iter=50, random_state=0).fit(rows[train], is_false[train])
     assert roc_auc_score(is_false[held_out], model.predict_proba(rows[held_out])[:, 1]) < 0.6
+
+
+def test_clutter_looks_like_the_vehicles_in_sight_of_which_the_ego_is_none():
+    frame = frame_of((20, 0), (40, 1.4))
+    sight = sight_to(frame.lon_m, frame.lat_m, ROAD, frame.ego_pose, 0.0)
+    scene = Scene(frame, ROAD, sight, np.array([1.0, 0.4, 0.05]), np.full(3, -1), np.ones(3, dtype=bool))
+    assert _seen_fractions(sensor_settings("lidar", {}), scene).tolist() == [0.4]

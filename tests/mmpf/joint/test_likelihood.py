@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, norm
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
-from mmpf.joint.evidence import GatedLikelihoods, gated_likelihoods
+from mmpf.joint.evidence import GatedLikelihoods, gated_likelihoods, resolvable_std
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings, Detections
@@ -55,6 +55,18 @@ def test_correlated_noise_is_a_normal_density_of_both_places_together() -> None:
         off = states[m][[LON, LAT]].T - [detections.lon_m[j], detections.lat_m[j]]
         expected = multivariate_normal.pdf(off, cov=detections.covariance_m2[j])
         assert found.values[found.starts[p] : found.starts[p + 1]] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("std_lon_m", "std_lat_m"), [(0.7, 1e-3), (1e-3, 0.5)])
+def test_a_floor_below_exact_noise_leaves_the_covariance_of_the_two_places(std_lon_m: float, std_lat_m: float) -> None:
+    mixture = belief_of([spread_around(30.0, 5.0, 300, 1)])
+    detections = replace(detections_at([(30.1, 5.0)], std_lon_m, std_lat_m), correlation=np.array([0.8]))
+    spread = component_moments(mixture).std[[LON, LAT]]
+    lon, lat = resolvable_std(np.array([[std_lon_m], [std_lat_m]]), spread, np.array([300]))[:, 0]
+    covariance = 0.8 * std_lon_m * std_lat_m
+    off = mixture.cloud.state[[LON, LAT]].T - [30.1, 5.0]
+    expected = multivariate_normal.pdf(off, cov=[[lon**2, covariance], [covariance, lat**2]])
+    assert likelihoods_of(mixture, detections, np.inf).values == pytest.approx(expected, rel=1e-9)
 
 
 def test_noise_that_is_told_to_be_uncorrelated_weighs_as_noise_of_which_nothing_is_told() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mmpf.motion.idm import TREIBER_2000, idm_acceleration, intelligent_driver
-from mmpf.motion.kinematic import ProcessNoise, kinematic
+from mmpf.motion.kinematic import ProcessNoise, constant_acceleration, kinematic
 from mmpf.motion.protocol import Memoryless, motion_models, spreads_speed
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from tests.mmpf.motion.surroundings import around, nobody, states, vehicle
@@ -107,6 +107,16 @@ def test_constant_acceleration_without_noise_follows_the_parabola():
     after = run(kinematic("cam", QUIET), state, 100)
     assert after[LON, 0] == pytest.approx(10.0 * 10.0 + 0.5 * 1.5 * 10.0**2)
     assert after[SPEED, 0] == pytest.approx(25.0)
+
+
+def test_under_constant_acceleration_a_lateral_kick_acts_over_the_whole_step():
+    state, kick = states(1, speed_mps=10.0), np.array([2.0])
+    state[LAT_SPEED], state[LAT_ACCEL] = 0.5, 1.0
+    after = constant_acceleration(state, np.zeros(1), kick, STEP_S)
+    # The acceleration goes from 1 to 3 m/s²: by the trapezoid rule it is 2 on average.
+    assert after[LAT_ACCEL, 0] == pytest.approx(3.0)
+    assert after[LAT_SPEED, 0] == pytest.approx(0.5 + STEP_S * 2.0)
+    assert after[LAT, 0] == pytest.approx(2.0 + STEP_S * (0.5 + 0.5 * STEP_S * 2.0))
 
 
 def test_a_braking_car_stops_and_stays():

@@ -33,6 +33,16 @@ def test_the_first_acceleration_tells_the_headway(headway):
     assert after[ACCEL, 0] == pytest.approx(state[ACCEL, 0])
 
 
+@pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.2, 1.0])
+def test_the_acceleration_approaches_idms_at_the_drivers_rate_whatever_the_step(dt_s):
+    state, leader, rng = states(1, 15.0), vehicle(1, 35.0, 14.0), np.random.default_rng(0)
+    state[ACCEL] = -1.0
+    model = AdaptiveDriver(TREIBER_2000, Adaptation(2.0, 0.0, 0.0), ProcessNoise(0.0, 0.0))
+    wanted = idm_acceleration(state[SPEED], leader, TREIBER_2000)
+    after, _ = model.propagate(state, model.draw_latents(state, rng), around(state, leader), dt_s, rng)
+    assert after[ACCEL] == pytest.approx(-1.0 + min(2.0 * dt_s, 1.0) * (wanted + 1.0))
+
+
 def test_a_lane_change_to_the_left_is_the_mirror_of_one_to_the_right():
     def driven(to_left):
         model, state = LaneChangeDriver(to_left=to_left), states(50, 20.0)
