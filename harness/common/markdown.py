@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 
+from rich import box
 from rich.console import Console
 from rich.markdown import Markdown
+from rich.table import Table
+
+INTERVAL = re.compile(r"([-+\d.,]+(?: %)?) (\[[-+\d., ]+\])")
+"""A value with its interval, which goes on a line of its own in a narrow column."""
+WIDEST_NAME = 30
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -19,11 +27,51 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> li
 
 
 def show_markdown(text: str, on_stderr: bool = False) -> None:
-    """Print a Markdown text: laid out where a person reads it, as it is where a file or a program does."""
+    """Print a Markdown text: laid out on stderr and on a terminal, as it is where a program or a file reads stdout."""
     stream = sys.stderr if on_stderr else sys.stdout
-    if not stream.isatty():
+    if not on_stderr and not stream.isatty():
         stream.write(text + "\n")
         return
+    console = Console(file=stream, highlight=False)
+    lines = (line for line in text.splitlines() if not line.startswith("!["))
+    for is_table, group in groupby(lines, key=lambda line: line.startswith("|")):
+        block = list(group)
+        parts = _tables(block, console.width) if is_table else [Markdown("\n".join(block))]
+        for part in parts:
+            console.print(part)
 
-    shown = "\n".join(line for line in text.splitlines() if not line.startswith("!["))
-    Console(file=stream, highlight=False).print(Markdown(shown))
+
+def _tables(lines: Sequence[str], width: int) -> Iterator[Table]:
+    """Yield a Markdown table as as many tables side by side as the width needs; each begins with the first column."""
+    rows = [[_cell(cell) for cell in line.strip("| ").split(" | ")] for line in lines if not line.startswith("| ---")]
+    names, *columns = list(zip(*rows, strict=True))
+    room = width - min(max(map(_width, names)), WIDEST_NAME) - 2
+    while columns:
+        taken, used = 0, 0
+        while taken < len(columns) and (used + _column_width(columns[taken]) <= room or not taken):
+            used += _column_width(columns[taken])
+            taken += 1
+        part, columns = columns[:taken], columns[taken:]
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0))
+        table.add_column(names[0], overflow="fold", max_width=WIDEST_NAME)
+        for heading, *cells in part:
+            is_text = any(cell[:1].isalpha() for cell in cells)
+            table.add_column(heading, justify="left" if is_text else "right", overflow="fold")
+        for row in list(zip(names, *part, strict=True))[1:]:
+            table.add_row(*row)
+        yield table
+
+
+def _cell(cell: str) -> str:
+    plain = re.sub(r"\[([^]]+)\]\([^)]*\)|[*`]", r"\1", cell.strip())
+    found = INTERVAL.fullmatch(plain)
+    return f"{found[1]}\n\\{found[2]}" if found else plain.replace("[", "\\[")
+
+
+def _width(cell: str) -> int:
+    return max(len(line.replace("\\[", "[")) for line in cell.split("\n"))
+
+
+def _column_width(column: Sequence[str]) -> int:
+    """Return how wide a column is whose heading may break between words."""
+    return 2 + max(max(map(len, column[0].split()), default=0), *map(_width, column[1:]), 0)

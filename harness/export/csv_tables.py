@@ -11,18 +11,19 @@ from pandas.api.types import is_numeric_dtype
 from pyarrow import csv
 
 from harness.running.finished import RecordedRun
+from harness.storage.run_folder import read_table
 
 # A minus begins a formula too, unless a number follows it and nothing else.
 FORMULA = re.compile(r"[=+@\t\r]|-(?![\d.]+$)")
-TABLES = ("truth", "detections", "tracks", "errors", "events")
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``truth.csv`` and so on; numbers in full precision, what is missing as an empty field."""
     files = []
-    for name in TABLES:
-        files.append(folder / f"{name}.csv")
-        csv.write_csv(pa.Table.from_pandas(_without_formulas(getattr(run, name)), preserve_index=False), files[-1])
+    for path in sorted(run.folder.glob("*.parquet")):
+        files.append(folder / f"{path.stem}.csv")
+        table = _without_formulas(read_table(run.folder, path.name, "folder"))
+        csv.write_csv(pa.Table.from_pandas(table, preserve_index=False), files[-1])
     return files
 
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import typer
 
+from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
 from harness.config.lists import names, seed_values
 from harness.lab.fidelity.comparison import FidelityRequest, compare_traffic
-from harness.lab.fidelity.report import print_fidelity, write_fidelity
+from harness.lab.fidelity.report import as_markdown, write_fidelity
 from harness.truth.network.network import load_network
 
 
@@ -32,7 +33,7 @@ def judge_traffic(options: Mapping[str, Any]) -> None:
         result = compare_traffic(network, request, advance)
     write_fidelity(result, out)
     if not quiet:
-        print_fidelity(result)
+        show_markdown(as_markdown(result), on_stderr=True)
     if options["json"]:
         typer.echo(json.dumps(result.as_json(), indent=2))
     typer.echo(f"written to {out}", err=True)

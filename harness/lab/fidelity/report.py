@@ -1,4 +1,4 @@
-"""What a comparison leaves behind: a table on the screen, ``fidelity.json``, ``fidelity.md`` and figures."""
+"""What a comparison leaves behind: ``fidelity.json``, ``fidelity.md`` and figures."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich.console import Console, Group
-from rich.table import Table
-from rich.text import Text
 
 from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text
@@ -90,16 +87,6 @@ def as_markdown(result: Fidelity) -> str:
     return "\n".join(lines)
 
 
-def print_fidelity(result: Fidelity) -> None:
-    """Print the same on stderr."""
-    parts: list[Table | Text] = [_table("Simulated and measured traffic", TARGET_HEADINGS, _target_rows(result))]
-    if result.distances:
-        rows = [_distance_row(entry) for entry in result.distances]
-        parts.append(_table("Distances between distributions", DISTANCE_HEADINGS, rows))
-    parts += [Text(f"left out: {reason}") for reason in result.left_out]
-    Console(stderr=True, highlight=False).print(Group(*parts, Text(summary(result), style="bold")))
-
-
 def summary(result: Fidelity) -> str:
     """Return in one sentence how many figures agree."""
     listed = [target for period in result.periods for target in period.targets]
@@ -149,15 +136,6 @@ def _lane_row(entry: LaneShare) -> tuple[str, ...]:
 
 def _digits(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
-
-
-def _table(title: str, headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
-    table = Table(title=title, box=None, title_justify="left", padding=(0, 2, 0, 0))
-    for place, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if place < 2 else "right", no_wrap=place < 2)
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def draw_figures(result: Fidelity) -> dict[str, Figure]:
