@@ -41,7 +41,7 @@ class Options(TypedDict):
             "drive.collided_percent,drive.ttc_below_1_5_percent,drive.hard_brakes_per_km)"
         ),
     ]
-    allow_undecided: Annotated[bool, Option("Exit code 0, not 3, where it stays undecided.", default=False)]
+    allow_undecided: Annotated[bool, Option("Exit code 0, not 4, where it stays undecided.", default=False)]
     markdown: Annotated[Path | None, Option("Write the tables to this Markdown file.")]
     html: Annotated[
         Path | None,
@@ -61,7 +61,7 @@ def command(options: Options) -> int:
     decide it. Other metrics are described. Runs are paired by seed and
     setting; two single runs, by vehicle; drives by belief ('drive') by
     episode, on collisions, short times to collision and hard brakes.
-    Exit code 0: no worse. 1: worse. 3: undecided, or values are missing.
+    Exit code 0: no worse. 1: worse. 4: undecided, or runs or values are missing.
 
     Examples:
       python -m harness compare results/before results/after

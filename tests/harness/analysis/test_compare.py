@@ -100,7 +100,7 @@ def test_a_catastrophe_is_worse_with_few_seeds_and_never_no_difference(seeds, tm
     assert "no difference" not in told
 
 
-def test_want_of_data_is_undecided_with_code_three_and_says_what_would_decide_it(tmp_path, capsys):
+def test_want_of_data_is_undecided_with_a_code_of_its_own_and_says_what_would_decide_it(tmp_path, capsys):
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, 10))
     a = grid_folder(tmp_path / "a", range(4), mot__hota=lambda seed: 90.0 + 20.0 * noise[0, seed])
     b = grid_folder(tmp_path / "b", range(4), mot__hota=lambda seed: 89.0 + 20.0 * noise[1, seed])
