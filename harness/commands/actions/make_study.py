@@ -28,9 +28,7 @@ from harness.lab.ablation import (
     ideal_request,
     write_ablation,
 )
-from harness.lab.study import published, study_text
-from harness.lab.study.transfer import transfer
-from harness.lab.study.transfer import transfer_text as transfer_written
+from harness.lab.study import published, study_text, transfer, transfer_text
 from harness.lab.windows.realdata import real_data_folder
 from harness.report.folderpage import write_page
 from harness.storage.grid_folder import RUNS
@@ -123,10 +121,10 @@ def _make_transfer(
     plan: transfer.TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> _Told:
     before = "study transfer: recording, reading and fitting"
-    with progress_bar("study transfer: predicting", transfer.MODELS * transfer.TEST_SETS, quiet, before) as advance:
+    with progress_bar("study transfer: predicting", transfer.PREDICTIONS, quiet, before) as advance:
         result = transfer.make_transfer_study(plan, network, say, advance)
-    transfer_written.write_transfer(result, folder)
-    return _Told(transfer_written.as_json(result), transfer_written.as_markdown(result))
+    transfer_text.write_transfer(result, folder)
+    return _Told(transfer_text.as_json(result), transfer_text.as_markdown(result))
 
 
 def _make_published(

@@ -12,13 +12,24 @@ import pytest
 from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.lab.fit import driver_fit
-from harness.lab.study.transfer import models as transfer_models
-from harness.lab.study.transfer import transfer
-from harness.lab.study.transfer.models import INPUTS, ON_NOTHING, ON_SUMO, TrainedModel, committed_models, input_rows
-from harness.lab.study.transfer.training_sets import held_out_set, mixed, snippet_windows, split_pairs
-from harness.lab.study.transfer.transfer import TransferPlan, make_transfer_study
-from harness.lab.study.transfer.transfer_text import as_json, summary_lines, write_transfer
-from harness.lab.study.transfer.verdicts import Outcome, Trend, compare_transfer
+from harness.lab.study import transfer
+from harness.lab.study.transfer import (
+    TransferPlan,
+    held_out,
+    make_transfer_study,
+    mixed,
+    snippet_windows,
+    split_pairs,
+)
+from harness.lab.study.transfer_outcomes import (
+    ON_NOTHING,
+    ON_SUMO,
+    Outcome,
+    TrainedModel,
+    compare_transfer,
+    summary_lines,
+)
+from harness.lab.study.transfer_text import as_json, write_transfer
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.pairs import pair_windows
 from harness.lab.windows.scores import mean_with_interval, score
@@ -91,12 +102,9 @@ def test_intervals_resample_whole_vehicles():
 
 
 def outcome(windows, name, trained_on, model) -> Outcome:
-    tested = held_out_set("real pairs", [(windows, (1.0, 10.0))])
-    (part,) = tested.parts
-    scores = score(follow(model, part.cases, 2, np.random.default_rng(0)), part.cases)
-    return Outcome(
-        TrainedModel(name, trained_on, model), tested.name, part, scores, Trend(*np.zeros((3, part.cases.steps - 1)))
-    )
+    test = held_out("real pairs", windows, (1.0, 10.0))
+    scores = score(follow(model, test.cases, 2, np.random.default_rng(0)), test.cases)
+    return Outcome(TrainedModel(name, trained_on, model), test, scores)
 
 
 def test_where_a_simulated_model_loses_the_study_says_so(windows):
@@ -119,17 +127,6 @@ def test_a_model_held_against_itself_is_neither_better_nor_clearly_worse(windows
     for comparison in compare_transfer(outcomes):
         assert not comparison.better
         assert not comparison.clear
-
-
-def test_inputs_beyond_the_training_range_are_counted(windows):
-    gmm = next(model for model in committed_models() if model.name == "gmm")
-    rows = input_rows([gmm], held_out_set("real pairs", [(windows, (1.0,))]))
-    assert [row["input"] for row in rows] == list(INPUTS)
-    speed = rows[1]
-    values = windows.speed_mps
-    outside = (values < speed["trained_from"]) | (values > speed["trained_to"])
-    assert speed["outside_percent"] == pytest.approx(100.0 * outside.mean())
-    assert speed["std"] == pytest.approx(values.std())
 
 
 @pytest.mark.parametrize("folder", ["", "nowhere"])
@@ -160,7 +157,7 @@ def little(monkeypatch, windows, tmp_path) -> TransferPlan:
     """Fit little, and put made-up windows in SUMO's place."""
     for name, value in (("FOLLOWING_SAMPLES", 3000), ("SHORT_SAMPLES", 3000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
-    monkeypatch.setattr(transfer_models, "COMPONENTS", 3)
+    monkeypatch.setattr(transfer, "COMPONENTS", 3)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
     monkeypatch.setattr(transfer, "_simulated_windows", lambda *arguments: windows)
     cars = tuple(Car(k, 40.0 + 30.0 * k, 9.0, 8.0, to_s=11.0) for k in range(1, 5))
@@ -174,17 +171,17 @@ def little(monkeypatch, windows, tmp_path) -> TransferPlan:
 def test_the_whole_study_gives_every_model_on_every_test_set_and_says_how(little, tmp_path):
     steps: list[int] = []
     result = make_transfer_study(little, load_network("us101"), lambda line: None, lambda: steps.append(1))
-    assert len(steps) == transfer.MODELS * transfer.TEST_SETS
+    assert len(steps) == transfer.PREDICTIONS
     wanted = {"study", "occlusion", "model", "horizon_s", "lon_m", "lon_m_ci95", "trained_on", "tested_on", "n"}
-    assert all(wanted <= set(row) for row in result.rows)
-    keys = {(row["model"], row["trained_on"], row["tested_on"], row["horizon_s"]) for row in result.rows}
-    assert len(keys) == len(result.rows) == 12 * 3 * 4
+    assert all(wanted <= set(row) for row in result.rows())
+    keys = {(row["model"], row["trained_on"], row["tested_on"], row["horizon_s"]) for row in result.rows()}
+    assert len(keys) == len(result.rows()) == 12 * 3 * 4
     write_transfer(result, tmp_path / "out")
     stored = json.loads((tmp_path / "out" / "results.json").read_text())
     assert stored == json.loads(json.dumps(as_json(result)))
     assert "# Study: transfer\n\n- on real pairs" in (tmp_path / "out" / "results.md").read_text()
     again = make_transfer_study(little, load_network("us101"), lambda line: None, lambda: None)
-    assert again.rows == result.rows
+    assert again.rows() == result.rows()
 
 
 @pytest.mark.skipif(not (REAL / "car_following_pairs.parquet").is_file(), reason="no real pairs; set MMPF_REALDATA")
