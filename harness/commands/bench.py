@@ -24,11 +24,8 @@ class Options(TypedDict):
     budget: Annotated[
         float, Option("Processor seconds that a tracker has for each number of vehicles.", default=10.0, least=0.1)
     ]
-    beside: Annotated[
-        int, Option("Processes that spin beside the measurement, as on a busy machine.", default=0, least=0, most=64)
-    ]
     seed: Annotated[int, Option("Root of all randomness.", default=0, least=0)]
-    out: Annotated[Path, Option("Folder of bench.json and bench.png.", default=Path("results/bench"))]
+    out: Annotated[Path, Option("Folder of bench.json.", default=Path("results/bench"))]
     json: Annotated[bool, Option("Print bench.json on stdout, nothing else there.", default=False)]
     quiet: Annotated[bool, Option("No progress bar and no table.", default=False)]
 
@@ -41,7 +38,6 @@ def command(options: Options) -> None:
     Examples:
       python -m harness bench
       python -m harness bench --trackers mmpf:gmm,mmpf:idm --vehicles 50,200
-      python -m harness bench --vehicles 50 --beside 5
     """
     from harness.commands.actions.measure import measure  # noqa: PLC0415
 

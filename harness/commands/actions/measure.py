@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 import typer
-from rich.console import Console
 
 from harness.common.errors import InputError
-from harness.common.files import save_figure, write_text
-from harness.common.numbers import without_nan
+from harness.common.files import write_text
+from harness.common.markdown import markdown_table, show_markdown
+from harness.common.numbers import as_json, without_nan
 from harness.common.progress import progress_bar
-from harness.lab.bench.bench import BenchPlan, run_bench
-from harness.lab.bench.bench_text import plot, print_tables
+from harness.lab.bench import BenchPlan, run_bench
 
 
 def measure(options: Mapping[str, Any]) -> None:
@@ -27,20 +25,38 @@ def measure(options: Mapping[str, Any]) -> None:
         steps=options["steps"],
         seed=options["seed"],
         budget_s=options["budget"],
-        beside=options["beside"],
     )
     steps = len(plan.vehicles) * plan.steps
     with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
         result = without_nan(run_bench(plan, advance))
     out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-    write_text(out / "bench.json", text)
-    save_figure(plot(result), out / "bench.png")
+    write_text(out / "bench.json", as_json(result))
     if not quiet:
-        print_tables(result, Console(stderr=True))
+        show_markdown(_tables(result), on_stderr=True)
         typer.echo(f"written to {out}", err=True)
     if options["json"]:
-        typer.echo(text, nl=False)
+        typer.echo(as_json(result), nl=False)
+
+
+def _tables(result: Mapping[str, Any]) -> str:
+    """Return the tables as Markdown; a dash stands where the tracker's time was up."""
+
+    def cell(value: object) -> str:
+        return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
+
+    heads = {
+        "Time of a step and its stages, median in ms": ("rows", "stages_ms_p50"),
+        "Sampling from a conditional Gaussian mixture": ("gmm", ""),
+    }
+    lines: list[str] = []
+    for title, (name, stages) in heads.items():
+        rows = [{key: row[key] for key in row if key != stages} for row in result[name]]
+        told = [
+            ", ".join(f"{stage} {cell(ms)}" for stage, ms in row.get(stages, {}).items()) or "-" for row in result[name]
+        ]
+        cells = [[*map(cell, row.values()), *([text] if stages else [])] for row, text in zip(rows, told, strict=True)]
+        lines += [f"## {title}", "", *markdown_table([*rows[0], *(["stages"] if stages else [])], cells), ""]
+    return "\n".join(lines)
 
 
 def _counts(text: str) -> tuple[int, ...]:

@@ -1,0 +1,281 @@
+"""How long trackers take: the time of a step against the number of vehicles, and the mixtures' sampling.
+
+All trackers take in the same scans in turns, so that a busy moment of the machine slows all alike. Vehicles stand in
+five lanes at one spacing and drive at one speed; the sensor's range grows with their number. So a larger scene has more
+vehicles at the same density, none enters or leaves, and the work per vehicle stays comparable.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import resource
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from harness.common.errors import InputError
+from harness.running.memory import keep_freed_memory
+from harness.running.watchers import DiagnosedTracker
+from harness.trackers.catalogue import build_tracker
+from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
+from harness.truth.frame import STEP_S
+from mmpf.map.road import highway
+from mmpf.motion.gmm.conditional import expand
+from mmpf.motion.gmm.model_file import committed_mixture
+from mmpf.motion.learned.lane_changer import CHANGE
+from mmpf.motion.learned.short_driver import SHORT
+from mmpf.registry import UnknownNameError
+from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+from mmpf.tracks import TENTATIVE
+
+STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda", "stonesoup-gnn:coarse", "stonesoup-jpda:coarse")
+MIXTURE_PARTICLES, REPETITIONS = 40_000, 15
+WARM_UP_STEPS, SETTLING_STEPS, SOONEST_STEPS, FEWEST_STEPS = 8, 20, 5, 3
+LANES, SPACING_M, JITTER_M, SPEED_MPS = 5, 22.0, 4.0, 15.0
+STD_LON_M, STD_LAT_M = 0.3, 0.2
+
+
+@dataclass(frozen=True)
+class BenchPlan:
+    """What is measured.
+
+    Attributes:
+        vehicles: Numbers of vehicles in range, ascending.
+        trackers: Trackers by name, those of this project with their motion model (``mmpf:gmm``), Stone Soup's with
+            ``:coarse`` for the gate that spares them distances to far detections; none for the usual ones.
+        particles: Particles per vehicle of this project's tracker.
+        steps: Scans of each scene.
+        seed: Root of all randomness.
+        budget_s: Processor time that each tracker has for each number of vehicles; a slower one drops out.
+    """
+
+    vehicles: tuple[int, ...]
+    trackers: tuple[str, ...] = ()
+    particles: int = 1000
+    steps: int = 40
+    seed: int = 0
+    budget_s: float = 10.0
+
+
+@dataclass
+class TimedTracker:
+    """A tracker on its way through a scene, with the times in ms of its steps so far.
+
+    Attributes:
+        name: What it is called.
+        tracker: The tracker.
+        model: Name of its motion model, None where it has its own.
+        particles: Particles per vehicle, None where there are none.
+        ms: Wall times.
+        cpu_ms: Processor times.
+        stages_ms: Wall times of the tracker's stages.
+        peak_mb: Highest resident memory of the process while this tracker stepped, what the others hold included.
+        tracks: Confirmed tracks after the last scan.
+    """
+
+    name: str
+    tracker: Tracker
+    model: str | None = None
+    particles: int | None = None
+    ms: list[float] = field(default_factory=list)
+    cpu_ms: list[float] = field(default_factory=list)
+    stages_ms: dict[str, list[float]] = field(default_factory=dict)
+    peak_mb: float = 0.0
+    tracks: int = 0
+
+    def step(self, scan: Scan) -> None:
+        """Take in a scan and note what it took."""
+        # From here on the kernel counts the peak anew; where it can't, the peak is that of the whole run.
+        with suppress(OSError):
+            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+        cpu_s, wall_s = process_time(), perf_counter()
+        tracks = self.tracker.step(scan)
+        wall_s, cpu_s = perf_counter() - wall_s, process_time() - cpu_s
+        self.ms.append(1e3 * wall_s)
+        self.cpu_ms.append(1e3 * cpu_s)
+        self.peak_mb = max(self.peak_mb, _peak_memory_mb())
+        self.tracks = int((tracks.state != TENTATIVE).sum())
+        if isinstance(self.tracker, DiagnosedTracker):
+            for stage, took_ms in self.tracker.last_report.stage_ms.items():
+                self.stages_ms.setdefault(stage, []).append(took_ms)
+
+    def row(self, vehicles: int) -> dict[str, Any]:
+        """Return its line of the table.
+
+        The first 20 steps, while tracks settle, do not count. Of one whose time was up before, the last three count if
+        its tracks stood by then; else the times are None.
+        """
+        settled = min(SETTLING_STEPS, len(self.ms) - FEWEST_STEPS)
+        counted = max(len(self.ms) - settled, 0) if settled >= SOONEST_STEPS else 0
+
+        def percentile(values: Sequence[float], percent: float) -> float | None:
+            kept = values[-counted:] if counted else ()
+            return float(np.percentile(kept, percent)) if len(kept) else None
+
+        return {
+            "tracker": self.name,
+            "model": self.model,
+            "vehicles": vehicles,
+            "particles": self.particles,
+            "ms_p50": percentile(self.ms, 50),
+            "ms_p95": percentile(self.ms, 95),
+            "cpu_ms_p50": percentile(self.cpu_ms, 50),
+            "peak_mb": self.peak_mb,
+            "steps": counted,
+            "tracks": self.tracks,
+            "stages_ms_p50": {stage: percentile(took_ms, 50) for stage, took_ms in self.stages_ms.items()},
+        }
+
+
+def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTracker:
+    """Return the tracker that a name of ``trackers`` stands for.
+
+    Raises:
+        InputError: There is no such tracker or model, or it is none that can be timed.
+    """
+    tracker, _, variant = name.partition(":")
+    options: dict[str, object] = {}
+    of_mmpf: tuple[str | None, int | None] = (None, None)
+    if tracker == "mmpf":
+        name, of_mmpf = tracker, (variant or "gmm", particles)
+        options = {"model": variant or "gmm", "particles": particles}
+    elif tracker.startswith("stonesoup"):
+        if variant not in ("", "coarse"):
+            raise InputError(f"`trackers` {name}: give {tracker} as it ships, or {tracker}:coarse")
+        options = {"coarse_gate": True} if variant else {}
+    else:
+        tracker = name
+    try:
+        built = build_tracker(tracker, setting, options)
+    except UnknownNameError as error:
+        raise InputError(f"`trackers`: {error}") from None
+    if isinstance(built, TruthAssociatedTracker):
+        raise InputError(f"`trackers`: {tracker} is told the truth; it is a reference, not a tracker to be timed")
+    return TimedTracker(name, built, *of_mmpf)
+
+
+def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, list[dict[str, Any]]]:
+    """Return ``rows`` of trackers and ``gmm`` of mixtures; ``advance`` is called after each scan of each scene.
+
+    Raises:
+        InputError: There is no such tracker or model, or it is none that can be timed.
+    """
+    has_stone_soup = importlib.util.find_spec("stonesoup") is not None
+    names = plan.trackers or ("mmpf:gmm", "mmpf:cvm", *(STONE_SOUP if has_stone_soup else ()))
+
+    def field_in(vehicles: int, seed: Sequence[int]) -> tuple[list[TimedTracker], Iterator[Scan]]:
+        rng = np.random.default_rng(seed)
+        sensor, scans = bench_scene(vehicles, plan.steps, rng)
+        setting = (highway(LANES), sensor)
+        return [
+            timed_tracker(name, plan.particles, TrackerSetting(*setting, np.random.default_rng(0), STEP_S))
+            for name in names
+        ], scans
+
+    keep_freed_memory()
+    # Throw-away trackers take a few scans, so that compiling and importing count in no measured step.
+    warming, scans = field_in(min(plan.vehicles), [plan.seed])
+    for _, scan in zip(range(WARM_UP_STEPS), scans, strict=False):
+        for timed in warming:
+            timed.tracker.step(scan)
+    rows: list[dict[str, Any]] = []
+    # As in a run: all trackers' matrix products are small, and one thread is the fastest on a busy machine.
+    with threadpool_limits(limits=1, user_api="blas"):
+        for vehicles in plan.vehicles:
+            contenders, scans = field_in(vehicles, [plan.seed, vehicles])
+            time_in_turns(contenders, scans, plan.budget_s, advance)
+            rows += [timed.row(vehicles) for timed in contenders]
+        return {"rows": rows, "gmm": time_mixtures(np.random.default_rng(plan.seed))}
+
+
+def time_in_turns(
+    contenders: Sequence[TimedTracker], scans: Iterator[Scan], budget_s: float, advance: Callable[[], None]
+) -> None:
+    """Let every tracker take in the scans in turns; one whose processor time is used up drops out."""
+    for scan in scans:
+        for timed in contenders:
+            if sum(timed.cpu_ms) < 1e3 * budget_s:
+                timed.step(scan)
+        advance()
+
+
+def bench_scene(vehicles: int, steps: int, rng: np.random.Generator) -> tuple[SensorModel, Iterator[Scan]]:
+    """Return the sensor and the scans of so many vehicles in range beside the ego, all in plain view."""
+    road = highway(LANES)
+    rows = vehicles // (2 * LANES) + 2
+    along = SPACING_M * np.arange(-rows, rows + 1)
+    lane = np.repeat(np.arange(LANES), len(along))
+    lon_m = np.tile(along, LANES) + rng.uniform(-0.5 * JITTER_M, 0.5 * JITTER_M, len(lane))
+    lat_m = np.array([strip.centre_m for strip in road.lanes])[lane]
+    is_ego = (lane == LANES // 2) & (np.tile(along, LANES) == 0.0)
+    lon_m, lat_m = lon_m[~is_ego], lat_m[~is_ego]
+    distance_m = np.hypot(lon_m, lat_m - road.lanes[LANES // 2].centre_m)
+    nearest = np.argsort(distance_m)[:vehicles]
+    range_m = float(distance_m[nearest[-1]]) + 5.0
+    width_m = LANES * (road.lanes[0].left_m - road.lanes[0].right_m)
+    sensor = SensorModel(range_m=range_m, clutter_area_m2=2.0 * range_m * width_m)
+    return sensor, (_scan(step, lon_m[nearest], lat_m[nearest], sensor, width_m, rng) for step in range(steps))
+
+
+def _scan(
+    step: int, lon_m: np.ndarray, lat_m: np.ndarray, sensor: SensorModel, width_m: float, rng: np.random.Generator
+) -> Scan:
+    ego = EgoPose(SPEED_MPS * step * STEP_S, 0.5 * width_m, 0.0, SPEED_MPS, 4.7, 1.9)
+    seen = np.flatnonzero(rng.random(len(lon_m)) < sensor.detection_probability)
+    false = int(rng.poisson(sensor.clutter_per_scan))
+    range_m = sensor.range_m
+    lon = np.append(lon_m[seen] + rng.normal(0.0, STD_LON_M, len(seen)), rng.uniform(-range_m, range_m, false))
+    lat = np.append(lat_m[seen] + rng.normal(0.0, STD_LAT_M, len(seen)), rng.uniform(0.0, width_m, false))
+    order = rng.permutation(len(lon))
+    unmeasured, like = np.full(len(lon), np.nan), np.ones(len(lon))
+    found = Detections(
+        lon_m=ego.lon_m + lon[order],
+        lat_m=lat[order],
+        speed_mps=unmeasured,
+        std_lon_m=STD_LON_M * like,
+        std_lat_m=STD_LAT_M * like,
+        std_speed_mps=unmeasured,
+    )
+    return Scan(step * STEP_S, found, ego)
+
+
+def time_mixtures(rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Return a row for each committed mixture: the published 28 components of 5 inputs, and 60 of 14.
+
+    Conditional sampling is timed beside the bare matrix product that it can't do without.
+    """
+    rows: list[dict[str, Any]] = []
+    for kind in (SHORT, CHANGE):
+        mixture = committed_mixture(kind).mixture
+        x = rng.standard_normal((MIXTURE_PARTICLES, mixture.inputs))
+        expanded = expand(x).astype(np.float32)
+        matrix = np.ascontiguousarray(mixture.logit_matrix.T, dtype=np.float32)
+        works: Mapping[str, Callable[[], object]] = {
+            "ms": lambda mixture=mixture, x=x: mixture.sample(x, rng),  # type: ignore[misc]
+            "matrix_product_ms": lambda expanded=expanded, matrix=matrix: expanded @ matrix,  # type: ignore[misc]
+        }
+        took_ms: dict[str, list[float]] = {name: [] for name in works}
+        for _ in range(REPETITIONS + 1):
+            for name, work in works.items():
+                begin = perf_counter()
+                work()
+                took_ms[name].append(1e3 * (perf_counter() - begin))
+        # The first of each is the warm-up.
+        medians = {name: float(np.median(values[1:])) for name, values in took_ms.items()}
+        sizes = {"components": len(mixture.weights), "inputs": mixture.inputs, "outputs": mixture.outputs}
+        rows.append(sizes | {"particles": MIXTURE_PARTICLES} | medians)
+    return rows
+
+
+def _peak_memory_mb() -> float:
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024.0
+    except (OSError, StopIteration):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -1,1 +1,0 @@
-"""How long trackers take: a step by stage against the number of vehicles, and the mixtures' sampling."""
