@@ -58,6 +58,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
+    "ignore_pattern": r"exec_tracker\.py$",  # a program that reads scans
     "within_subsection_order": "ExampleTitleSortKey",
     "ignore_repr_types": r"matplotlib[text, axes]",
     "run_stale_examples": True,  # what they show depends on the packages too

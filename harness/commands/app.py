@@ -53,6 +53,7 @@ PANELS = {
         "drive": "Let the ego drive by what trackers tell it; count collisions and conflicts.",
         "study": "Repeat the published cases; ask whether the models carry over to real roads.",
         "bench": "Measure how long trackers take.",
+        "check-tracker": "Check that a tracker of your own, also a program, keeps what trackers promise.",
         "reference": "Make a reference table from a clean tree, or check one.",
     },
     "Models and traffic": {
@@ -64,7 +65,7 @@ PANELS = {
 COMMANDS: Registry[Callable[..., int | None]] = Registry(
     "command",
     entries={
-        name: Entry(f"harness.commands.{name}:command", about)
+        name: Entry(f"harness.commands.{name.replace('-', '_')}:command", about)
         for panel in PANELS.values()
         for name, about in panel.items()
     },

@@ -39,10 +39,10 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
         name = _at(in_file, key)
         if _at(chosen, key) is not None:
             continue
-        if isinstance(name, str) and ":" in name and not is_installed(name):
+        if isinstance(name, str) and ":" in name and (name.startswith("exec:") or not is_installed(name)):
             raise InputError(
-                f"`config`: {file} names {name}, which is no installed module, and importing it would run it; if you "
-                f"trust it, give it yourself as `{option}`"
+                f"`config`: {file} names {name}, which is no installed module, and it would be run; if you trust it, "
+                f"give it yourself as `{option}`"
             )
 
 

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from harness.common.errors import RunError
+from harness.common.errors import InputError, RunError
 from harness.running.looks import Looks
 from harness.running.memory import keep_freed_memory
 from harness.running.recorder import ColumnRecorder
@@ -89,9 +89,15 @@ class _EpisodeTrackers:
             return
         if self.episode is None:
             self._compile_once(look)
-        self.episode = look.frame.episode
         self.id_offset = self.first_free_id
-        self.tracker = self._fresh_tracker(self.stream.spawn(1)[0])
+        try:
+            self.tracker = self._fresh_tracker(self.stream.spawn(1)[0])
+        except InputError as error:
+            if self.episode is None:
+                raise
+            # Earlier episodes were followed, and are kept.
+            raise RunError(str(error)) from error
+        self.episode = look.frame.episode
 
     def step(self, look: Look) -> Tracks:
         """Give the tracker one scan and make its identities unique over the run."""

@@ -6,7 +6,7 @@ import difflib
 import inspect
 import tomllib
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from harness.common.error_text import first_problem, what_it_raised
 from harness.common.errors import InputError
 from harness.common.named import check_made, named, without_method
+from harness.trackers import program
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
 from mmpf.options.base import Settings, fields_of
 from mmpf.registry import Entry, Registry, UnknownNameError
@@ -99,7 +100,8 @@ def build_tracker(
     Args:
         maker: A name from ``available_trackers``, one that was registered with ``trackers`` or that an
             installed package declares as an entry point of ``harness.trackers``, or ``package.module:factory`` for a
-            tracker of one's own; or the factory itself.
+            tracker of one's own, or ``exec:`` and the command of a program (``harness.trackers.program``); or the
+            factory itself.
         setting: What the tracker may know.
         options: The tracker's own options; they override its tuned ones.
         tuned: Whether the others are as they were tuned; else they are as in the tracker's code.
@@ -108,7 +110,7 @@ def build_tracker(
         InputError: The name is unknown, an extra is not installed, a dotted path leads nowhere, or an option is wrong.
     """
     if isinstance(maker, str):
-        factory = named(trackers, "tracker", maker)
+        factory = factory_named(maker)
         options = _over(tuned_options(maker), options) if tuned else options
     else:
         factory = maker
@@ -127,6 +129,17 @@ def build_tracker(
         ) from error
     check_made(trackers, "tracker", _name_of(maker), tracker)
     return tracker
+
+
+def factory_named(name: str) -> TrackerFactory:
+    """Return what builds the tracker of a name, see ``build_tracker``.
+
+    Raises:
+        InputError: There is none.
+    """
+    if name.startswith(program.PREFIX):
+        return partial(program.ProgramTracker, name)
+    return named(trackers, "tracker", name)
 
 
 def _name_of(maker: str | TrackerFactory) -> str:
