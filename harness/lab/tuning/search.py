@@ -4,7 +4,7 @@
 
 Detections are recorded once, on seeds that are never reported on (100 to 199): at two densities, and in free flow with
 broken-down vehicles and with vehicles that are hard to detect, so that a tracker that withholds either pays for it.
-Every setting of every tracker follows the same ones. ``tuning_search`` is the search, ``tuning_spaces`` what it may
+Every setting of every tracker follows the same ones. ``trials`` is the search, ``spaces`` what it may
 change; it begins at the trackers' defaults and at what was found before, and each tracker is tried the same number of
 times. A setting counts only if the tracker passes the conformance checks with it; it is tried on one seed's recordings
 after the other and stopped when it is behind. ``--write`` puts the outcome into ``harness/trackers/tuned.toml``, from
@@ -28,9 +28,8 @@ from time import perf_counter
 from harness.common.errors import InputError
 from harness.config.model import RunConfig, SensorConfig
 from harness.grid.pool import ONE_THREAD
-from harness.lab.tuning.outcome_file import Outcome, write_outcome
 from harness.lab.tuning.spaces import ALWAYS, SEARCH_SPACES, Options, nested, space_of, starts_of
-from harness.lab.tuning.trials import Found, Scores, Trial, check_installed, search
+from harness.lab.tuning.trials import Scores, Trial, best_of, ends_near, load_optuna, scores_of, search, write_outcome
 from harness.running.evaluate import evaluate
 from harness.running.looks import Looks
 from harness.running.open import open_looks
@@ -75,8 +74,8 @@ class Recording:
 Batches = Sequence[Sequence[Recording]]
 
 
-def tune(tracker: str, batches: Batches, budget: int) -> Found:
-    """Search a tracker's space.
+def tune(tracker: str, batches: Batches, budget: int) -> list[Trial]:
+    """Search a tracker's space; return all trials.
 
     Args:
         tracker: Name of the tracker, one of ``SEARCH_SPACES``.
@@ -88,10 +87,8 @@ def tune(tracker: str, batches: Batches, budget: int) -> Found:
     def tell(trial: Trial) -> None:
         until = f" refused for {trial.refused}" if trial.refused else ""
         until = f" stopped after {trial.batches}" if trial.stopped else until
-        shown = json.dumps(trial.options)
-        sys.stderr.write(
-            f"{tracker} {trial.objective:.2f}{until} {trial.scores} {shown} {perf_counter() - begin:.0f} s\n"
-        )
+        told = f"{tracker} {trial.objective:.2f}{until} {json.dumps(trial.scores)} {json.dumps(trial.options)}"
+        sys.stderr.write(f"{told} {perf_counter() - begin:.0f} s\n")
 
     def follow_batch(options: Options, batch: int) -> list[Scores]:
         return [follow(tracker, options, recording) for recording in batches[batch]]
@@ -126,7 +123,7 @@ def recordings_of(seed: int, duration_s: float, sensor: str) -> list[Recording]:
 def follow(tracker: str, options: Options, recording: Recording) -> Scores:
     """Follow a recording with a tracker of given options, dotted keys with values, whatever its tuned ones are."""
     build = partial(build_tracker, tracker, options=_chosen(tracker, options), tuned=False)
-    return Scores.of(evaluate(_looks(recording), build, recording.seed).scores)
+    return scores_of(evaluate(_looks(recording), build, recording.seed).scores)
 
 
 def _chosen(tracker: str, options: Options) -> Options:
@@ -152,19 +149,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if chosen.trials < 1 or chosen.processes < 1:
         parser.error("--trials and --processes: give 1 or more")
     try:
-        check_installed()
+        load_optuna()
         batches = [recordings_of(seed, chosen.duration, chosen.sensor) for seed in seeds]
         recordings = [asdict(each) for batch in batches for each in batch]
-        for name, found in _all_found(names, batches, chosen.trials, chosen.processes):
-            sys.stdout.write(f"{_in_words(name, found)}\n")
+        for name, trials in _all_found(names, batches, chosen.trials, chosen.processes):
+            sys.stdout.write(f"{_in_words(name, trials)}\n")
             sys.stdout.flush()
             if chosen.write:
-                write_outcome(Outcome(name, _command(name, chosen), recordings, found), TUNED_FILE)
+                write_outcome(TUNED_FILE, name, _command(name, chosen), recordings, trials, space_of(name))
     except InputError as error:
         parser.error(str(error))
 
 
-def _all_found(names: Sequence[str], batches: Batches, budget: int, processes: int) -> Iterator[tuple[str, Found]]:
+def _all_found(
+    names: Sequence[str], batches: Batches, budget: int, processes: int
+) -> Iterator[tuple[str, list[Trial]]]:
     """Yield what is found for each tracker; each process searches for one at a time, on recordings of its own."""
     search_one = partial(tune, batches=batches, budget=budget)
     if processes == 1 or len(names) == 1:
@@ -175,14 +174,14 @@ def _all_found(names: Sequence[str], batches: Batches, budget: int, processes: i
         yield from zip(names, pool.map(search_one, names), strict=True)
 
 
-def _in_words(name: str, found: Found) -> str:
-    ends = ", ".join(f"{key} ({end})" for key, end in found.at_an_end.items())
-    stopped = sum(trial.stopped for trial in found.trials)
-    refused = sum(bool(trial.refused) for trial in found.trials)
-    before = "refused" if found.trials[0].refused else f"{found.trials[0].objective:.2f}"
+def _in_words(name: str, trials: Sequence[Trial]) -> str:
+    first, best = trials[0], best_of(trials)
+    ends = ", ".join(f"{key} ({end})" for key, end in ends_near(best.options, space_of(name)).items())
+    stopped, refused = sum(trial.stopped for trial in trials), sum(bool(trial.refused) for trial in trials)
+    before = "refused" if first.refused else f"{first.objective:.2f}"
     return (
-        f"{name}: {before} -> {found.best.objective:.2f} in {len(found.trials)} trials, "
-        f"{stopped} of them stopped early, {refused} refused: {json.dumps(found.best.options)}; "
+        f"{name}: {before} -> {best.objective:.2f} in {len(trials)} trials, "
+        f"{stopped} of them stopped early, {refused} refused: {json.dumps(best.options)}; "
         f"at the end of its range: {ends or 'none'}"
     )
 

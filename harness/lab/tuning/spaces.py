@@ -9,105 +9,67 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, NamedTuple
 
 from harness.trackers.catalogue import tracker_options, tuned_options
 from mmpf.options.base import fields_of
 
 Value = object
 Options = dict[str, Value]
-End = Literal["low", "high"]
-
-_NEAR_END = 0.05
-_WIDENED_BY = 0.5
 
 
-@dataclass(frozen=True)
-class Range:
-    """Numbers between two ends, which both belong to it.
-
-    Attributes:
-        low: The lower end.
-        high: The upper end.
-        log: Whether the search goes by ratios.
-        whole: Whether only whole numbers are meant.
-        least: No smaller number makes sense, however far the range is widened.
-        most: No larger one does.
-    """
+class Range(NamedTuple):
+    """Numbers between two ends, which both belong to it: by ratios if ``log``, only whole ones if ``whole``."""
 
     low: float
     high: float
     log: bool = False
     whole: bool = False
-    least: float = -math.inf
-    most: float = math.inf
 
-    def end_near(self, value: float) -> End | None:
-        """Return the end within 5 % of which a value lies, unless nothing makes sense beyond that end."""
-        low, high = self._scaled(self.low), self._scaled(self.high)
-        share = (self._scaled(value) - low) / (high - low)
-        if share <= _NEAR_END and self.low > self.least:
-            return "low"
-        return "high" if share >= 1.0 - _NEAR_END and self.high < self.most else None
-
-    def widened(self, end: End) -> Range:
-        """Return the range half as wide again beyond an end, as far as that makes sense."""
-        low, high = self._scaled(self.low), self._scaled(self.high)
-        by = _WIDENED_BY * (high - low)
-        if end == "low":
-            return replace(self, low=max(self.least, self._rounded(low - by)))
-        return replace(self, high=min(self.most, self._rounded(high + by)))
-
-    def __contains__(self, value: object) -> bool:
+    def holds(self, value: Value) -> bool:
+        """Return whether a value lies in it."""
         return isinstance(value, int | float) and self.low <= value <= self.high
 
-    def _scaled(self, value: float) -> float:
-        return math.log(value) if self.log else float(value)
-
-    def _rounded(self, scaled: float) -> float:
-        value = math.exp(scaled) if self.log else scaled
-        return float(round(value)) if self.whole else short(value)
-
-
-def short(value: float) -> float:
-    """Return a number with three digits, since more are not worth a reader's while."""
-    return float(f"{value:.3g}")
+    def end_near(self, value: float) -> str | None:
+        """Return the end, ``low`` or ``high``, within 5 % of which a value lies."""
+        low, high, at = (math.log(each) if self.log else each for each in (self.low, self.high, value))
+        share = (at - low) / (high - low)
+        return "low" if share <= 0.05 else "high" if share >= 0.95 else None
 
 
 Choices = tuple[Value, ...]
 Space = Mapping[str, Range | Choices]
 
 
-def _ratio(low: float, high: float, most: float = math.inf) -> Range:
-    return Range(low, high, log=True, most=most)
+def _ratio(low: float, high: float) -> Range:
+    return Range(low, high, log=True)
 
 
 def _whole(low: int, high: int) -> Range:
-    return Range(low, high, whole=True, least=1)
+    return Range(low, high, whole=True)
 
 
 _MOTION: Space = {"lon_noise": _ratio(0.1, 10.0), "lat_noise": _ratio(0.01, 1.0)}
 _NOISE: Space = {**_MOTION, "noise_factor": _ratio(0.5, 2.5)}
 _MEMORY: Space = {"largest_std_lon_m": _ratio(2.0, 40.0), "longest_unseen_s": _ratio(0.5, 20.0)}
-_GATE: Space = {"gate_std": Range(2.5, 6.0, least=0.5)}
+_GATE: Space = {"gate_std": Range(2.5, 6.0)}
 _CONFIRM: Space = {"confirm_detections": _whole(1, 10), "birth_speed_std_mps": _ratio(2.0, 20.0)}
 _BIRTH: Space = {**_CONFIRM, "held_unseen_s": _ratio(0.1, 1.5)}
 _BELIEF: Space = {
-    "detection_probability": Range(0.1, 0.95, least=0.01, most=0.99),
+    "detection_probability": Range(0.1, 0.95),
     "clutter_factor": _ratio(0.1, 10.0),
 }
 _STITCHING: Space = {
-    "stitching.margin_m": Range(0.0, 8.0, least=0.0),
-    "stitching.gate_std": Range(1.5, 5.0, least=0.5),
+    "stitching.margin_m": Range(0.0, 8.0),
+    "stitching.gate_std": Range(1.5, 5.0),
 }
 # The ego's path is no setting to search: a vehicle that stands there is always reported.
 _DOUBTFUL: Space = {
     "doubtful.on": (False, True),
     "doubtful.standing_mps": _ratio(0.5, 8.0),
-    "doubtful.standing_std": Range(0.0, 3.0, least=0.0),
+    "doubtful.standing_std": Range(0.0, 3.0),
     "doubtful.flow_mps": _ratio(1.0, 12.0),
-    "doubtful.moved_s": Range(0.0, 3.0, least=0.0),
+    "doubtful.moved_s": Range(0.0, 3.0),
     "doubtful.trusted_after_s": _ratio(1.0, 20.0),
 }
 _STONE_SOUP: Space = {**_NOISE, **_MEMORY, **_GATE, **_BIRTH, **_DOUBTFUL}
@@ -115,7 +77,7 @@ _JPDA: Space = {**_BELIEF, **_STONE_SOUP}
 _STITCHED: Space = {**_JPDA, **_STITCHING}
 _BOXES: Space = {
     "longest_unseen_s": _ratio(0.2, 15.0),
-    "least_overlap": Range(-0.8, 0.4, least=-1.0, most=0.95),
+    "least_overlap": Range(-0.8, 0.4),
     **_NOISE,
     **_BIRTH,
     **_DOUBTFUL,
@@ -123,12 +85,12 @@ _BOXES: Space = {
 # Particles stay as they are: they buy accuracy with time, which no search should trade off. How mmpf tells false
 # objects from vehicles is left out as long as that is being rebuilt; keys that it does not have are passed over.
 _MMPF: Space = {
-    "joint.detectability.run_share": _ratio(0.03, 0.3, most=0.9),
+    "joint.detectability.run_share": _ratio(0.03, 0.3),
     "reporting.reported_std_lon_m": _ratio(5.0, 40.0),
     "joint.association.birth_density": _ratio(0.01, 2.0),
-    "joint.association.gate_std": Range(3.0, 7.0, least=0.5),
-    "joint.existence.confirm_above": Range(0.2, 0.9, least=0.0, most=0.99),
-    "joint.existence.confirm_s": Range(0.0, 0.9, least=0.0),
+    "joint.association.gate_std": Range(3.0, 7.0),
+    "joint.existence.confirm_above": Range(0.2, 0.9),
+    "joint.existence.confirm_s": Range(0.0, 0.9),
     "joint.removal.longest_unseen_s": _ratio(4.0, 20.0),
     "joint.identity.unknown_density": _ratio(1e-6, 1e-3),
     "model_error.accel": _ratio(0.2, 3.0),
@@ -154,15 +116,15 @@ SEARCH_SPACES: dict[str, Space] = {
     # Its three parts make the method what it is: no search switches one off.
     "oc-sort": {
         "momentum_weight": _ratio(0.05, 2.0),
-        "recovery_overlap": Range(-0.5, 0.8, least=-1.0, most=0.95),
-        "momentum_s": _ratio(0.1, 1.5, most=1.5),
+        "recovery_overlap": Range(-0.5, 0.8),
+        "momentum_s": _ratio(0.1, 1.5),
         **_BOXES,
     },
     "imm-gnn": {
         "accel_std_mps2": _ratio(0.3, 5.0),
         "turn_std_rad_per_s": _ratio(0.02, 0.5),
         "longest_unseen_s": _ratio(0.5, 15.0),
-        "gate_std": Range(3.0, 7.0, least=0.5),
+        "gate_std": Range(3.0, 7.0),
         **_BELIEF,
         **_NOISE,
         **_BIRTH,
@@ -171,9 +133,9 @@ SEARCH_SPACES: dict[str, Space] = {
     "pmbm": {
         "shadow_aware": (True, False),
         "newcomer_share": _ratio(0.001, 0.5),
-        "reported_existence": Range(0.2, 0.9, least=0.0, most=0.99),
+        "reported_existence": Range(0.2, 0.9),
         "longest_unseen_s": _ratio(2.0, 20.0),
-        "gate_std": Range(3.0, 7.0, least=0.5),
+        "gate_std": Range(3.0, 7.0),
         **_BELIEF,
         **_NOISE,
         **_CONFIRM,
@@ -235,12 +197,9 @@ def nested(options: Mapping[str, Value]) -> Options:
     """Return dotted options as the groups that a tracker takes."""
     table: Options = {}
     for key, value in options.items():
-        group = table
+        group: Any = table
         *names, last = key.split(".")
         for name in names:
-            inner = group.setdefault(name, {})
-            if not isinstance(inner, dict):
-                raise TypeError(f"{key}: {name} is a setting and a group")
-            group = inner
+            group = group.setdefault(name, {})
         group[last] = value
     return table

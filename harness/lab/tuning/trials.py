@@ -3,100 +3,52 @@
 A trial keeps most of the best setting's values, and Optuna chooses the others: with a dozen or more values to choose
 and a budget of some dozens of trials, choosing all of them anew finds less. Each setting is tried on the recordings
 batch by batch; one that is behind half of those tried so far is stopped. One that fails a conformance check is refused
-before any recording is followed. Half way and at three quarters of the trials, ranges at whose end the best setting
-lies are widened.
+before any recording is followed.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.lab.tuning.spaces import Choices, End, Options, Range, is_searched, short
+from harness.common.files import write_text
+from harness.lab.tuning.spaces import DEFAULTS_IN_CODE, Options, Range, Space, is_searched
 
-HIDDEN_COST_PER_M = 5.0
-"""Points of the objective for a metre of hidden cost."""
-FALSE_HIDDEN_COST = 2.0
-"""Points of the objective for a false hidden track a scan: else a tracker that keeps everything would be the best."""
-WITHHELD_COST = 1.0
-"""Points of the objective for each percent of the vehicle-steps in plain view that have no track."""
-STOPPED_COST = 0.5
-"""Points for each percent of those of stopped vehicles: ten percent cost what doubting all that stands may gain."""
+SCORES = {
+    "hota": ("mot", "hota"),
+    "idf1": ("mot", "idf1"),
+    "hidden_cost_m": ("hidden", "hidden_cost_m"),
+    "false_hidden_tracks_per_scan": ("hidden", "false_hidden_tracks_per_scan"),
+    "plain_view_recall": ("in_plain_view", "recall"),
+    "stopped_recall": ("in_plain_view", "stopped_recall"),
+}
+"""The scores that the objective is made of, and where a run's metrics hold them."""
 OBJECTIVE = (
-    f"(hota + idf1) / 2 - {HIDDEN_COST_PER_M:g} hidden_cost_m - {FALSE_HIDDEN_COST:g} false_hidden_tracks_per_scan - "
-    f"{WITHHELD_COST:g} (100 - plain_view_recall) - {STOPPED_COST:g} (100 - stopped_recall), each where it is measured"
+    "(hota + idf1) / 2 - 5 hidden_cost_m - 2 false_hidden_tracks_per_scan - 1 (100 - plain_view_recall) - "
+    "0.5 (100 - stopped_recall), each where it is measured"
 )
-_WIDENED_AFTER = (0.5, 0.75)
 _KEPT = 0.75
 
-
-@dataclass(frozen=True)
-class Scores:
-    """How well a setting did; what is not measured is nan.
-
-    Attributes:
-        hota: HOTA in sight, percent.
-        idf1: IDF1 in sight, percent.
-        hidden_cost_m: Mean of the error, at most 10 m, over all vehicle-steps hidden after having been tracked.
-        false_hidden_tracks_per_scan: False hidden tracks a scan.
-        plain_view_recall: Share of the vehicle-steps in plain view that have a track, percent.
-        stopped_recall: The same of vehicles stopped amid traffic, percent.
-    """
-
-    hota: float
-    idf1: float
-    hidden_cost_m: float = math.nan
-    false_hidden_tracks_per_scan: float = math.nan
-    plain_view_recall: float = math.nan
-    stopped_recall: float = math.nan
-
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Return the names of the scores."""
-        return tuple(column.name for column in fields(cls))
-
-    @classmethod
-    def of(cls, metrics: Mapping[str, Any]) -> Scores:
-        """Take the scores out of a run's metrics."""
-        in_sight, hidden, in_view = (metrics.get(name, {}) for name in ("mot", "hidden", "in_plain_view"))
-        return cls(
-            _number(in_sight["hota"]),
-            _number(in_sight["idf1"]),
-            _number(hidden.get("hidden_cost_m")),
-            _number(hidden.get("false_hidden_tracks_per_scan")),
-            _number(in_view.get("recall")),
-            _number(in_view.get("stopped_recall")),
-        )
-
-    @classmethod
-    def mean(cls, several: Sequence[Scores]) -> Scores:
-        """Return the means over recordings; a score that a recording has none of is left out of its mean."""
-        return cls(**{name: _mean([getattr(each, name) for each in several]) for name in cls.names()})
-
-    @property
-    def objective(self) -> float:
-        """What the search maximises, see ``OBJECTIVE``."""
-        costs = (
-            HIDDEN_COST_PER_M * self.hidden_cost_m,
-            FALSE_HIDDEN_COST * self.false_hidden_tracks_per_scan,
-            WITHHELD_COST * (100.0 - self.plain_view_recall),
-            STOPPED_COST * (100.0 - self.stopped_recall),
-        )
-        return 0.5 * (self.hota + self.idf1) - sum(cost for cost in costs if math.isfinite(cost))
+Scores = dict[str, float]
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
+def scores_of(metrics: Mapping[str, Any]) -> Scores:
+    """Take the scores out of a run's metrics; what is not measured is left out."""
+    found = {name: metrics.get(group, {}).get(key) for name, (group, key) in SCORES.items()}
+    return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
 
 
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else math.nan
+def mean_of(several: Sequence[Scores]) -> Scores:
+    """Return the means over recordings; a score that a recording has none of is left out of its mean."""
+    known = {name: [each[name] for each in several if name in each] for name in SCORES}
+    return {name: float(np.mean(values)) for name, values in known.items() if values}
 
 
 @dataclass(frozen=True)
@@ -112,15 +64,24 @@ class Trial:
     """
 
     options: Options
-    scores: Scores
+    scores: Scores = field(default_factory=dict)
     batches: int = 1
     stopped: bool = False
     refused: str = ""
 
     @property
     def objective(self) -> float:
-        """What the search maximises."""
-        return self.scores.objective
+        """What the search maximises, see ``OBJECTIVE``.
+
+        A false hidden track costs, else a tracker that keeps everything would be the best. Of stopped vehicles, ten
+        percent that are withheld cost what doubting all that stands may gain.
+        """
+        told = self.scores
+        if self.refused:
+            return math.nan
+        cost = 5.0 * told.get("hidden_cost_m", 0.0) + 2.0 * told.get("false_hidden_tracks_per_scan", 0.0)
+        withheld = 100.0 - told.get("plain_view_recall", 100.0) + 0.5 * (100.0 - told.get("stopped_recall", 100.0))
+        return 0.5 * (told["hota"] + told["idf1"]) - cost - withheld
 
     @property
     def counts(self) -> bool:
@@ -128,61 +89,35 @@ class Trial:
         return not (self.stopped or self.refused)
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a search has come to.
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """Return the best trial that counts, the earliest of equals.
 
-    Attributes:
-        trials: All trials in the order they were made, the defaults first.
-        space: What was searched, with the ranges as they were widened.
+    Raises:
+        InputError: None counts.
     """
-
-    trials: Sequence[Trial]
-    space: Mapping[str, Range | Choices]
-
-    @property
-    def best(self) -> Trial:
-        """The best trial that counts, the earliest of equals.
-
-        Raises:
-            InputError: None counts.
-        """
-        counting = [trial for trial in self.trials if trial.counts]
-        if not counting:
-            raise InputError(f"every setting was refused, the first one for {self.trials[0].refused}; mend the tracker")
-        return max(counting, key=lambda trial: trial.objective)
-
-    @property
-    def at_an_end(self) -> dict[str, End]:
-        """Which of the best settings lie at an end of their range, and at which."""
-        return ends_near(self.best.options, self.space)
+    counting = [trial for trial in trials if trial.counts]
+    if not counting:
+        raise InputError(f"every setting was refused, the first one for {trials[0].refused}; mend the tracker")
+    return max(counting, key=lambda trial: trial.objective)
 
 
-def ends_near(options: Options, space: Mapping[str, Range | Choices]) -> dict[str, End]:
-    """Return which settings lie at an end of their range, and at which."""
-    near = {}
-    for key, value in options.items():
-        values = space[key]
-        end = values.end_near(value) if isinstance(values, Range) and isinstance(value, int | float) else None
-        if end is not None:
-            near[key] = end
-    return near
-
-
-Follow = Callable[[Options, int], Sequence[Scores]]
-Refusal = Callable[[Options], str]
+def ends_near(options: Options, space: Space) -> dict[str, str]:
+    """Return which settings lie at an end of their range, and at which: those ranges want to be wider."""
+    ranges = {key: values for key, values in space.items() if isinstance(values, Range) and key in options}
+    ends = {key: values.end_near(float(str(options[key]))) for key, values in ranges.items()}
+    return {key: end for key, end in ends.items() if end is not None}
 
 
 def search(
     starts: Sequence[Options],
-    space: Mapping[str, Range | Choices],
-    follow: Follow,
+    space: Space,
+    follow: Callable[[Options, int], Sequence[Scores]],
     batches: int,
     budget: int,
     tell: Callable[[Trial], object],
-    refusal: Refusal = lambda _: "",
-) -> Found:
-    """Search for the best setting.
+    refusal: Callable[[Options], str] = lambda _: "",
+) -> list[Trial]:
+    """Search for the best setting; return all trials in the order they were made.
 
     Args:
         starts: The settings that are tried first.
@@ -196,56 +131,37 @@ def search(
     Raises:
         InputError: Optuna is not installed, or every setting that the search begins at is refused.
     """
-    study, space, rng = _study(), dict(space), np.random.default_rng(0)
+    optuna, rng = load_optuna(), np.random.default_rng(0)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler = optuna.samplers.TPESampler(seed=0, multivariate=False)
+    pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=2)
+    study = optuna.create_study(direction="maximize", sampler=sampler, pruner=pruner)
     trials: list[Trial] = []
     while len(trials) < budget:
-        if any(trial.counts for trial in trials) and len(trials) in {round(share * budget) for share in _WIDENED_AFTER}:
-            space = _widened(space, Found(trials, space).at_an_end)
         if len(trials) < len(starts):
             kept, like = set(space), starts[len(trials)]
         else:
-            kept, like = _kept(list(space), rng), Found(trials, space).best.options
-        study.enqueue_trial({key: value for key, value in like.items() if key in kept and value in space[key]})
+            kept, like = _kept(list(space), rng), best_of(trials).options
+        study.enqueue_trial({key: like[key] for key in kept & like.keys() if _holds(space[key], like[key])})
         asked = study.ask()
         options = _suggested(asked, space, kept, like)
         reason = refusal(options)
-        if reason:
-            trials.append(Trial(options, Scores(math.nan, math.nan), 0, refused=reason))
+        trial = Trial(options, {}, 0, refused=reason) if reason else _tried(options, follow, batches, asked)
+        trials.append(trial)
+        if trial.counts:
+            study.tell(asked, trial.objective)
         else:
-            trials.append(_tried(options, follow, batches, asked))
-        if trials[-1].counts:
-            study.tell(asked, trials[-1].objective)
-        else:
-            study.tell(asked, state=_optuna().trial.TrialState.PRUNED)
-        tell(trials[-1])
-    return Found(trials, space)
+            study.tell(asked, state=optuna.trial.TrialState.PRUNED)
+        tell(trial)
+    return trials
 
 
-def _kept(keys: Sequence[str], rng: np.random.Generator) -> set[str]:
-    """Return which settings stay as they are: most of them, and never all."""
-    changed = keys[int(rng.integers(len(keys)))]
-    return {key for key in keys if rng.random() < _KEPT and key != changed}
-
-
-def _widened(space: Mapping[str, Range | Choices], at_an_end: Mapping[str, End]) -> dict[str, Range | Choices]:
-    """Return what is searched with some ranges widened at an end."""
-    wider = dict(space)
-    for key, end in at_an_end.items():
-        values = space[key]
-        wider[key] = values.widened(end) if isinstance(values, Range) else values
-    return wider
-
-
-def check_installed() -> None:
-    """Refuse to begin without Optuna.
+def load_optuna() -> Any:  # noqa: ANN401
+    """Return Optuna.
 
     Raises:
         InputError: It is not installed.
     """
-    _optuna()
-
-
-def _optuna() -> Any:  # noqa: ANN401
     try:
         import optuna  # noqa: PLC0415
     except ModuleNotFoundError as error:
@@ -255,34 +171,30 @@ def _optuna() -> Any:  # noqa: ANN401
     return optuna
 
 
-def _study() -> Any:  # noqa: ANN401
-    optuna = _optuna()
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    # Parameters are drawn one by one, so that a range may be widened in between.
-    sampler = optuna.samplers.TPESampler(seed=0, multivariate=False)
-    pruner = optuna.pruners.SuccessiveHalvingPruner(min_resource=1, reduction_factor=2)
-    return optuna.create_study(direction="maximize", sampler=sampler, pruner=pruner)
+def _kept(keys: Sequence[str], rng: np.random.Generator) -> set[str]:
+    """Return which settings stay as they are: most of them, and never all."""
+    changed = keys[int(rng.integers(len(keys)))]
+    return {key for key in keys if rng.random() < _KEPT and key != changed}
 
 
-def _tried(options: Options, follow: Follow, batches: int, asked: Any) -> Trial:  # noqa: ANN401
+def _holds(values: Range | tuple[object, ...], value: object) -> bool:
+    return values.holds(value) if isinstance(values, Range) else value in values
+
+
+def _tried(options: Options, follow: Callable[..., Sequence[Scores]], batches: int, asked: Any) -> Trial:  # noqa: ANN401
     """Return how well a setting did; it is stopped when Optuna says so."""
     done: list[Scores] = []
     for batch in range(1, batches + 1):
         done += follow(options, batch - 1)
-        trial = Trial(options, Scores.mean(done), batch)
+        trial = Trial(options, mean_of(done), batch)
         if batch < batches:
             asked.report(trial.objective, batch)
             if asked.should_prune():
-                return replace(trial, stopped=True)
+                return Trial(options, trial.scores, batch, stopped=True)
     return trial
 
 
-def _suggested(
-    asked: Any,  # noqa: ANN401
-    space: Mapping[str, Range | Choices],
-    kept: Collection[str],
-    like: Options,
-) -> Options:
+def _suggested(asked: Any, space: Space, kept: Collection[str], like: Options) -> Options:  # noqa: ANN401
     """Return a setting that has some values of another, and none where that one has none; Optuna chooses the rest.
 
     A group that the other has switched off has no values there: when it is switched on, Optuna chooses all of them.
@@ -294,12 +206,72 @@ def _suggested(
         if not is_searched(key, options) or left_out:
             continue
         values = space[key]
-        if key in kept and key in like and like[key] not in values:
+        if key in kept and key in like and not _holds(values, like[key]):
             options[key] = like[key]
         elif not isinstance(values, Range):
             options[key] = asked.suggest_categorical(key, values)
         elif values.whole:
             options[key] = asked.suggest_int(key, int(values.low), int(values.high))
         else:
-            options[key] = short(asked.suggest_float(key, values.low, values.high, log=values.log))
+            # More than three digits are not worth a reader's while.
+            options[key] = float(f"{asked.suggest_float(key, values.low, values.high, log=values.log):.3g}")
     return options
+
+
+def write_outcome(
+    path: Path,
+    tracker: str,
+    command: str,
+    recordings: Sequence[Mapping[str, object]],
+    trials: Sequence[Trial],
+    space: Space,
+) -> None:
+    """Put a search and its best setting into the TOML file of tuned settings; other trackers' entries stay."""
+    best, first = best_of(trials), trials[0]
+    told = [
+        ({"refused": trial.refused} if trial.refused else {"objective": round(trial.objective, 3)})
+        | ({"stopped_after": trial.batches} if trial.stopped else {})
+        | trial.options
+        for trial in trials
+    ]
+    searched = {
+        key: [values.low, values.high] if isinstance(values, Range) else values for key, values in space.items()
+    }
+    # What a tracker takes from here is called options; what its code holds by itself is only told of.
+    options = "found" if tracker in DEFAULTS_IN_CODE else "options"
+    lines = [
+        *_other_tables(path, tracker),
+        f"[{tracker}]",
+        f"command = {json.dumps(command)}",
+        f"budget = {len(trials)}",
+        f"objective_is = {json.dumps(OBJECTIVE)}",
+        *([] if first.refused else [f"objective_before = {first.objective:.3f}"]),
+        f"objective = {best.objective:.3f}",
+        *(f"{name} = {value:.3f}" for name, value in best.scores.items()),
+        f"at_an_end = {json.dumps(sorted(ends_near(best.options, space)))}",
+        f"searched = {_inline(searched)}",
+        *("recordings = [", *(f"  {_inline(entry)}," for entry in recordings), "]"),
+        *("trials = [", *(f"  {_inline(entry)}," for entry in told), "]"),
+        "",
+        f"[{tracker}.{options}]",
+        *_assignments(best.options),
+    ]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _assignments(table: Mapping[str, object]) -> list[str]:
+    return [f"{name} = {json.dumps(value)}" for name, value in table.items()]
+
+
+def _inline(entry: Mapping[str, object]) -> str:
+    return "{ " + ", ".join(_assignments(entry)) + " }"
+
+
+def _other_tables(path: Path, replaced: str) -> list[str]:
+    kept, keep = [], True
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        if line.startswith("["):
+            keep = line.strip("[]").partition(".")[0] != replaced
+        if keep:
+            kept.append(line)
+    return [*kept, ""] if kept and kept[-1] else kept

@@ -15,7 +15,6 @@ from harness.config.model import RunConfig
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.grid.result_rows import assemble, failed_row
-from harness.lab.tuning.spaces import nested
 from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder
@@ -216,13 +215,6 @@ def test_the_command_of_a_run_says_what_is_not_a_default_and_always_its_traffic_
         "'sensor.overrides.odd=\"a-b\"' --set 'sensor.overrides.no=\"nan\"' --tracker pmbm --set "
         "'tracker.options.x.y=[1, 2]' --set tracker.options.truth=true --set 'tracker.options.word=\"true\"'",
     ]
-
-
-def test_dotted_options_become_groups_and_a_setting_can_not_be_a_group_too():
-    assert nested({"a.b.c": 1, "a.b.d": 2, "a.e": 3, "f": 4}) == {"a": {"b": {"c": 1, "d": 2}, "e": 3}, "f": 4}
-    with pytest.raises(TypeError) as caught:
-        nested({"a": 1, "a.b": 2})
-    assert str(caught.value) == "a.b: a is a setting and a group"
 
 
 def test_json_of_rows_is_plain(tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 
 import numpy as np
 import pandas as pd
@@ -17,9 +16,6 @@ from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
 from harness.grid.worlds import usual_worlds
 from harness.lab import ablation
 from harness.lab.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
-from harness.lab.tuning.outcome_file import Outcome, write_outcome
-from harness.lab.tuning.spaces import Range
-from harness.lab.tuning.trials import Found, Scores, Trial
 from harness.sensor.profiles import sensor_settings
 from harness.storage.schema import AS_IS
 from tests.harness.analysis.test_pooled import row
@@ -221,28 +217,3 @@ def test_an_arm_is_told_with_its_mean_and_its_difference_from_the_default_on_the
     assert (told["mean"], told["difference"]) == (87.6667, -2.3333)
     drawn = np.random.default_rng(0).choice(-np.array([0, 1 / 3, 2, 7]), (2000, 4)).mean(axis=1)
     assert told["ci95"] == pytest.approx(np.quantile(drawn, (0.025, 0.975)), abs=6e-5)
-
-
-def test_the_file_of_tuned_settings_is_written_anew_but_for_other_trackers(tmp_path):
-    path = tmp_path / "tuned.toml"
-    path.write_text("# tuned\n\n[pmbm]\nbudget = 1\n\n[pmbm.options]\ngate = 3\n\n[imm-gnn]\nbudget = 2\n")
-    options = {"gate_std": 3.0, "stitching.margin_m": 5.0, "association": "distance"}
-    trials = [
-        Trial(options | {"gate_std": 4.0}, Scores(80.0, 90.0)),
-        Trial(options, Scores(90.0, 95.0, 0.25, 0.125, 99.0)),
-        Trial(options, Scores(70.0, 75.0), stopped=True),
-    ]
-    space = {"gate_std": Range(2.0, 3.0), "stitching.margin_m": Range(1.0, 9.0), "association": ("distance", "overlap")}
-    found = Found(trials, space)
-    recordings = [{"density": 20.0, "seed": 100, "sensor": "lidar"}, {"density": 45.0, "seed": 101, "sensor": "lidar"}]
-    for tracker in ("pmbm", "mmpf"):
-        write_outcome(Outcome(tracker, "python -m x", recordings, found), path)
-    written = tomllib.loads(path.read_text())
-    assert path.read_text().startswith("# tuned\n")
-    assert set(written) == {"pmbm", "imm-gnn", "mmpf"}
-    assert written["imm-gnn"] == {"budget": 2}
-    assert written["pmbm"]["options"] == {"gate_std": 3.0, "stitching": {"margin_m": 5.0}, "association": "distance"}
-    assert (written["pmbm"]["hota"], written["pmbm"]["idf1"], len(written["pmbm"]["trials"])) == (90.0, 95.0, 3)
-    new = tmp_path / "new.toml"
-    write_outcome(Outcome("pmbm", "python -m x", [], Found(trials[:1], space)), new)
-    assert new.read_text().startswith('[pmbm]\ncommand = "python -m x"\nbudget = 1\n')
