@@ -158,7 +158,7 @@ class MixtureTracker:
         if graph is not None:
             mixture = on_heaviest_way(mixture, graph)
             moments = moments if mixture is self._mixture else component_moments(mixture)
-        return reported_tracks(mixture, moments, self._options.reporting, self._sensor.noise_correlated_share)
+        return reported_tracks(mixture, moments, self._options.reporting, self._sensor)
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
         mean = self._moments.mean

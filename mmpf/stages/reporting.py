@@ -10,22 +10,23 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
+from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import ReportingOptions
+from mmpf.scan import SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
-def reported_tracks(
-    mixture: Mixture, moments: Moments, options: ReportingOptions, correlated_share: float = 0.0
-) -> Tracks:
+def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions, sensor: SensorModel) -> Tracks:
     """Return mean and spread of each component as a track, but for hidden ones that are spread too widely.
 
-    What drifts of the sensor's noise can't be told from the vehicle's place: it is added to the spread.
+    What drifts of the sensor's noise can't be told from the vehicle's place, nor its rate from the vehicle's speed:
+    both are added to the spread.
 
     Args:
         mixture: The belief.
         moments: Its components' moments.
         options: When a component is hidden, and which of those are reported.
-        correlated_share: Share of the noise's variance that drifts.
+        sensor: The data sheet, which says how much of the noise drifts, and how fast.
     """
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
@@ -33,9 +34,11 @@ def reported_tracks(
     reported &= ~unseen | (components.vehicle >= options.reported_hidden_above)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     variance = moments.variance.copy()
-    noise_lon_m, noise_lat_m = components.noise_m
-    variance[LON] += correlated_share * noise_lon_m**2
-    variance[LAT] += correlated_share * noise_lat_m**2
+    drift_m2 = sensor.noise_correlated_share * np.stack(components.noise_m) ** 2
+    lengthwise = np.stack([np.cos(moments.heading_rad), np.sin(moments.heading_rad)]) ** 2
+    place_m2, along_m2 = ((lengthwise * each).sum(axis=0) for each in (variance[[LON, LAT]], drift_m2))
+    variance[SPEED] += followed_speed_variance(place_m2, variance[SPEED], along_m2, sensor.noise_correlation_s)
+    variance[[LON, LAT]] += drift_m2
     std = np.maximum(np.sqrt(variance), 1e-6)
     return Tracks(
         track_id=components.track_id[reported],
@@ -50,6 +53,28 @@ def reported_tracks(
         existence=components.vehicle[reported],
         state=state[reported].astype(np.int8),
     )
+
+
+def followed_speed_variance(
+    place_m2: FloatArray, speed_m2ps2: FloatArray, drift_m2: FloatArray, correlation_s: float
+) -> FloatArray:
+    """Return the variance of the speed of drifting noise that a filter takes for its vehicle's, (m/s)², shape (n,).
+
+    A filter that takes all noise as white follows what drifts with its own bandwidth w. That of the steady Kalman
+    filter of constant velocity is the ratio of its deviations of speed and place, and its estimate of the speed is the
+    measured place through w² s / (s² + √2 w s + w²). The variance of that for noise whose correlation falls by e in
+    ``correlation_s`` is the integral I3 of Newton, Gould and Kaiser (1957, appendix E).
+
+    Args:
+        place_m2: The filter's variance of the place, shape (n,).
+        speed_m2ps2: Its variance of the speed, shape (n,).
+        drift_m2: Variance of the noise that drifts, shape (n,).
+        correlation_s: Time constant of the drift, seconds.
+    """
+    bandwidth = np.sqrt(speed_m2ps2 / np.maximum(place_m2, 1e-12))
+    turn = bandwidth * correlation_s
+    followed = drift_m2 * bandwidth**2 * turn / (np.sqrt(2.0) * (turn**2 + np.sqrt(2.0) * turn + 1.0))
+    return np.asarray(followed)
 
 
 @dataclass(frozen=True)

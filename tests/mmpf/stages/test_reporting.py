@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import ReportingOptions
-from mmpf.stages.reporting import reported_tracks
+from mmpf.scan import SensorModel
+from mmpf.stages.reporting import followed_speed_variance, reported_tracks
 from mmpf.tracks import TRACK_STATES, Tracks
 from tests.mmpf.scenes import belief_of, spot
 
@@ -18,7 +20,7 @@ OPTIONS = ReportingOptions(hidden_after_s=0.25, reported_std_lon_m=6.0)
 
 
 def reported(mixture: Mixture) -> Tracks:
-    return reported_tracks(mixture, component_moments(mixture), OPTIONS)
+    return reported_tracks(mixture, component_moments(mixture), OPTIONS, SensorModel())
 
 
 def pair_apart(std_lon_m: float) -> FloatArray:
@@ -88,3 +90,24 @@ def test_means_and_spreads_are_those_of_the_weighted_particles() -> None:
 def test_no_spread_is_zero_even_if_all_particles_are_in_one_place() -> None:
     tracks = reported(belief_of([spot(10.0, 5.0)]))
     assert [*tracks.std_lon_m, *tracks.std_lat_m, *tracks.std_speed_mps] == pytest.approx([1e-6] * 3)
+
+
+@pytest.mark.parametrize("correlation_s", [0.2, 1.0, 3.0])
+@pytest.mark.parametrize("accel_density", [0.5, 20.0])
+def test_the_drift_that_a_kalman_filter_takes_for_speed_is_as_large_as_lyapunovs_equation_says(
+    correlation_s: float, accel_density: float
+) -> None:
+    dt_s, noise_m2, drift_m2 = 0.002, 0.1, 0.05
+    step, seen = np.array([[1.0, dt_s], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    kicks = accel_density * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
+    before = solve_discrete_are(step.T, seen.T, kicks, np.array([[noise_m2]]))
+    gain = before @ seen.T / (before[0, 0] + noise_m2)
+    after = (np.eye(2) - gain @ seen) @ before
+    # The filter's error when the vehicle stands at zero and each measurement is the drift alone.
+    kept = np.exp(-dt_s / correlation_s)
+    both = np.zeros((3, 3))
+    both[:2, :2], both[:2, 2:], both[2, 2] = (np.eye(2) - gain @ seen) @ step, kept * gain, kept
+    into = np.vstack([gain, [[1.0]]])
+    error = solve_discrete_lyapunov(both, drift_m2 * (1.0 - kept**2) * into @ into.T)
+    found = followed_speed_variance(*after.diagonal()[:, None], np.array([drift_m2]), correlation_s)
+    assert found == pytest.approx(error[1, 1], rel=0.03)
