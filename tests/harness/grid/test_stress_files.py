@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import errno
 import json
-from contextlib import contextmanager
+import os
+import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from harness.common.errors import InputError, RunError
-from harness.grid import making, stress
+from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.grid import stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.making import Telling, on_stderr
+from harness.grid.making import Telling
 from harness.grid.result_rows import failed_row, finished_row
-from harness.grid.stress import run_stress
+from harness.grid.stress import FinishedGrid, run_stress
 from harness.storage import ownership
+from tests.harness.full_disk import disk_full_from
 
 REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
 METRICS = {"mot": {"hota": 80.0}, "occlusion": {"same_id": 30.0, "events": 40.0}, "run": {"left": "out"}}
@@ -27,14 +30,14 @@ class MadeUp:
     """Runs nothing: every run ends at once, those of one key badly; notes the order of the cells."""
 
     def __init__(self, bad: str = "", stop_after: int = 1000) -> None:
-        self.bad, self.left, self.cells = bad, stop_after, []
+        self.bad, self.left, self.cells, self.rows = bad, stop_after, [], 0
 
     def __call__(self, cells, on_row) -> None:
         self.cells += cells
         for run in (run for cell in cells for run in cell.runs):
             if not self.left:
                 raise KeyboardInterrupt
-            self.left -= 1
+            self.left, self.rows = self.left - 1, self.rows + 1
             broke = run.key == self.bad
             on_row(run.key, failed_row(run, "it broke", 1.5) if broke else finished_row(run, METRICS, 2.5))
 
@@ -47,6 +50,29 @@ def drawn(monkeypatch) -> list:
     for name in ("curves_figure", "hidden_figure"):
         monkeypatch.setattr(stress, name, lambda *words: words)
     return noted
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    """Return the folder of a finished grid, which no test may change."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stress, "curves_figure", lambda *words: words)
+        patch.setattr(stress, "save_figure", lambda figure, path: path.touch())
+        return grid(tmp_path_factory.mktemp("finished") / "grid").folder
+
+
+@pytest.fixture
+def finished(whole, tmp_path) -> Path:
+    """Return a copy of it that is the test's own."""
+    return shutil.copytree(whole, tmp_path / "grid")
+
+
+def grid(out: Path, request: GridRequest = REQUEST, execute=None, **options) -> FinishedGrid:
+    return run_stress(request, out, execute or MadeUp(), **options)
+
+
+def table_of(folder: Path) -> pd.DataFrame:
+    return pd.read_parquet(folder / "runs.parquet")
 
 
 def telling(said: list) -> Telling:
@@ -126,16 +152,6 @@ def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
     assert (drawn, finished.points, finished.breaks) == ([], (), ())
 
 
-def test_a_grid_over_recordings_leaves_one_figure_and_pooled_numbers(tmp_path, drawn, monkeypatch):
-    pooled = SimpleNamespace()
-    monkeypatch.setattr("harness.grid.stress.pool_files", lambda table: pooled)
-    monkeypatch.setattr("harness.grid.stress.pooled_markdown", lambda *words: str(words[1]))
-    monkeypatch.setattr(stress, "asdict", lambda what: {"pooled": what is pooled})
-    told = stress._pooled(pd.DataFrame(), None, None, tmp_path, ["it broke"])
-    assert (told.numbers, told.text, told.points) == ({"pooled": True}, "['it broke']", ())
-    assert drawn == [((pooled,), tmp_path / "hidden.png")]
-
-
 def test_rows_go_into_files_of_their_own_and_the_densest_cells_are_run_first(tmp_path):
     execute = MadeUp()
     run_stress(REQUEST, tmp_path / "out", execute)
@@ -203,28 +219,6 @@ def test_a_grid_without_runs_warns_of_no_other_version(tmp_path):
     assert said == []
 
 
-def test_the_bar_is_headed_by_what_is_made_and_what_was_done_before(tmp_path, monkeypatch):
-    bars: list = []
-
-    @contextmanager
-    def bar(title, total, quiet, before):
-        bars.append([title, total, quiet, before, 0])
-
-        def advance() -> None:
-            bars[-1][-1] += 1
-
-        yield advance
-
-    monkeypatch.setattr(making, "progress_bar", bar)
-    stopped(tmp_path / "out", 3)
-    run_stress(REQUEST, tmp_path / "out", MadeUp(), resume=True, user=Telling(quiet=False))
-    kind = ownership.STRESS
-    assert bars == [
-        [kind, 8, True, f"{kind}: loading, warming up traffic", 3],
-        [f"{kind} (3 of 8 done before)", 5, False, f"{kind} (3 of 8 done before): loading, warming up traffic", 5],
-    ]
-
-
 @pytest.mark.parametrize(
     ("error", "problem"),
     [
@@ -247,17 +241,6 @@ def test_what_the_system_refuses_ends_in_one_line_that_says_what_is_kept(error, 
         f"the {ownership.plain(ownership.STRESS)} in {out} can't go on ({problem}); 2 of 8 runs are kept; once that is "
         "mended, go on with the same command and `resume`"
     )
-
-
-def test_the_user_is_warned_on_stderr_and_told_the_rest_unless_quiet(capsys):
-    for quiet in (False, True):
-        user = on_stderr(quiet)
-        assert user.quiet == quiet
-        user.warn("this")
-        user.tell("that")
-    assert capsys.readouterr().err == "warning: this\nthat\nwarning: this\n"
-    plain = Telling()
-    assert (plain.quiet, plain.warn("x"), plain.tell("y")) == (True, "x", "y")
 
 
 @pytest.mark.parametrize(
@@ -302,3 +285,119 @@ def test_a_network_that_brings_its_own_traffic_takes_no_densities(monkeypatch):
             InputError, match=r"^`densities`: mine brings its own demand; leave densities and demands out$"
         ):
             stress.check_grid(plan_grid(GridRequest(seeds="1", **asked)), str)
+
+
+def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(whole, tmp_path):
+    for stop in (0, 3, 7):
+        folder = tmp_path / f"stopped-{stop}"
+        with pytest.raises(RunInterruptedError, match=f"{stop} of 8 runs.*`resume`"):
+            grid(folder, execute=MadeUp(stop_after=stop))
+        rest = MadeUp()
+        pd.testing.assert_frame_equal(table_of(grid(folder, execute=rest, resume=True).folder), table_of(whole))
+        assert rest.rows == 8 - stop
+
+
+def test_a_finished_grid_is_not_run_again(finished):
+    again = MadeUp()
+    grid(finished, execute=again, resume=True)
+    assert again.cells == []
+
+
+def test_a_resumed_grid_may_have_more_seeds(finished):
+    more = MadeUp()
+    larger = GridRequest(**{**REQUEST.__dict__, "seeds": "3"})
+    assert len(table_of(grid(finished, larger, more, resume=True).folder)) == 12
+    assert more.rows == 4
+
+
+def test_an_existing_folder_is_never_overwritten_without_asking(whole, tmp_path):
+    with pytest.raises(InputError, match="`resume`"):
+        grid(whole)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    with pytest.raises(InputError, match="not a stress test's folder"):
+        grid(tmp_path / "mine", resume=True)
+
+
+def test_half_written_files_of_a_killed_grid_are_removed(finished):
+    (finished / "kept" / "a run" / "figures").mkdir(parents=True)
+    (finished / "notes").mkdir()
+    for folder in (".", "runs", "figures", "kept", "kept/a run", "kept/a run/figures", "notes"):
+        (finished / folder / ".left.json.123.partial").write_text("{")
+    grid(finished, resume=True)
+    assert [path.parent.name for path in finished.rglob("*.partial")] == ["notes"]
+
+
+@pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"\xff\xfe", b'{"succeeded": 1}', b'{"succeeded": false}'])
+def test_a_damaged_row_is_made_again(whole, finished, damage):
+    rows = sorted((finished / "runs").glob("*.json"))
+    rows[3].write_bytes(damage)
+    again = MadeUp()
+    pd.testing.assert_frame_equal(table_of(grid(finished, execute=again, resume=True).folder), table_of(whole))
+    assert again.rows == 1
+
+
+def test_a_row_in_whose_place_there_is_a_pipe_is_told(finished):
+    row = sorted((finished / "runs").glob("*.json"))[3]
+    row.unlink()
+    os.mkfifo(row)
+    with pytest.raises(InputError, match=r"`out`.*is no file of a stress test"):
+        grid(finished, resume=True)
+
+
+def test_finished_runs_of_another_grid_never_drop_out_of_the_tables(whole, finished):
+    fewer = GridRequest(**{**REQUEST.__dict__, "seeds": "1"})
+    with pytest.raises(InputError, match="holds 4 runs of another grid"):
+        grid(finished, fewer, resume=True)
+    pd.testing.assert_frame_equal(table_of(finished), table_of(whole))
+    for row in (finished / "runs").glob("*.json"):
+        row.unlink()
+    with pytest.raises(InputError, match="have no files"):
+        grid(finished, resume=True)
+    pd.testing.assert_frame_equal(table_of(finished), table_of(whole))
+
+
+def test_a_second_process_on_the_same_grid_is_refused(tmp_path):
+    def meanwhile(cells, on_row) -> None:
+        with pytest.raises(InputError, match="another process is writing"):
+            grid(tmp_path / "grid", resume=True)
+        MadeUp()(cells, on_row)
+
+    grid(tmp_path / "grid", execute=meanwhile)
+    assert len(table_of(tmp_path / "grid")) == 8
+    assert not list((tmp_path / "grid").rglob("*lock"))
+
+
+GRID_WRITES = 15
+"""How many files a grid of eight runs writes: ledger, manifest, request, rows, tables, manifest again."""
+
+
+@pytest.mark.parametrize("write", range(2, GRID_WRITES + 1))
+def test_a_grid_whose_disk_fills_ends_in_one_line_and_is_taken_up_as_if_it_had_not(write, whole, tmp_path):
+    with (
+        disk_full_from(write) as written,
+        pytest.raises(RunError, match=r"can't go on \(.*No space left on device\); \d of 8 runs are kept.*`resume`"),
+    ):
+        grid(tmp_path / "grid")
+    rows = {path.stem for path in (tmp_path / "grid" / "runs").iterdir()}
+    assert rows == {name.removesuffix(".json") for name in written if (tmp_path / "grid" / "runs" / name).is_file()}
+    rest = MadeUp()
+    pd.testing.assert_frame_equal(table_of(grid(tmp_path / "grid", execute=rest, resume=True).folder), table_of(whole))
+    assert rest.rows == 8 - len(rows)
+
+
+def test_a_grid_writes_as_often_as_the_moments_above_suppose(tmp_path):
+    with disk_full_from(GRID_WRITES + 1) as written:
+        grid(tmp_path / "grid")
+    assert len(written) == GRID_WRITES
+
+
+def test_nothing_of_a_strangers_folder_is_touched(tmp_path):
+    mine = tmp_path / "mine"
+    (mine / "runs").mkdir(parents=True)
+    for name in ("manifest.json", "runs.parquet", "summary.json", "table.md", "runs/x.partial", "runs/y.json"):
+        (mine / name).write_text('{"name": "web"}')
+    before = {path: path.read_bytes() for path in mine.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match="not a stress test's folder"):
+        grid(mine, resume=True)
+    assert {path: path.read_bytes() for path in mine.rglob("*") if path.is_file()} == before
