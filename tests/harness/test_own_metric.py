@@ -22,7 +22,7 @@ from harness.report.page import write_run_page
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.scoring.metrics import registry
-from tests.harness.grid.test_stress import InProcess
+from tests.harness.grid.executors import InProcess
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 ECHO = "tests.harness.stand_ins:echo_tracker"

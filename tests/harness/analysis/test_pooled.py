@@ -18,7 +18,7 @@ from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_looks
 from harness.storage.grid_folder import RUNS
 from mmpf.numerics.arrays import BoolArray
-from tests.harness.grid.test_stress import ECHO, InProcess
+from tests.harness.grid.executors import ECHO, InProcess
 from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv
 
 

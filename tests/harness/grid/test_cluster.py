@@ -14,7 +14,7 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.grid.cluster import connect
-from tests.harness.grid.test_stress import table_of
+from tests.harness.grid.executors import table_of
 
 REPOSITORY = Path(__file__).parents[3]
 GRID = (

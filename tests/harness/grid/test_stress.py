@@ -12,32 +12,13 @@ import pytest
 from harness.commands.app import run_command_line
 from harness.grid.grid import GridRequest
 from harness.grid.stress import FinishedGrid, run_stress
-from harness.grid.worker import Finished, work_on_cell
-from harness.running.open import OpenLooks
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage.grid_rows import flattened
+from tests.harness.grid.executors import BROKEN, ECHO, STEADY, InProcess, is_timing, table_of
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
 REPOSITORY = Path(__file__).parents[3]
-ECHO = "tests.harness.stand_ins:echo_tracker"
-BROKEN = "tests.harness.grid.broken_trackers"
-STEADY = looking_at(SteadyTraffic(steps=8))
-
-
-class InProcess:
-    """Runs cells here, one after the other, by default on stand-in traffic."""
-
-    def __init__(self, open_looks: OpenLooks = STEADY) -> None:
-        self.open_looks = open_looks
-
-    def __call__(self, cells, on_row) -> None:
-        def report(message) -> None:
-            if isinstance(message, Finished):
-                on_row(message.key, message.row)
-
-        for cell in cells:
-            work_on_cell(cell, report, self.open_looks)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -54,16 +35,6 @@ class _NoFigure:
 
 def grid(out: Path, request: GridRequest, execute=None) -> FinishedGrid:
     return run_stress(request, out, execute or InProcess())
-
-
-def is_timing(column: str) -> bool:
-    """Whether a column holds wall time, which differs between runs of the same configuration."""
-    return column == "total_s" or (column.startswith("timing.") and column != "timing.steps")
-
-
-def table_of(folder: Path) -> pd.DataFrame:
-    table = pd.read_parquet(folder / "runs.parquet")
-    return table[[column for column in table if not is_timing(column)]]
 
 
 def test_runs_stand_in_a_fixed_order_and_what_fails_is_a_row_beside_those_that_run_on(tmp_path):

@@ -17,29 +17,12 @@ from harness.grid import stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.making import Telling
-from harness.grid.result_rows import failed_row, finished_row
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.storage import ownership
 from tests.harness.full_disk import disk_full_from
+from tests.harness.grid.executors import MadeUp
 
 REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
-METRICS = {"mot": {"hota": 80.0}, "occlusion": {"same_id": 30.0, "events": 40.0}, "run": {"left": "out"}}
-
-
-class MadeUp:
-    """Runs nothing: every run ends at once, those of one key badly; notes the order of the cells."""
-
-    def __init__(self, bad: str = "", stop_after: int = 1000) -> None:
-        self.bad, self.left, self.cells, self.rows = bad, stop_after, [], 0
-
-    def __call__(self, cells, on_row) -> None:
-        self.cells += cells
-        for run in (run for cell in cells for run in cell.runs):
-            if not self.left:
-                raise KeyboardInterrupt
-            self.left, self.rows = self.left - 1, self.rows + 1
-            broke = run.key == self.bad
-            on_row(run.key, failed_row(run, "it broke", 1.5) if broke else finished_row(run, METRICS, 2.5))
 
 
 @pytest.fixture(autouse=True)

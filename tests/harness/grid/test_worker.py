@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import queue
-import sys
 import tomllib
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -26,7 +23,7 @@ from harness.storage import ownership
 from harness.storage.grid_folder import KEPT
 from harness.storage.grid_rows import flattened
 from harness.trackers.catalogue import build_tracker
-from tests.harness.grid.test_stress import BROKEN, ECHO
+from tests.harness.grid.executors import BROKEN, ECHO
 from tests.harness.stand_ins import SteadyTraffic, looking_at, track
 
 OPEN = looking_at(SteadyTraffic(steps=8))
@@ -138,71 +135,6 @@ def test_a_run_that_is_kept_again_loses_its_manifest_first(tmp_path, monkeypatch
         evaluate.write_run(folder, None, {}, CELL_OF_THREE.config, "")
     assert (folder / "figures").is_dir()
     assert not (folder / "manifest.json").exists()
-
-
-def test_a_worker_process_remembers_traffic_from_cell_to_cell(monkeypatch):
-    served, worked = [], []
-    monkeypatch.setattr(worker, "serve", served.append)
-    monkeypatch.setattr(worker, "RememberedTraffic", lambda: "remembered")
-    monkeypatch.setattr(worker, "work_on_cell", lambda *words: worked.append(words))
-    worker.main()
-    (work,) = served
-    work("cell", "report")
-    assert worked == [("cell", "report", "remembered")]
-
-
-class Connected:
-    """A connection that brings two cells, then closes."""
-
-    def __init__(self, number: int) -> None:
-        self.number, self.left, self.sent = number, ["first", "second"], []
-
-    def recv(self) -> str:
-        if not self.left:
-            raise EOFError
-        return self.left.pop(0)
-
-    def send(self, message: object) -> None:
-        self.sent.append(message)
-
-
-class Impatient(queue.Queue):
-    """A queue that raises where others wait."""
-
-    def get(self) -> object:  # type: ignore[override]
-        return super().get(block=False)
-
-
-def test_cells_are_worked_on_as_they_come_and_the_process_ends_with_its_connection(monkeypatch):
-    made, ended = [], []
-    monkeypatch.setattr(sys, "argv", ["it", "7"])
-    monkeypatch.setattr(worker, "Connection", lambda number: made.append(Connected(number)) or made[0])
-
-    class Ended(Exception):  # noqa: N818
-        pass
-
-    def end(code: int) -> None:
-        ended.append(code)
-        raise Ended
-
-    monkeypatch.setattr(worker.os, "_exit", end)
-    threads = []
-
-    def thread(target, args, daemon) -> SimpleNamespace:
-        threads.append(daemon)
-
-        def start() -> None:
-            with pytest.raises(Ended):
-                target(*args)
-
-        return SimpleNamespace(start=start)
-
-    monkeypatch.setattr(worker.threading, "Thread", thread)
-    monkeypatch.setattr(worker.queue, "SimpleQueue", lambda: waiting)
-    waiting = Impatient()
-    with pytest.raises(queue.Empty):
-        worker.serve(lambda cell, report: report(f"did {cell}"))
-    assert (made[0].number, made[0].sent, ended, threads) == (7, ["did first", "did second"], [0], [True])
 
 
 def errors(*rows) -> pd.DataFrame:
