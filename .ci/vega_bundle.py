@@ -13,7 +13,7 @@ from pathlib import Path
 
 import vl_convert
 
-PLACE = Path(__file__).parents[1] / "harness/report/charts/vega/vega-embed.js.gz"
+PLACE = Path(__file__).parents[1] / "harness/report/vega/vega-embed.js.gz"
 
 
 def bundle() -> str:

@@ -5,22 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curves import (
-    BREAK_METRIC,
     BREAK_PERCENT,
     Break,
     Point,
     curve_quantities,
-    points_of,
     told_quantities,
 )
 from harness.common.markdown import markdown_table
@@ -197,88 +191,4 @@ def value_cell(point: Point | Mean, decimals: int, with_interval: bool = True) -
     return text
 
 
-# Okabe and Ito's colours, which colour-blind readers can tell apart; after them the lines change their dashes.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-MOST_TICKS = 8
-COLUMNS = 3
-DASHES = ("-", "--", ":", "-.")
-APART = 0.6
-"""How much of the way from one place in words to the next trackers side by side take."""
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 AXIS_LABELS = {"density": "density, vehicles per km and lane", "demand": "demand", NET: NAMES[NET]}
-
-
-def curves_figure(points: Sequence[Point], axis: str, title: str) -> Figure:
-    """Return one panel a quantity, one line a tracker, with the 95 % band over seeds.
-
-    Args:
-        points: All points.
-        axis: The axis to draw over.
-        title: Heading.
-    """
-    shown = _drawn(points)
-    rows = -(-len(shown) // COLUMNS)
-    figure = Figure(figsize=(4.0 * COLUMNS, 3.6 * rows), dpi=120, layout="constrained")
-    panels = figure.subplots(rows, COLUMNS, sharex=True)
-    for axes in panels.flat[len(shown) :]:
-        axes.set_axis_off()
-    here = [point for point in points if point.axis == axis]
-    places = list(dict.fromkeys(point.value for point in here))
-    labels = len({point.label for point in here})
-    lines = {}
-    for axes, quantity in zip(panels.flat, shown, strict=False):
-        for place, (label, curve) in enumerate(points_of(here, axis, quantity.key)):
-            lines[label] = _draw(axes, curve, place, places, APART * (place - 0.5 * (labels - 1)) / labels)
-        axes.set_ylim(bottom=0.0)
-        if quantity.label.endswith("%"):
-            axes.set_ylim(0.0, 102.0)
-        if quantity.key == BREAK_METRIC and axis == "density":
-            axes.axhline(BREAK_PERCENT, color="0.5", linewidth=0.8)
-            axes.annotate("a tracker below this is broken", (0.02, BREAK_PERCENT - 2.0), va="top", color="0.4",
-                          xycoords=("axes fraction", "data"), fontsize=8)  # fmt: skip
-        if not any(point.metric == quantity.key and point.mean is not None for point in here):
-            axes.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", color="0.4")
-        axes.set_title(quantity.label, loc="left", fontsize=10)
-        axes.spines[["top", "right"]].set_visible(False)
-    values = sorted({point.value for point in here if not isinstance(point.value, str)})
-    for axes in panels.flat[len(shown) - COLUMNS : len(shown)]:
-        axes.tick_params(labelbottom=True)
-        if 1 < len(values) <= MOST_TICKS:
-            axes.set_xticks(values)
-        if any(isinstance(place, str) for place in places):
-            axes.set_xticks(range(len(places)), list(map(str, places)), rotation=20 if len(places) > 3 else 0)
-            axes.set_xlim(-0.5, len(places) - 0.5)
-        axes.set_xlabel(AXIS_LABELS.get(axis, axis))
-    handles = [line for line in lines.values() if line is not None]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4) or 1, frameon=False)
-    figure.suptitle(f"{title}: means and 95 % intervals over seeds", fontsize=11)
-    return figure
-
-
-def _draw(axes: Axes, curve: Sequence[Point], place: int, places: Sequence[float | str], shift: float) -> Line2D | None:
-    if not curve:
-        return None
-    in_words = isinstance(curve[0].value, str)
-    # Beside each other, or the intervals of one place would lie on top of each other.
-    x = [places.index(point.value) + shift if in_words else point.value for point in curve]
-    means, low, high = (np.array(column, dtype=np.float64) for column in zip(*map(_heights, curve), strict=True))
-    colour = COLOURS[place % len(COLOURS)]
-    (line,) = axes.plot(
-        x,
-        means,
-        color=colour,
-        linestyle="none" if in_words else DASHES[place // len(COLOURS) % len(DASHES)],
-        marker=MARKERS[place % len(MARKERS)],
-        markersize=4,
-        linewidth=1.8,
-        label=curve[0].label,
-    )
-    if in_words:
-        axes.vlines(x, low, high, color=colour, linewidth=1.2)
-    else:
-        axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
-    return line
-
-
-def _heights(point: Point) -> tuple[float | None, float | None, float | None]:
-    return (point.mean, *(point.ci95 or (None, None)))

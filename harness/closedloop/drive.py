@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from harness.closedloop.figure import drives_figure
+from harness.closedloop.figure import drive_charts
 from harness.closedloop.plan import TRACKED_S, DriveRequest, PlannedDrive, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
-from harness.common.files import save_figure, write_text
+from harness.common.charts import draw_charts
+from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.grid.cells import Cell, Grid
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, keeping, make_rows
@@ -152,7 +153,7 @@ def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[s
         title, found, table.assign(**{REPLAY: links}), [f"{each['key']}: {each['error']}" for each in failures]
     )
     (out / FIGURES).mkdir(exist_ok=True)
-    save_figure(drives_figure(found, title), out / FIGURES / FIGURE)
+    draw_charts(drive_charts(found), title, out / FIGURES / FIGURE)
     about = {"drive": request.as_table(), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
     summary: dict[str, Any] = without_nan(about | {"scores": as_values(found)})
     write_text(out / TABLE, text)

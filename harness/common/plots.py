@@ -1,30 +1,13 @@
-"""What panels over time have in common: stretches of time, marks where the ego changes, no needless frame."""
+"""What panels over time have in common: stretches of time, no needless frame."""
 
 from __future__ import annotations
 
-import pandas as pd
 from matplotlib.axes import Axes
 
 
 def stretch_s(duration_s: float) -> float:
     """Return a round length of time that cuts a run into some thirty stretches."""
     return next((width for width in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0) if duration_s / width <= 40.0), 60.0)
-
-
-def mark_new_egos(axes: Axes, steps: pd.DataFrame) -> None:
-    """Draw a line where another vehicle became the ego, by the table's columns ``episode`` and ``time_s``."""
-    for start_s in steps.groupby("episode")["time_s"].min().iloc[1:]:
-        axes.axvline(start_s, color="0.6", linewidth=0.8, linestyle=":")
-        axes.annotate(
-            "new ego",
-            (start_s, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(3, -2),
-            textcoords="offset points",
-            va="top",
-            color="0.4",
-            fontsize=8,
-        )
 
 
 def strip(axes: Axes) -> None:

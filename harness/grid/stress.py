@@ -10,13 +10,15 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from harness.analysis.curve_charts import curve_charts
 from harness.analysis.curves import Break, Point, breaks, curve_points
 from harness.analysis.mismatch_cost import costs, costs_markdown, leads
 from harness.analysis.pooled import pool_files
-from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
-from harness.analysis.tables import as_markdown, curves_figure
+from harness.analysis.pooled_tables import hidden_charts, pooled_markdown
+from harness.analysis.tables import as_markdown
+from harness.common.charts import draw_charts
 from harness.common.errors import InputError
-from harness.common.files import save_figure, write_text
+from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.grid.cells import Grid, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
@@ -168,7 +170,7 @@ class _Told:
 def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:
     points, broken = curve_points(table, grid.axes), breaks(table)
     for axis in dict.fromkeys(point.axis for point in points):
-        save_figure(curves_figure(points, axis, request.title), figures / f"over_{axis.replace('.', '_')}.png")
+        draw_charts(curve_charts(points, axis), request.title, figures / f"over_{axis.replace('.', '_')}.png")
     numbers = {"breaks": [asdict(entry) for entry in broken], "curves": [asdict(point) for point in points]}
     return _Told(numbers, as_markdown(request.title, points, broken, failures), points, broken)
 
@@ -183,7 +185,7 @@ def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: 
 def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
 
     pooled = pool_files(table)
-    save_figure(hidden_figure(pooled), figures / "hidden.png")
+    draw_charts(hidden_charts(pooled), "Hidden vehicles in recorded traffic", figures / "hidden.png")
     return _Told(asdict(pooled), pooled_markdown(pooled, failures))
 
 

@@ -14,9 +14,9 @@ from markupsafe import Markup
 
 from harness.analysis.tables import AXIS_LABELS
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
+from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.charts.chart import Charts
 from harness.report.gridruns import runs_of
 from harness.report.html_tables import html_table
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page

@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from harness.analysis.curve_charts import grid_charts
 from harness.analysis.curves import sums_and_weights
 from harness.analysis.verdicts import compared_quantities
+from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.grid.cells import Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
-from harness.report.charts.chart import Charts
-from harness.report.charts.grid import grid_charts
 from harness.report.html_tables import html_table
 from harness.report.page import PAGE
 from harness.scoring.metrics.quantity import Quantity

@@ -13,16 +13,16 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.charts.chart import Charts, charts_data, library
-from harness.report.charts.run_charts import error_charts, visibility_charts
 from harness.report.decisiongallery import GALLERY as DECISIONS
 from harness.report.decisiongallery import draw_decisions, worst_brakings
-from harness.report.figures import DIAGNOSTICS, OVER_TIME, SCENE
+from harness.report.figures import OVER_TIME
 from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.html_tables import error_table, hidden_table, mot_table
 from harness.report.replay_data import Beside, replay_data
+from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.sentences import decision_summary, headlines, summary_sentences
 from harness.report.strips import strips_in
 from harness.report.vehicles import vehicle_table
@@ -37,11 +37,8 @@ MARK = b"his page is one file and needs no network"
 SCRIPTS = tuple(f"replay_{part}.js" for part in ("frame", "picture", "course", "differences", "control"))
 MOST_SHOWN = 800_000
 """Rows of the truth that a page is made of; of a longer run it shows the beginning."""
-FIGURES = {
-    OVER_TIME: "Mean absolute error over time for visible, partly hidden and hidden vehicles",
-    SCENE: "The road from above at the moment with the most hidden tracks, with the tracker's particles if it has any",
-    DIAGNOSTICS: "What the tracker did at each step: its particles' effective number, births, deaths and merges",
-}
+LIBRARY = Path(__file__).parent / "vega" / "vega-embed.js.gz"
+OVER_TIME_WORDS = "Mean absolute error over time for visible, partly hidden and hidden vehicles"
 
 
 @dataclass(frozen=True)
@@ -116,6 +113,9 @@ def run_page(run: RecordedRun) -> str:
     by_visibility = visibility_charts(run.metrics["mae"])
     # Of a long run the picture shows it all, where the chart would only know the beginning.
     over_time = error_charts(run.errors) if run.whole else Charts(())
+    drawn = run.folder / runfolder.FIGURES / OVER_TIME
+    told = diagnostics_of(run)
+    inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
         "run.html.j2",
         title=f"Tracking run: {run.config.title()}",
@@ -129,11 +129,7 @@ def run_page(run: RecordedRun) -> str:
         decision_strips=_decision_strips(run),
         withheld=withheld_words(run.metrics),
         failures=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
-        figures=[
-            PageFigure(embedded(path), description)
-            for name, description in FIGURES.items()
-            if not (name == OVER_TIME and run.whole) and (path := run.folder / runfolder.FIGURES / name).is_file()
-        ],
+        figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],
         error_table=error_table(run.metrics["mae"]),
         hidden_table=hidden_table(run.metrics["mae"]),
         mot_table=mot_table(run.metrics),
@@ -144,7 +140,8 @@ def run_page(run: RecordedRun) -> str:
         sorting_script=Markup(_template_text("sorting.js")),
         by_visibility=by_visibility,
         over_time=over_time,
-        **chart_parts([by_visibility, over_time]),
+        inside=inside,
+        **chart_parts([by_visibility, over_time, inside]),
         **replay_parts(run),
     )
 
@@ -171,10 +168,10 @@ def replay_parts(
 
 def chart_parts(groups: Sequence[Charts]) -> dict[str, object]:
     """Return what the templates of the charts need: nothing of the library where there are no charts."""
-    specs = charts_data(groups)
+    specs = [chart.spec for group in groups for chart in group.charts]
     return {
         "chart_json": _script_json(specs) if specs else None,
-        "chart_library": library() if specs else "",
+        "chart_library": base64.b64encode(LIBRARY.read_bytes()).decode("ascii") if specs else "",
         "chart_script": Markup(_template_text("charts.js")),
     }
 

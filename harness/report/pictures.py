@@ -6,32 +6,25 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
-from matplotlib.figure import Figure
 
+from harness.analysis.curve_charts import curve_charts
 from harness.analysis.curves import curve_points
-from harness.analysis.tables import curves_figure
+from harness.common.charts import KINDS, draw_charts
 from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
-from harness.report.figures import (
-    BY_VISIBILITY,
-    DIAGNOSTICS,
-    OVER_TIME,
-    diagnostics_figure,
-    error_by_visibility,
-    error_over_time,
-)
+from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME
 from harness.report.gallery import strip_figure, worst_failures
 from harness.report.gridruns import plan_of
-from harness.running.finished import RecordedRun, read_recorded_run
+from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
+from harness.running.finished import read_recorded_run
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
 from harness.storage.grid_folder import RUNS
 
-PNG, SVG, PDF = KINDS = ("png", "svg", "pdf")
 # What would change from one drawing to the next: the date, and numbers that tell a file's parts apart.
-UNDATED = {PNG: {}, SVG: {"Date": None}, PDF: {"CreationDate": None, "ModDate": None}}
+UNDATED = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
 SALT = "mmpf-harness"
 
 
@@ -51,35 +44,37 @@ def write_pictures(folder: Path, kind: str, parameter: str = "figures") -> list[
     is_run = (folder / runfolder.TRUTH).is_file()
     if not is_run and (plan_of(folder) is None or not (folder / RUNS).is_file()):
         raise InputError(f"`{parameter}`: {folder} is no run and no stress test; only their figures are drawn anew")
-    place, written = folder / runfolder.FIGURES, []
+    place = folder / runfolder.FIGURES
     place.mkdir(exist_ok=True)
     with sound_tables(folder, parameter), mpl.rc_context({"svg.hashsalt": SALT, "svg.fonttype": "none"}):
-        for name, figure in _of_run(read_recorded_run(folder)) if is_run else _of_grid(folder):
-            path = (place / name).with_suffix(f".{kind}")
-            save_figure(figure, path, metadata=UNDATED[kind])
-            written.append(path)
+        written = [*(_of_run(folder, place, kind) if is_run else _of_grid(folder, place, kind))]
     ownership.add(folder, written)
     return written
 
 
-def _of_run(run: RecordedRun) -> Iterator[tuple[str, Figure]]:
-    title = run.config.title()
-    yield OVER_TIME, error_over_time(run.errors, title)
-    yield BY_VISIBILITY, error_by_visibility(run.metrics["mae"], title)
-    if (run.folder / runfolder.DIAGNOSTICS).is_file():
-        columns = ("time_s", "episode", "components", "effective_share", "association_entropy")
-        table = runfolder.read_table(run.folder, runfolder.DIAGNOSTICS, "folder", columns)
-        yield DIAGNOSTICS, diagnostics_figure(table, title)
+def _of_run(folder: Path, place: Path, kind: str) -> Iterator[Path]:
+    run = read_recorded_run(folder)
+    charts = {OVER_TIME: error_charts(run.errors), BY_VISIBILITY: visibility_charts(run.metrics["mae"])}
+    if (diagnostics := diagnostics_of(run)) is not None:
+        charts[DIAGNOSTICS] = diagnostics_charts(diagnostics)
+    for name, group in charts.items():
+        path = (place / name).with_suffix(f".{kind}")
+        draw_charts(group, run.config.title(), path)
+        yield path
     for number, failure in enumerate(worst_failures(run), start=1):
-        yield f"gallery-{number}.png", strip_figure(run, failure)
+        path = place / f"gallery-{number}.{kind}"
+        save_figure(strip_figure(run, failure), path, metadata=UNDATED[kind])
+        yield path
 
 
-def _of_grid(folder: Path) -> Iterator[tuple[str, Figure]]:
+def _of_grid(folder: Path, place: Path, kind: str) -> Iterator[Path]:
     grid = plan_of(folder)
     if grid is None or grid.is_replay:
         return
     table = runfolder.read_table(folder, RUNS, "folder", ("seed", "succeeded"))
     points = curve_points(table, grid.axes)
+    title = title_of(str(cell.config.traffic.net) for cell in grid.cells)
     for axis in dict.fromkeys(point.axis for point in points):
-        title = title_of(str(cell.config.traffic.net) for cell in grid.cells)
-        yield f"over_{axis.replace('.', '_')}.png", curves_figure(points, axis, title)
+        path = place / f"over_{axis.replace('.', '_')}.{kind}"
+        draw_charts(curve_charts(points, axis), title, path)
+        yield path

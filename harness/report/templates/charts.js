@@ -11,11 +11,6 @@
     document.head.append(script);
   }
 
-  const words = { labelColor: "var(--ink)", titleColor: "var(--ink)", titleFontWeight: 500, labelFontSize: 12, titleFontSize: 12,
-    domainColor: "var(--edge)", tickColor: "var(--edge)", gridColor: "var(--line)" };
-  const config = { font: "system-ui, sans-serif", background: "transparent", view: { stroke: null }, axis: words,
-    text: { color: "var(--ink)" }, rule: { color: "var(--edge)" }, title: { color: "var(--ink)" } };
-
   function lead(event, item) {
     const row = item && item.datum;
     if (row && row.cells) showCells(row.cells);
@@ -46,7 +41,7 @@
   try {
     await openLibrary();
     const specs = JSON.parse(document.getElementById("chart-data").textContent);
-    const options = { renderer: "svg", actions: false, ast: true, config, tooltip: { disableDefaultStyle: true } };
+    const options = { renderer: "svg", actions: false, ast: true, tooltip: { disableDefaultStyle: true } };
     for (const [number, place] of places.entries()) {
       const { view } = await vegaEmbed(place, specs[number], options);
       view.addEventListener("click", lead);

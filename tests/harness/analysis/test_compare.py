@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 
 from harness.analysis.compare import Comparison, compare
 from harness.analysis.comparison_text import as_markdown
@@ -462,7 +461,7 @@ def small_suite(monkeypatch) -> None:
             work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
 
     monkeypatch.setattr("harness.lab.suite.run_cells", run_here)
-    monkeypatch.setattr("harness.grid.stress.curves_figure", lambda *arguments: Figure())
+    monkeypatch.setattr("harness.grid.stress.draw_charts", lambda *arguments: None)
 
 
 def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):

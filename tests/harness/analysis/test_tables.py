@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from harness.analysis import tables
-from harness.analysis.curves import BREAK_METRIC, BREAK_PERCENT, Break, Point, curve_quantities, told_quantities
-from harness.analysis.tables import DEFINITION, as_markdown, break_sentence, curves_figure, print_result, value_cell
+from harness.analysis.curves import Break, Point, curve_quantities, told_quantities
+from harness.analysis.tables import DEFINITION, as_markdown, break_sentence, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
 OF_SOME_ROADS = {quantity.key for quantity in told_quantities() if quantity.is_of_some_runs}
@@ -171,55 +170,3 @@ def test_the_screen_shows_means_breaks_the_first_ten_failures_and_where_the_rest
     assert lines[8] == break_sentence(HELD)
     assert lines[9:19] == [f"failed: seed {k}" for k in range(10)]
     assert lines[19:] == ["Results: results/x"]
-
-
-def test_each_quantity_has_a_panel_with_every_trackers_means_and_intervals():
-    made = points()
-    figure = curves_figure(made, "density", "Title")
-    shown = curve_quantities()
-    panels = figure.axes
-    assert figure.get_suptitle() == "Title: means and 95 % intervals over seeds"
-    assert [axes.get_title(loc="left") for axes in panels[: len(shown)]] == [each.label for each in shown]
-    assert not any(axes.axison for axes in panels[len(shown) :])
-    assert len(panels) % tables.COLUMNS == 0
-    assert len(panels) - len(shown) < tables.COLUMNS
-    for axes, quantity in zip(panels, shown, strict=False):
-        curves = [line for line in axes.lines if not line.get_label().startswith("_")]
-        assert [line.get_label() for line in curves] == ["mmpf", "jpda"]
-        assert [line.get_color() for line in curves] == list(tables.COLOURS[:2])
-        assert [line.get_marker() for line in curves] == list(tables.MARKERS[:2])
-        for line in curves:
-            np.testing.assert_array_equal(line.get_xdata(), [20.0, 45.0])
-            means = [p.mean for p in made if (p.label, p.metric) == (line.get_label(), quantity.key)]
-            np.testing.assert_array_equal(line.get_ydata(), means)
-        assert axes.get_ylim()[0] == 0.0
-        assert (axes.get_ylim()[1] == 102.0) == quantity.label.endswith("%")
-        levels = [line.get_ydata()[0] for line in axes.lines if line.get_label().startswith("_")]
-        assert levels == ([BREAK_PERCENT] if quantity.key == BREAK_METRIC else [])
-    below = panels[len(shown) - tables.COLUMNS : len(shown)]
-    assert {axes.get_xlabel() for axes in below} == {"density, vehicles per km and lane"}
-    assert list(below[0].get_xticks()) == [20.0, 45.0]
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["mmpf", "jpda"]
-
-
-def test_a_quantity_without_a_sample_says_none_and_names_on_an_axis_get_bars():
-    gone = curve_quantities()[0].key
-    figure = curves_figure(points(axis="demand", places=("calm", "dense"), without={gone}), "demand", "T")
-    first, second = figure.axes[:2]
-    assert [text.get_text() for text in first.texts] == ["none"]
-    assert "none" not in [text.get_text() for text in second.texts]
-    bars = [each.get_segments() for each in second.collections]
-    assert len(bars) == 2
-    heights = [line.get_ydata()[1] for line in second.lines if not line.get_label().startswith("_")]
-    for segments, mean in zip(bars, heights, strict=True):
-        assert segments[-1][:, 1].tolist() == [mean - 0.5, mean + 0.5]
-    assert figure.axes[len(curve_quantities()) - 1].get_xlabel() == "demand"
-
-
-def test_many_trackers_take_other_dashes_once_the_colours_are_used_up():
-    names = tuple(f"tracker {k}" for k in range(9))
-    axes = curves_figure(points(labels=names), "density", "T").axes[0]
-    curves = [line for line in axes.lines if not line.get_label().startswith("_")]
-    assert [line.get_linestyle() for line in curves] == ["-"] * 7 + ["--"] * 2
-    assert curves[7].get_color() == curves[0].get_color()

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from harness.analysis import curves, tables
-from harness.analysis.curves import Point, breaks, curve_points
-from harness.analysis.tables import as_markdown, curves_figure, print_result
+from harness.analysis.curves import breaks, curve_points
+from harness.analysis.tables import as_markdown, print_result
 
 TOLD = (
     *("hidden.hidden_cost_m", "mae.visible.lon_m", "mae.visible.n", "occlusion.same_id", "mot.hota"),
@@ -141,31 +141,3 @@ def test_the_screen_shows_results_breaks_and_the_folder_narrow_and_wide(columns,
     print_result("Made up", points, broken, [f"seed {k}: it broke" for k in range(11)], "out/folder")
     shown = capsys.readouterr().err
     assert [word for word in ("curve", "junction", "33", "seed 0: it broke", "out/folder") if word not in shown] == []
-
-
-def test_curves_have_a_panel_for_each_quantity_with_its_unit_and_a_line_for_each_tracker():
-    figure = curves_figure(curve_points(densities(), []), "density", "T")
-    panels = [axes for axes in figure.axes if axes.axison]
-    drawn = {axes.get_title(loc="left"): len(axes.lines) for axes in panels if axes.lines}
-    assert list(drawn) == [
-        "hidden cost (10 m if lost), m", "same identity after occlusion, %",
-        "HOTA in sight, %", "time of a step, ms",
-    ]  # fmt: skip
-    assert min(drawn.values()) == len(TRACKERS)
-
-
-@pytest.mark.parametrize(("count", "each"), [(8, True), (9, False)])
-def test_up_to_eight_places_have_a_tick_each(count, each):
-    points = [Point("a", "sensor.range_m", 0.7 * k, DRAWN[1], float(k), None, 1, 1) for k in range(count)]
-    axes = curves_figure(points, "sensor.range_m", "T").axes[3]
-    assert ([tick == pytest.approx(0.7 * k) for k, tick in enumerate(axes.get_xticks())] == [True] * count) == each
-    assert axes.get_xlabel() == "sensor.range_m"
-
-
-@pytest.mark.parametrize(("count", "degrees"), [(3, 0.0), (4, 20.0)])
-def test_more_than_three_places_in_words_lean(count, degrees):
-    points = [Point("a", "demand", f"at {k}", DRAWN[0], 1.0, None, 1, 1) for k in range(count)]
-    axes = curves_figure(points, "demand", "T").axes[3]
-    ticks = [(text.get_text(), text.get_rotation()) for text in axes.get_xticklabels()]
-    assert ticks == [(f"at {k}", degrees) for k in range(count)]
-    assert axes.get_xlim() == (-0.5, count - 0.5)

@@ -12,7 +12,7 @@ import pytest
 from harness.analysis import pooled, pooled_tables
 from harness.analysis.mismatch_cost import Cost, costs, costs_markdown, leads
 from harness.analysis.pooled import FileCount, HiddenError, Mean, Pooled, pool_files
-from harness.analysis.pooled_tables import hidden_figure, pooled_markdown
+from harness.analysis.pooled_tables import hidden_charts, pooled_markdown
 from harness.grid.worlds import usual_worlds
 from harness.lab import ablation
 from harness.lab.ablation import DEFAULT, ablation_rows, as_markdown, write_ablation
@@ -64,8 +64,8 @@ def test_the_page_over_recorded_files_has_units_intervals_counts_and_failures():
     assert "| all | 101 | 86 | 15 | 13 | 6 |" in text
     assert text.index("| a.xml |") < text.index("| c.xml |") < text.index("| all | 101 ")
     assert text.rstrip().endswith("- d.xml: it broke")
-    axes = hidden_figure(pool_files(three_files())).axes[0]
-    assert [line for line in axes.lines if len(line.get_xdata())]
+    (chart,) = hidden_charts(pool_files(three_files())).charts
+    assert {row["series"] for row in chart.spec["data"]["values"]} == {"mmpf cvm", "echo"}
 
 
 def test_pooled_numbers_are_those_of_all_samples_of_a_tracker_together():
@@ -97,7 +97,7 @@ def test_a_score_that_nobody_has_has_no_column_and_a_tracker_without_hidden_vehi
     assert "| tracker | 0 to 1 s | all |\n| --- | --- | --- |\n| a | - | 1.00 (2.00); 0.50; 3 |\n" in text
     assert "| all | 0 | 0 | 0 | 0 | 0 |\n" in text
     assert text.endswith("|\n")
-    assert not hidden_figure(told).axes[0].lines
+    assert not hidden_charts(told).charts
     unheld = HiddenError("a", 0.0, None, 1.0, None, None, None, None, 3, None)
     assert "| a | - |\n" in pooled_markdown(Pooled([], {"a": 0}, [], [unheld]), [])
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from harness.commands.app import run_command_line
+from harness.common.files import write_text
 from harness.grid.grid import GridRequest
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.running.resolve import resolve_run_config
@@ -24,13 +25,8 @@ REPOSITORY = Path(__file__).parents[3]
 @pytest.fixture(autouse=True, scope="module")
 def _no_figures():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.analysis.tables.curves_figure", lambda *arguments: _NoFigure())
+        patch.setattr("harness.grid.stress.draw_charts", lambda charts, title, path: write_text(path, ""))
         yield
-
-
-class _NoFigure:
-    def savefig(self, path: Path, **options: object) -> None:
-        path.touch()
 
 
 def grid(out: Path, request: GridRequest, execute=None) -> FinishedGrid:

@@ -29,8 +29,8 @@ REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", 
 def drawn(monkeypatch) -> list:
     """Let no figure be drawn: which of them are saved where, and of what, is noted."""
     noted: list = []
-    monkeypatch.setattr(stress, "save_figure", lambda figure, path: noted.append((figure, path)))
-    for name in ("curves_figure", "hidden_figure"):
+    monkeypatch.setattr(stress, "draw_charts", lambda *words: noted.append(words))
+    for name in ("curve_charts", "hidden_charts"):
         monkeypatch.setattr(stress, name, lambda *words: words)
     return noted
 
@@ -82,8 +82,8 @@ def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn)
     assert text.startswith("# Stress test on us101\n\n")
     assert text.endswith(f"\n## Runs that failed\n\n- {words}: it broke\n")
     assert (finished.folder, finished.title) == (tmp_path / "out", "Stress test on us101")
-    assert [(of[1:], path) for of, path in drawn] == [
-        (("density", "Stress test on us101"), tmp_path / "out" / "figures" / "over_density.png")
+    assert [(of[1:], title, path) for of, title, path in drawn] == [
+        (("density",), "Stress test on us101", tmp_path / "out" / "figures" / "over_density.png")
     ]
     assert [point.metric for point in drawn[0][0][0]] == [point.metric for point in finished.points]
     assert (tmp_path / "out" / "summary.json").read_text().startswith('{\n  "grid": {\n    "net": "us101",\n')
@@ -113,7 +113,7 @@ def test_each_varied_axis_has_a_figure_and_a_failed_run_is_told_with_its_place_o
     )
     bad = plan_grid(request).runs[3]
     finished = run_stress(request, tmp_path / "out", MadeUp(bad.key))
-    assert [path.name for _, path in drawn] == ["over_sensor_range_m.png", "over_tracker_particles.png"]
+    assert [path.name for _, _, path in drawn] == ["over_sensor_range_m.png", "over_tracker_particles.png"]
     assert finished.failures == [
         "net us101, density 20.0, variant mmpf, model cvm, seed 0, sensor.range_m=80.5, tracker.particles=60: it broke"
     ]

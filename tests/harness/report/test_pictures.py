@@ -10,7 +10,7 @@ from harness.report.folderpage import write_page
 from harness.report.pictures import write_pictures
 from tests.harness.recorded_scene import write_recorded_scene
 
-MAGIC = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+MAGIC = {"png": b"\x89PNG", "svg": b"<svg", "pdf": b"%PDF"}
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 
 from harness.analysis.compare import Comparison
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, quantity_of
-from harness.report.charts.chart import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, told
+from harness.common.charts import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, told
 
 COLOURS = (
     (WORSE, "var(--hidden)"),
@@ -27,8 +27,9 @@ ROW_PX, FRAME_PX = 22, 60
 NOTE = (
     "Difference of b from a as a share of a's value, turned so that better is to the right, with 95 % intervals. The "
     "grey band is the tolerance: b is no worse where its whole interval stays to the right of the band's left edge. "
-    "Point at a value to read it in its own unit; the scale is compressed beyond {:g} %."
+    "The scale is compressed beyond {:g} %."
 )
+HINT = "Point at a value to read it in its own unit."
 
 
 def comparison_charts(comparison: Comparison) -> Charts | None:
@@ -43,7 +44,7 @@ def comparison_charts(comparison: Comparison) -> Charts | None:
             charts.append(Chart(label, description, spec))
     shown = {row["verdict"] for chart in charts for row in chart.spec["data"]["values"]}
     lines = tuple((IN_WORDS.get(word, word), colour) for word, colour in COLOURS if IN_WORDS.get(word, word) in shown)
-    return Charts(tuple(charts), lines, NOTE.format(LINEAR_PERCENT), wide=True) if charts else None
+    return Charts(tuple(charts), lines, NOTE.format(LINEAR_PERCENT), HINT, wide=True) if charts else None
 
 
 def _row(verdict: Verdict, rules: Rules) -> dict[str, Any] | None:

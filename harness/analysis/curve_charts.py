@@ -1,0 +1,94 @@
+"""Charts of a grid: each tracker's curves over what was varied, density for one, whose points lead to their runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from harness.analysis.curves import (
+    BREAK_METRIC,
+    BREAK_PERCENT,
+    Point,
+    curve_points,
+    curve_quantities,
+    labelled,
+    points_of,
+    runs_at,
+)
+from harness.analysis.tables import AXIS_LABELS
+from harness.common.charts import Charts, curves, lines_of
+from harness.scoring.metrics.quantity import Quantity
+
+NOTE = "Means over seeds with 95 % intervals."
+HINT = "Point at a value to read it, click it to go to its runs; a click on a name shows its line alone."
+
+Where = tuple[str, str, float | str]
+"""A point's label, axis and place on it."""
+
+
+def grid_charts(table: pd.DataFrame, axes: Sequence[str], cells: Sequence[int | None]) -> dict[str, Charts]:
+    """Return the charts over each axis, by its name in words.
+
+    Args:
+        table: The rows of ``runs.parquet``.
+        axes: Keys of the axes other than network, density and demand.
+        cells: For each row the number of the page's cell that lists it; None where none does.
+    """
+    points = curve_points(table, axes)
+    leads = _leads(table.assign(cell=pd.array(list(cells), dtype="Int64")), {point.axis for point in points})
+    shown = dict.fromkeys(point.axis for point in points)
+    return {AXIS_LABELS.get(axis, axis): curve_charts(points, axis, leads) for axis in shown}
+
+
+def _leads(table: pd.DataFrame, axes: set[str]) -> dict[Where, list[int]]:
+    """Return the cells whose runs stand behind each point."""
+    done = labelled(table)
+    found: dict[Where, list[int]] = {}
+    for axis in sorted(axes):
+        for (label, place), runs in runs_at(done, axis):
+            found[label, axis, place] = sorted({int(cell) for cell in runs["cell"].dropna()})
+    return found
+
+
+def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[int]] | None = None) -> Charts:
+    """Return the charts over one axis, one a quantity, one line a tracker.
+
+    Args:
+        points: The points of all axes.
+        axis: The axis.
+        leads: The cells of a page that each point leads to.
+    """
+    here = [point for point in points if point.axis == axis]
+    lines = lines_of(list(dict.fromkeys(point.label for point in here)))
+    heading, charts = AXIS_LABELS.get(axis, axis), []
+    for quantity in curve_quantities():
+        rows = [
+            _row(point, quantity, (leads or {}).get((name, axis, point.value), []))
+            for name, curve in points_of(here, axis, quantity.key)
+            for point in curve
+        ]
+        if rows:
+            broken = quantity.key == BREAK_METRIC and axis == "density"
+            tooltip = (
+                ("series", "tracker"), ("place", heading), ("value", quantity.label), ("interval", "95 % interval"),
+                ("seeds", "seeds"),
+            )  # fmt: skip
+            charts.append(
+                curves(
+                    quantity.label, f"{quantity.label}, over {heading}, one line a tracker", heading, rows, lines,
+                    tooltip, (BREAK_PERCENT, "a tracker below this is broken") if broken else None,
+                )
+            )  # fmt: skip
+    return Charts(tuple(charts), lines, NOTE, HINT)
+
+
+def _row(point: Point, quantity: Quantity, cells: list[int]) -> dict[str, Any]:
+    decimals = quantity.decimals + 1
+    low, high = point.ci95 or (None, None)
+    interval = f"{low:.{decimals}f} to {high:.{decimals}f}" if point.ci95 is not None else "none from one seed"
+    return {
+        "series": point.label, "place": point.value, "mean": point.mean, "low": low, "high": high,
+        "value": f"{point.mean:.{decimals}f}", "interval": interval, "seeds": str(point.seeds), "cells": cells,
+    }  # fmt: skip

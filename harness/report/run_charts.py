@@ -1,0 +1,158 @@
+"""Charts of a run: errors over time, whose points lead to that moment of the replay, by visibility, and the filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harness.common.charts import Charts, curves, lines_of
+from harness.common.plots import stretch_s
+from harness.running.finished import RecordedRun
+from harness.storage import run_folder as runfolder
+from harness.storage.tables import floats
+from mmpf.numerics.arrays import FloatArray, IntArray
+
+NAMES = {"visible": "visible", "partial": "partly hidden", "hidden": "hidden"}
+LINES = tuple((name, f"var(--{state})") for state, name in NAMES.items())
+ERROR_COLUMNS = (
+    ("lon_error_m", "lon_m", "longitudinal position, m"),
+    ("lat_error_m", "lat_m", "lateral position, m"),
+    ("speed_error_mps", "speed_mps", "speed, m/s"),
+)
+FEWEST_SAMPLES = 5
+HINT = "Point at a value to read it; click it to see that moment in the replay; a click on a name shows it alone."
+LEVELS = (
+    ("components", "Components", 1.0),
+    ("effective_share", "Effective sample size, % of particles", 100.0),
+    ("association_entropy", "Association entropy, nats per component", 1.0),
+)
+EVENTS = ("births", "deaths", "merges", "reclusterings")
+DIAGNOSTIC_COLUMNS = ("time_s", "episode", *(column for column, _, _ in LEVELS))
+
+
+def error_charts(errors: pd.DataFrame) -> Charts:
+    """Return the mean absolute error in each stretch of time, one chart a quantity, one line a visibility.
+
+    Args:
+        errors: The rows of ``errors.parquet``; those of vehicles that no track follows are left out.
+    """
+    tracked = errors[errors["outcome"] == "tracked"]
+    width_s = stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
+    charts = []
+    for column, _, label in ERROR_COLUMNS:
+        rows = [
+            row for state in NAMES for row in _over_time(tracked[tracked["state"] == state], state, column, width_s)
+        ]
+        tooltip = (("series", "vehicles"), ("stretch", "time"), ("value", label), ("n", "samples"))
+        description = f"Mean absolute error of {label}, over time, for visible, partly hidden and hidden vehicles"
+        if rows:
+            charts.append(curves(label, description, "time, s", rows, LINES, tooltip, marks=_new_egos(errors)))
+    note = f"Mean absolute error while followed, in stretches of {width_s:g} s."
+    return Charts(tuple(charts), LINES, note, HINT)
+
+
+def visibility_charts(mae: Mapping[str, Any]) -> Charts:
+    """Return the mean absolute errors of ``metrics.json`` with their 95 % intervals, one chart a quantity."""
+    charts = []
+    for _, key, label in ERROR_COLUMNS:
+        rows = [_state(state, mae[state], key) for state in NAMES if (mae.get(state) or {}).get(key) is not None]
+        tooltip = (
+            ("series", "vehicles"), ("value", label), ("interval", "95 % interval over vehicles"),
+            ("followed", "followed"), ("n", "samples"),
+        )  # fmt: skip
+        description = f"Mean absolute error of {label}, for visible, partly hidden and hidden vehicles"
+        if rows:
+            charts.append(curves(label, description, "vehicles", rows, LINES, tooltip))
+    return Charts(tuple(charts), note="Mean absolute error while followed, with 95 % intervals over vehicles.")
+
+
+def diagnostics_of(run: RecordedRun) -> pd.DataFrame | None:
+    """Return what the tracker told of each step; None of one that tells nothing."""
+    told = (run.folder / runfolder.DIAGNOSTICS).is_file()
+    return runfolder.read_table(run.folder, runfolder.DIAGNOSTICS, "folder", DIAGNOSTIC_COLUMNS) if told else None
+
+
+def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
+    """Return what went on in a particle filter: means in stretches of time with the least and the greatest step.
+
+    Args:
+        diagnostics: The rows of ``diagnostics.parquet``.
+    """
+    width_s = stretch_s(float(diagnostics["time_s"].max() - diagnostics["time_s"].min()))
+    # An ego's first scan starts a component for every detection, which would dwarf all that follows.
+    later = diagnostics[diagnostics["episode"].duplicated()]
+    step_s = float(diagnostics["time_s"].diff().median()) if len(diagnostics) > 1 else 1.0
+    events = [name for name in EVENTS if name in later and later[name].any()]
+    lines = lines_of(["mean", *events])
+    shown = [
+        (title, _levels(diagnostics, "mean", scale * floats(diagnostics, name), width_s))
+        for name, title, scale in LEVELS
+    ]
+    rates = [row for name in events for row in _levels(later, name, floats(later, name) / step_s, width_s, band=False)]
+    charts = [
+        curves(
+            title, f"{title}, over time", "time, s", rows, lines,
+            (("series", "what"), ("stretch", "time"), ("value", "mean"), ("range", "least to greatest step")),
+            marks=_new_egos(diagnostics),
+        )
+        for title, rows in (*shown, ("Events a second, without the first scan", rates))
+        if rows
+    ]  # fmt: skip
+    return Charts(tuple(charts), lines, f"Means over {width_s:g} s; bands from the least to the greatest step.", HINT)
+
+
+def _new_egos(steps: pd.DataFrame) -> list[tuple[float, str]]:
+    """Return when another vehicle became the ego."""
+    return [(float(start), "new ego") for start in steps.groupby("episode")["time_s"].min().iloc[1:]]
+
+
+def _levels(
+    table: pd.DataFrame, series: str, values: FloatArray, width_s: float, band: bool = True
+) -> list[dict[str, Any]]:
+    stretch = (table["time_s"].to_numpy(dtype=np.float64) / width_s + 1e-9).astype(np.int64)
+    groups = pd.Series(values).groupby(stretch).agg(["mean", "min", "max"])
+    return [
+        {
+            "series": series, "place": round((number + 0.5) * width_s, 3), "mean": mean,
+            "low": low if band else None, "high": high if band else None,
+            "value": f"{mean:.3g}", "range": f"{low:.3g} to {high:.3g}", "at": round((number + 0.5) * width_s, 1),
+            "stretch": f"{number * width_s:.1f} to {(number + 1) * width_s:.1f} s",
+        }
+        for number, (mean, low, high) in zip(groups.index.tolist(), groups.to_numpy().tolist(), strict=True)
+    ]  # fmt: skip
+
+
+def _over_time(table: pd.DataFrame, state: str, column: str, width_s: float) -> list[dict[str, Any]]:
+    times, means, counts = means_over_time(table[table["state"] == state], column, width_s)
+    # A gap splits the line: points on its two sides belong to different pieces.
+    piece = np.cumsum(~np.isfinite(means))
+    return [
+        {
+            "series": NAMES[state], "place": round(float(times[k]), 3), "mean": float(means[k]),
+            "value": f"{means[k]:.2f}", "n": str(counts[k]), "piece": int(piece[k]), "at": round(float(times[k]), 1),
+            "stretch": f"{times[k] - width_s / 2:.1f} to {times[k] + width_s / 2:.1f} s",
+        }
+        for k in np.flatnonzero(np.isfinite(means))
+    ]  # fmt: skip
+
+
+def means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the middle of each stretch of time, the mean absolute value in it, nan with too few samples, and these."""
+    stretch = (rows["time_s"].to_numpy(dtype=np.float64) / width_s + 1e-9).astype(np.int64)
+    count = np.bincount(stretch)
+    total = np.bincount(stretch, weights=np.abs(rows[column].to_numpy(dtype=np.float64)))
+    means = np.where(count >= FEWEST_SAMPLES, total / np.maximum(count, 1), np.nan)
+    return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64), count
+
+
+def _state(state: str, row: Mapping[str, Any], key: str) -> dict[str, Any]:
+    low, high = row.get(f"{key}_ci95") or (None, None)
+    share, name = row.get("followed_percent"), NAMES[state]
+    return {
+        "series": name, "place": name, "mean": row[key], "low": low, "high": high, "value": f"{row[key]:.2f}",
+        "interval": "none" if low is None else f"{low:.2f} to {high:.2f}", "n": str(row.get("n") or 0),
+        "followed": "-" if share is None else f"{share:.0f} %",
+    }  # fmt: skip
