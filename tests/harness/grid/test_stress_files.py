@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.files import write_text
 from harness.grid import stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
@@ -39,8 +40,7 @@ def drawn(monkeypatch) -> list:
 def whole(tmp_path_factory) -> Path:
     """Return the folder of a finished grid, which no test may change."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stress, "curves_figure", lambda *words: words)
-        patch.setattr(stress, "save_figure", lambda figure, path: path.touch())
+        patch.setattr(stress, "draw_charts", lambda charts, title, path: write_text(path, ""))
         return grid(tmp_path_factory.mktemp("finished") / "grid").folder
 
 
