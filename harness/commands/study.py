@@ -27,7 +27,10 @@ class Options(TypedDict):
     seed: Annotated[int, Option("Root of all randomness.", default=0, least=0)]
     seeds: Annotated[
         str | None,
-        Option("Seeds A:B of the traffic, B excluded; below 100 none was trained on. (default: 0:16; ablation: 0:4)"),
+        Option(
+            "Seeds A:B of the traffic, B excluded; each drives every density; below 100 none was trained on. "
+            "(default: 0:2; ablation: 0:4)"
+        ),
     ]
     cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
     real_data: Annotated[

@@ -23,8 +23,8 @@ class Options(TypedDict):
     seeds: Annotated[
         str | None,
         Option(
-            "Seeds A:B of the training traffic, B excluded. (default: 1000:1032; lane-change, which is rarer, "
-            "1000:1040; turning, of each network, 1000:1006)"
+            "Seeds A:B of the training traffic, B excluded; each drives every density. (default: 1000:1002; "
+            "lane-change, which is rarer, 1000:1003)"
         ),
     ]
     seed: Annotated[int, Option("Seed of sampling and of the fit of a mixture.", default=0, least=0)]

@@ -19,7 +19,7 @@ from harness.truth.network.network import load_network
 def fit_model(options: Mapping[str, Any]) -> None:
     """Do what the options of ``train`` ask for; raises ``InputError`` where they are wrong."""
     case = options["case"]
-    seeds = options["seeds"] or {"lane-change": "1000:1040", TURNING: "1000:1006"}.get(case, "1000:1032")
+    seeds = options["seeds"] or {"lane-change": "1000:1003"}.get(case, "1000:1002")
     traffic = seed_values(seeds)
     first, count = traffic.start, len(traffic)
     if first < FIRST_TRAINING_SEED:

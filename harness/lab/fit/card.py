@@ -19,6 +19,9 @@ from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
 from mmpf.motion.protocol import MotionModel
 
+TRAFFIC = "Traffic"
+"""Name of the fact that says which traffic a model was fitted to, as ``traffic_version`` names it."""
+
 
 def write_card(
     path: Path,

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 
 from harness.common.files import write_toml
+from harness.lab.fit.card import TRAFFIC
 from harness.lab.windows.car_following import Following
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.scores import HORIZONS_S
@@ -83,14 +84,17 @@ def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptiv
     return {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
 
 
-def write_rivals(folder: Path, driver: IdmParameters, adaptive: Adaptive, noise: Mapping[str, ProcessNoise]) -> None:
-    """Write the three files that the models read, four digits of every number."""
+def write_rivals(
+    folder: Path, driver: IdmParameters, adaptive: Adaptive, noise: Mapping[str, ProcessNoise], traffic: str
+) -> None:
+    """Write the three files that the models read, four digits of every number; ``traffic`` is what was fitted to."""
+    source = f"\n{TRAFFIC}: {traffic}"
     fitted, adaptation = adaptive
-    write_toml(folder / "idm_fitted.toml", _four_digits(driver), IDM_COMMENT)
+    write_toml(folder / "idm_fitted.toml", _four_digits(driver), IDM_COMMENT + source)
     tables = {"driver": _four_digits(fitted), "adaptation": _four_digits(adaptation)}
-    write_toml(folder / "idm_adaptive.toml", tables, ADAPTIVE_COMMENT)
+    write_toml(folder / "idm_adaptive.toml", tables, ADAPTIVE_COMMENT + source)
     sizes = {name: _four_digits(size) for name, size in noise.items()}
-    write_toml(folder / "process_noise.toml", sizes, NOISE_COMMENT)
+    write_toml(folder / "process_noise.toml", sizes, NOISE_COMMENT + source)
 
 
 def _four_digits(parameters: object) -> dict[str, float]:

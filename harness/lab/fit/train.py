@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.lab.fit.card import errors_by_regime, write_card
+from harness.lab.fit.card import TRAFFIC, errors_by_regime, write_card
 from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
 from harness.lab.fit.driver_fit import (
+    FOLLOWING_SAMPLES,
     PROPOSED_CHANGES,
+    SHORT_SAMPLES,
     driver_habit,
     fit_driver,
     fit_short,
     following_records,
     short_samples,
 )
-from harness.lab.fit.mixture_em import SizeScore, sweep_sizes
+from harness.lab.fit.mixture_em import START_SAMPLES, SizeScore, sweep_sizes
 from harness.lab.fit.recovery import RecoveryGains, recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.lab.windows.car_following import STEPS, Following, load_following
@@ -27,11 +29,13 @@ from harness.lab.windows.cases import cases_of, lane_change_cases
 from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
 from harness.lab.windows.recording import load_all
 from harness.lab.windows.scenarios import (
+    DENSITIES_VEH_PER_KM_LANE,
     FIRST_TUNING_SEED,
     TRAINING_DURATION_S,
     TUNING_DURATION_S,
     record_scenarios,
     scenarios,
+    traffic_version,
 )
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
@@ -43,12 +47,11 @@ from mmpf.numerics.arrays import FloatArray
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
-TUNING_RECORDINGS = 8
+TUNING_SEEDS = 1
 SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60, 90)}
 SWEEP_SAMPLES = 15_000
 SWEEP_ITERATIONS = 30
 HELD_OUT_SAMPLES = 20_000
-# Processor time of a recording, and of the fits.
 
 Say = Callable[[str], None]
 
@@ -61,7 +64,7 @@ class TrainingPlan:
         case: ``lane-keeping`` or ``lane-change``.
         components: Components of the mixture; none for the paper's number.
         first_seed: First seed of the training traffic.
-        recordings: Number of training recordings.
+        seeds: Number of its seeds, each of which drives every density.
         seed: Seed of sampling and fits.
         sweep: Whether other numbers of components are scored by BIC.
         cache: Folder of the recordings; none for the usual one.
@@ -71,7 +74,7 @@ class TrainingPlan:
     case: str
     components: int | None
     first_seed: int
-    recordings: int
+    seeds: int
     seed: int
     sweep: bool
     cache: Path | None
@@ -99,21 +102,21 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     """
     if plan.case not in PAPER_COMPONENTS:
         raise InputError(f"`case` {plan.case}: no such case; give {LANE_KEEPING}, {LANE_CHANGE} or turning")
-    for_training = scenarios(plan.first_seed, plan.recordings, TRAINING_DURATION_S)
-    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_RECORDINGS, TUNING_DURATION_S)
+    for_training = scenarios(plan.first_seed, plan.seeds, TRAINING_DURATION_S)
+    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_SEEDS, TUNING_DURATION_S)
     training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
     plan.out.mkdir(parents=True, exist_ok=True)
     if plan.case == LANE_CHANGE:
         changes, held_changes = (load_changes(paths, network.road) for paths in (training, tuning))
-        return _train_change(plan, network.name, changes, held_changes, say)
+        return _train_change(plan, network, changes, held_changes, say)
     windows, held_out = (load_following(paths, network.road) for paths in (training, tuning))
-    _fit_rivals(plan, windows, held_out, load_changes(tuning, network.road), say)
+    _fit_rivals(plan, network, windows, held_out, load_changes(tuning, network.road), say)
     changes_per_s = changes_to_one_side_per_s(load_all(training), STEP_S)
-    return _train_keeping(plan, network.name, windows, changes_per_s, held_out, say)
+    return _train_keeping(plan, network, windows, changes_per_s, held_out, say)
 
 
 def _fit_rivals(
-    plan: TrainingPlan, windows: Following, held_out: Following, held_changes: LaneChanges, say: Say
+    plan: TrainingPlan, network: Network, windows: Following, held_out: Following, held_changes: LaneChanges, say: Say
 ) -> None:
     """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
     say("fitting the rivals' parameters and noise")
@@ -121,11 +124,11 @@ def _fit_rivals(
     every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
     adaptive = fit_adaptive(windows, plan.seed, STEP_S)
     noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver, adaptive)
-    write_rivals(plan.out, driver, adaptive, noise)
+    write_rivals(plan.out, driver, adaptive, noise, traffic_version(network))
 
 
 def _train_keeping(
-    plan: TrainingPlan, net: str, windows: Following, changes_per_s: float, held_out: Following, say: Say
+    plan: TrainingPlan, net: Network, windows: Following, changes_per_s: float, held_out: Following, say: Say
 ) -> list[Path]:
     led = windows.take(np.flatnonzero(windows.has_leader))
     if len(led) < plan.size:
@@ -151,6 +154,7 @@ def _train_keeping(
         "Learned driver for lane keeping (`gmm`, ours)",
         {
             **facts,
+            "Fit": f"{_fitted_to(FOLLOWING_SAMPLES, plan.seed)}; then again with the states that it reaches itself",
             "Lane changes": f"{changes_per_s:.4f} per second to each side, counted in the training traffic; particles "
             f"of drivers in sight take them up {PROPOSED_CHANGES:g} times as often",
             "One-step log-likelihood on held-out seeds": own_fit,
@@ -163,7 +167,11 @@ def _train_keeping(
     write_card(
         short.with_suffix(".md"),
         "Short-term model for lane keeping (`gmm-short`, as in the paper)",
-        {**facts, "One-step log-likelihood on held-out seeds": short_fit},
+        {
+            **facts,
+            "Fit": _fitted_to(min(len(led) * (STEPS - 1), SHORT_SAMPLES), plan.seed),
+            "One-step log-likelihood on held-out seeds": short_fit,
+        },
         sizes[1],
         errors_by_regime(short_term_driver(mixture), held_out, STEP_S, plan.seed),
         SHORT_LIMITS,
@@ -171,7 +179,9 @@ def _train_keeping(
     return [own, short]
 
 
-def _train_change(plan: TrainingPlan, net: str, changes: LaneChanges, held_out: LaneChanges, say: Say) -> list[Path]:
+def _train_change(
+    plan: TrainingPlan, net: Network, changes: LaneChanges, held_out: LaneChanges, say: Say
+) -> list[Path]:
     samples = len(changes) * (STEPS - 1)
     if samples < plan.size:
         raise InputError(f"`seeds`: {len(changes)} lane changes are too few to train on; give more seeds")
@@ -186,6 +196,7 @@ def _train_change(plan: TrainingPlan, net: str, changes: LaneChanges, held_out: 
         sizes = sweep_sizes(x, y, SWEPT[LANE_CHANGE], plan.seed, say)
     facts = {
         **_facts(plan, net, samples, samples),
+        "Fit": _fitted_to(samples, plan.seed),
         "Beside the recorded paths": f"{100 * SCATTERED.share:.0f} % of the samples moved sideways off the recorded "
         f"path, by {SCATTERED.lat_m} m, {SCATTERED.lat_speed_mps} m/s and {SCATTERED.lat_accel_mps2} m/s², and going "
         "on with the recorded acceleration",
@@ -214,21 +225,29 @@ def _keeping_sweeps(
     )
 
 
-def _facts(plan: TrainingPlan, net: str, samples: int, used: int) -> dict[str, str]:
-    last = plan.first_seed + plan.recordings - 1
+def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[str, str]:
+    beyond, held_beyond = plan.first_seed + plan.seeds, FIRST_TUNING_SEED + TUNING_SEEDS
+    densities = ", ".join(f"{density:g}" for density in DENSITIES_VEH_PER_KM_LANE)
+    sweep = {"Sweep": f"{SWEEP_SAMPLES} samples, {SWEEP_ITERATIONS} EM iterations"} if plan.sweep else {}
     return {
-        "Command": f"`python -m harness train --net {net} --case {plan.case} --components {plan.size} "
-        f"--seeds {plan.first_seed}:{last + 1} --seed {plan.seed}{'' if plan.sweep else ' --no-sweep'}`",
-        "Data": f"SUMO, {plan.recordings} recordings of {TRAINING_DURATION_S:g} s, 8 to 57 vehicles per km and lane",
-        "Seeds": f"trained on {plan.first_seed} to {last}; held out {FIRST_TUNING_SEED} to "
-        f"{FIRST_TUNING_SEED + TUNING_RECORDINGS - 1}",
+        "Command": f"`python -m harness train --net {net.name} --case {plan.case} --components {plan.size} "
+        f"--seeds {plan.first_seed}:{beyond} --seed {plan.seed}{'' if plan.sweep else ' --no-sweep'}`",
+        TRAFFIC: traffic_version(net),
+        "Data": f"SUMO, of each seed {TRAINING_DURATION_S:g} s at each of {densities} vehicles per km and lane",
+        "Seeds": f"trained on {plan.first_seed} to {beyond - 1}; held out {FIRST_TUNING_SEED} to {held_beyond - 1}",
         "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
         "Components": f"{plan.size} (the paper's setting is {PAPER_COMPONENTS[plan.case]}, "
         "kept for comparison and speed), full covariances",
-        "Fit": "k-means start and EM on 60 000 samples, refined by EM on up to 1.2 million; seed "
-        f"{plan.seed}, regularisation 1e-6 of standardised variables",
-        "Sweep": f"{SWEEP_SAMPLES} samples, {SWEEP_ITERATIONS} EM iterations",
+        **sweep,
     }
+
+
+def _fitted_to(samples: int, seed: int) -> str:
+    refined = f", refined by EM on {samples}" if samples > START_SAMPLES else ""
+    return (
+        f"k-means start and EM on {min(samples, START_SAMPLES)} samples{refined}; seed {seed}, regularisation 1e-6 of "
+        "standardised variables"
+    )
 
 
 def _some(x: FloatArray, y: FloatArray, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -11,10 +11,10 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.lab.fit.card import write_card
+from harness.lab.fit.card import TRAFFIC, write_card
 from harness.lab.windows.onmap import OnMap, on_map
 from harness.lab.windows.recording import Scenario, load_all
-from harness.lab.windows.scenarios import record_scenarios
+from harness.lab.windows.scenarios import record_scenarios, traffic_version
 from harness.truth.network.network import Network
 from mmpf.map.control import YIELD
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
@@ -60,7 +60,7 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
     """Record traffic on networks, fit how its drivers drive by the map, and write it with a card; return the file.
 
     Args:
-        networks: Networks in the plane; each is recorded with every seed, at its named demands in turn.
+        networks: Networks in the plane; each is recorded with every seed at each of its named demands.
         seeds: Seeds of the traffic.
         cache: Folder of the recordings; None for the usual ones.
         out: Folder of the file and the card.
@@ -77,7 +77,8 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
     names = ",".join(network.name for network in networks)
     facts = {
         "Command": f"`python -m harness train --case turning --net {names} --seeds {seeds.start}:{seeds.stop}`",
-        "Data": f"SUMO, {len(networks) * len(seeds)} recordings of {DURATION_S:g} s at the networks' demands",
+        TRAFFIC: ", ".join(map(traffic_version, networks)),
+        "Data": f"SUMO, of each seed {DURATION_S:g} s at each of the networks' demands",
         "Seeds": f"{seeds.start} to {seeds.stop - 1}",
         "Moments": f"{sum(len(one.moments) for one in maps)} of drivers whom no leader holds",
     }
@@ -86,7 +87,7 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
 
 def _recorded(network: Network, seeds: range, cache: Path | None, say: Say) -> DrivenMap:
     demands = [network.demand_files[name].density_veh_per_km_lane for name in network.demands]
-    wanted = [Scenario(demands[k % len(demands)], seed, DURATION_S) for k, seed in enumerate(seeds)]
+    wanted = [Scenario(demand, seed, DURATION_S) for seed in seeds for demand in demands]
     files = record_scenarios(network, wanted, None if cache is None else cache / network.name, say)
     graph = cast("LaneGraph", network.road.graph)
     laid = [on_map(recording, graph) for recording in load_all(files)]

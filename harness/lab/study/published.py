@@ -41,7 +41,7 @@ class StudyPlan:
         particles: Particles per case.
         seed: Seed of the choice of cases, the measurements and the particles.
         first_traffic_seed: First seed of the recorded traffic.
-        recordings: Number of recordings.
+        traffic_seeds: Number of seeds, each of which drives every density.
         cache: Folder of the recordings; none for the usual one.
     """
 
@@ -52,7 +52,7 @@ class StudyPlan:
     particles: int = 1000
     seed: int = 0
     first_traffic_seed: int = 0
-    recordings: int = 16
+    traffic_seeds: int = 2
     cache: Path | None = None
 
     @property
@@ -70,7 +70,7 @@ class StudyPlan:
         return {
             "network": network.name,
             "densities_veh_per_km_lane": list(DENSITIES_VEH_PER_KM_LANE),
-            "traffic_seeds": f"{self.first_traffic_seed} to {self.first_traffic_seed + self.recordings - 1}",
+            "traffic_seeds": f"{self.first_traffic_seed} to {self.first_traffic_seed + self.traffic_seeds - 1}",
             "cases": cases,
             "particles": self.particles,
             "seed": self.seed,
@@ -114,7 +114,7 @@ def make_study(
 
 def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
     """Return a study's cases; their traffic is recorded where it is not yet."""
-    wanted = scenarios(plan.first_traffic_seed, plan.recordings, REPORTING_DURATION_S)
+    wanted = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
     paths = record_scenarios(network, wanted, plan.cache, say)
     rng = np.random.default_rng([plan.seed, 0])
     if plan.study == LANE_KEEPING:

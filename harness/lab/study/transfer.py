@@ -69,8 +69,8 @@ class TransferPlan:
         particles: Particles per case.
         seed: Seed of the split of the pairs, the fits and the particles.
         first_traffic_seed: First seed of the simulated test traffic.
-        recordings: Recordings of it.
-        training_recordings: Recordings of simulated training traffic for the models trained on both.
+        traffic_seeds: Number of its seeds, each of which drives every density.
+        training_seeds: The same of the simulated training traffic for the models trained on both.
         most_windows: Most windows of either kind that those are trained on.
         cache: Folder of the recordings; none for the usual one.
     """
@@ -80,8 +80,8 @@ class TransferPlan:
     particles: int = 200
     seed: int = 0
     first_traffic_seed: int = 0
-    recordings: int = 16
-    training_recordings: int = 8
+    traffic_seeds: int = 2
+    training_seeds: int = 1
     most_windows: int = 3000
     cache: Path | None = None
 
@@ -133,7 +133,7 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         held_out(SNIPPETS, snippet_windows(files, STEPS, say), tuple(h for h in HORIZONS_S if h > 5.0)),
         _simulated_test(plan, network, say),
     ]
-    for_training = scenarios(FIRST_TRAINING_SEED, plan.training_recordings, TRAINING_DURATION_S)
+    for_training = scenarios(FIRST_TRAINING_SEED, plan.training_seeds, TRAINING_DURATION_S)
     both = mixed(_simulated_windows(for_training, plan, network, say), training, plan.most_windows, plan.seed)
     models = [
         *(TrainedModel(name, ON_SUMO, _lane_keeping(motion_models[name]())) for name in LEARNED),
@@ -229,7 +229,7 @@ def held_out(tested_on: str, windows: Following, horizons_s: tuple[float, ...]) 
 
 
 def _simulated_test(plan: TransferPlan, network: Network, say: Say) -> HeldOut:
-    wanted = scenarios(plan.first_traffic_seed, plan.recordings, REPORTING_DURATION_S)
+    wanted = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
     windows = _simulated_windows(wanted, plan, network, say)
     cases = following_cases(windows, plan.cases, STEP_S, np.random.default_rng([plan.seed, 0]))
     return HeldOut(SUMO, cases, np.arange(cases.count), HORIZONS_S)
@@ -253,11 +253,11 @@ def _setting(
     return {
         "network": network.name,
         "tested_on": tested,
-        "simulated_test_seeds": f"{plan.first_traffic_seed} to {plan.first_traffic_seed + plan.recordings - 1}",
+        "simulated_test_seeds": f"{plan.first_traffic_seed} to {plan.first_traffic_seed + plan.traffic_seeds - 1}",
         "real_training": f"{len(training)} windows of {len(np.unique(training.vehicle))} pairs",
         "left_out_at_both_ends_of_a_pair": f"{EDGE_S:g} s, where the source's smoothing swings in",
         "training_on_both": f"{len(both)} windows, half of them real, each real one repeated; simulated ones of seeds "
-        f"{FIRST_TRAINING_SEED} to {FIRST_TRAINING_SEED + plan.training_recordings - 1}",
+        f"{FIRST_TRAINING_SEED} to {FIRST_TRAINING_SEED + plan.training_seeds - 1}",
         "components": COMPONENTS,
         "particles": plan.particles,
         "seed": plan.seed,

@@ -20,9 +20,14 @@ REPORTING_DURATION_S = 60.0
 
 
 def scenarios(first_seed: int, count: int, duration_s: float) -> list[Scenario]:
-    """Return scenarios with growing seeds that go through the densities in turn."""
-    densities = DENSITIES_VEH_PER_KM_LANE
-    return [Scenario(densities[k % len(densities)], first_seed + k, duration_s) for k in range(count)]
+    """Return scenarios of ``count`` seeds, each at every density."""
+    seeds = range(first_seed, first_seed + count)
+    return [Scenario(density, seed, duration_s) for seed in seeds for density in DENSITIES_VEH_PER_KM_LANE]
+
+
+def traffic_version(network: Network) -> str:
+    """Return the name of a network's present traffic: it changes with the road, the vehicle types and the drivers."""
+    return f"{network.name}-{network.fingerprint()}"
 
 
 def _open_scenario(network: Network, scenario: Scenario) -> TruthSource:
@@ -43,5 +48,5 @@ def record_scenarios(
 
     They lie in ``cache``, or without it in the usual folder, which differs for other drivers on the same network.
     """
-    usual = Path("results") / "cache" / "traffic" / f"{network.name}-{network.fingerprint()}"
+    usual = Path("results") / "cache" / "traffic" / traffic_version(network)
     return record_all(wanted, cache or usual, partial(_open_scenario, network), say)
