@@ -18,7 +18,7 @@ class Options(TypedDict):
             "turning: junction,priority,roundabout)"
         ),
     ]
-    case: Annotated[str, Option("lane-keeping, lane-change or turning.", default="lane-keeping")]
+    case: Annotated[str, Option("lane-keeping, lane-change, residual or turning.", default="lane-keeping")]
     components: Annotated[int | None, Option("Components of the mixture. (default: the paper's 28 or 60)", least=1)]
     seeds: Annotated[
         str | None,
@@ -42,7 +42,7 @@ class Options(TypedDict):
 
 
 def command(options: Options) -> None:
-    """Record SUMO traffic, fit the Gaussian mixtures, and write model files with their cards.
+    """Record SUMO traffic, fit behaviour models to it, and write model files with their cards.
 
     Recordings are kept: an interrupted training goes on where it stopped.
 

@@ -254,6 +254,7 @@ _PLACES = {
     "idm-fitted": "idm:idm_fitted",
     "idm-adaptive": "idm:AdaptiveDriver",
     "gmm": "learned.driver:LearnedDriver",
+    "residual": "learned.driver:residual_driver",
     "gmm-short": "learned.short_driver:short_term_driver",
     "gmm-lane-change": "learned.lane_changer:LaneChangeDriver",
     "gsm": "learned.short_pair:ShortTermPair",

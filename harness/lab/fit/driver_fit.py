@@ -12,6 +12,7 @@ from harness.lab.windows.car_following import Following
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
 from mmpf.motion.learned.features import log_headway, situation
+from mmpf.motion.learned.follower import MixtureFollower
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_inputs
 from mmpf.numerics.arrays import FloatArray, joined
@@ -35,8 +36,8 @@ def fit_driver(
     seed: int,
     step_s: float,
     progress: Callable[[str], None],
-) -> DriverModel:
-    """Fit the learned driver.
+) -> tuple[DriverModel, MixtureFollower]:
+    """Fit the learned driver; its follower is returned beside it.
 
     Args:
         windows: Training windows with and without leaders.
@@ -46,19 +47,14 @@ def fit_driver(
         step_s: Time between steps.
         progress: Told one line per stage.
     """
-    following, habit = fit_follower(windows, components, seed, step_s, progress)
-    return DriverModel(
-        following=following,
-        habit=habit,
-        free=_fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s),
-        keeper=_fit_keeper(windows, changes_per_s, step_s),
-        accel_bias_mps2=ACCEL_BIAS_MPS2,
-    )
+    follower = fit_follower(windows, components, seed, step_s, progress)
+    free = _fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s)
+    return DriverModel(follower, free, _fit_keeper(windows, changes_per_s, step_s)), follower
 
 
 def fit_follower(
     windows: Following, components: int, seed: int, step_s: float, progress: Callable[[str], None]
-) -> tuple[ScaledGmm, ScaledGmm]:
+) -> MixtureFollower:
     """Fit the learned driver's following mixture and its drivers' habits.
 
     The mixture is fitted to recovery samples, then once more with what it demonstrated itself.
@@ -82,7 +78,7 @@ def fit_follower(
     demonstrated = demonstrated_samples(records, first, ROLLOUTS, gains, rng)
     both = joined(samples, demonstrated)
     following = fit_mixture(both.x, both.y, components, seed)
-    return following, _fit_habit(led, habit, seed, rng)
+    return MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
 
 
 def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:

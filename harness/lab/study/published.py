@@ -23,7 +23,7 @@ from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 MODELS = {
-    LANE_KEEPING: ("gmm", "gmm-short", "idm", "idm-fitted", "idm-adaptive", "cvm", "cam", "csav", "csaa"),
+    LANE_KEEPING: ("residual", "gmm", "gmm-short", "idm", "idm-fitted", "idm-adaptive", "cvm", "cam", "csav", "csaa"),
     LANE_CHANGE: ("gmm", "gmm-lane-change", "cvm", "cam", "csav", "csaa"),
 }
 OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}

@@ -47,7 +47,7 @@ from harness.truth.recorded.formats import network_of, read_traffic, recognise
 from harness.truth.recorded.traffic import assemble, check_one_road
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise
-from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
+from mmpf.motion.learned.driver import LearnedDriver, with_follower, without_lane_changes
 from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.protocol import MotionModel, motion_models
 
@@ -160,8 +160,8 @@ def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> l
     lane, in which pairs give no samples and which touch no longitudinal error here, remain the committed ones.
     """
     say(f"{trained_on}: {len(windows)} windows of 10 s")
-    following, habit = fit_follower(windows, COMPONENTS, seed, STEP_S, say)
-    learned = LearnedDriver(replace(LearnedDriver().model, following=following, habit=habit))
+    follower = fit_follower(windows, COMPONENTS, seed, STEP_S, say)
+    learned = with_follower(follower, "gmm")
     say(f"{trained_on}: fitting gmm-short")
     short = short_term_driver(fit_short(windows, COMPONENTS, seed))
     say(f"{trained_on}: fitting idm")

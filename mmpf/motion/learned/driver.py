@@ -23,24 +23,24 @@ from mmpf.motion.gmm.model_file import (
     mixture_from_arrays,
     save_arrays,
 )
-from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned.features import SITUATION_SIZE, situation, write_situations
+from mmpf.motion.learned import residual
+from mmpf.motion.learned.follower import Follower, MixtureFollower, follows
 from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
-from mmpf.motion.protocol import Neighbour, Surroundings, take_surroundings
+from mmpf.motion.protocol import Surroundings, take_surroundings
 from mmpf.motion.state import ACCEL, LAT, SPEED
 from mmpf.motion.turning import turning_driver
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.normals import standard_normals
 from mmpf.numerics.threads import in_shares
 
 CASE = "lane-keeping"
-FURTHEST_LEADER_M = 100.0
 REDRAWN_PER_S = 0.2
 
-KNOWN, HABIT, BIAS, DESIRED_SPEED, PACE, OFFSET, INTENTION, TARGET = range(8)
-LATENTS = 8
+KNOWN, DESIRED_SPEED, PACE, OFFSET, INTENTION, TARGET, HABIT = range(7)
+# Here the follower's own rows begin.
+FOLLOWER = HABIT
 # Of drivers on a map so many desire what the road lets them go; the others go on as they do, and no faster than that.
 BY_ROAD_SHARE = 0.5
 SLOWEST_PACE = 0.3
@@ -79,18 +79,14 @@ class DriverModel:
     """All that is fitted for the learned driver.
 
     Attributes:
-        following: Acceleration of the next step given the situation (5 numbers) and the habit.
-        habit: Logarithm of the time headway that a driver keeps in the long run, given the situation.
+        follower: Driving behind a leader.
         free: Driving without a leader.
         keeper: Lateral motion.
-        accel_bias_mps2: Standard deviation of a driver's constant deviation in acceleration.
     """
 
-    following: ScaledGmm
-    habit: ScaledGmm
+    follower: Follower
     free: FreeDriver
     keeper: LaneKeeper
-    accel_bias_mps2: float
 
 
 @cache
@@ -101,7 +97,11 @@ def _committed_model() -> DriverModel:
 
 @dataclass(frozen=True)
 class LearnedDriver:
-    """The default model; latents are a driver's habits and its lane-change intention.
+    """A learned driver; latents are its habits and its lane-change intention.
+
+    Their rows: whether they are drawn yet, desired speed, pace (its speed against what the road lets it go), place in
+    the lane, intention (-1 to the right, 0, 1 to the left), lateral position of the lane it is after, and the
+    follower's own.
 
     Attributes:
         model: What was fitted.
@@ -110,21 +110,22 @@ class LearnedDriver:
         name: Name in the registry.
         spreads_speed: Its accelerations are drawn, with each driver's habits, as widely as they were recorded; see
             ``mmpf.motion.protocol.spreads_speed``.
-        latent_size: Rows of latents: whether they are drawn yet, log headway, acceleration bias, desired speed, pace
-            (its speed against what the road lets it go), place in the lane, intention (-1 to the right, 0, 1 to the
-            left) and lateral position of the lane it is after.
     """
 
     model: DriverModel = field(default_factory=_committed_model)
     changer: LaneChanger = field(default_factory=LaneChanger)
     changes_lanes: bool = True
     name: str = "gmm"
-    latent_size: int = LATENTS
     spreads_speed: ClassVar[bool] = True
 
+    @property
+    def latent_size(self) -> int:
+        """Rows of latents."""
+        return FOLLOWER + self.model.follower.latent_size
+
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return latents that are drawn at the first step, when the surroundings are known: shape (8, n) of zeros."""
-        return np.zeros((LATENTS, state.shape[1]))
+        """Return latents that are drawn at the first step, when the surroundings are known: all zeros."""
+        return np.zeros((self.latent_size, state.shape[1]))
 
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
@@ -132,9 +133,10 @@ class LearnedDriver:
         """Sample the states one step later; see ``MotionModel.propagate``."""
         next_latents = self._with_drivers(state, latents, surroundings, dt_s, rng)
         leader = surroundings.leader
-        followers = np.flatnonzero(_follows(leader) & (next_latents[INTENTION] == 0.0))
+        followers = np.flatnonzero(follows(leader) & (next_latents[INTENTION] == 0.0))
         after = np.empty_like(state)
-        sampled = self._sampled_acceleration(state, next_latents, leader, followers, rng)
+        drivers = next_latents[FOLLOWER:]
+        sampled = self.model.follower.accelerations(state, drivers, leader, followers, dt_s, rng)
         normal = standard_normals(rng, (2, state.shape[1]))
         free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
 
@@ -149,7 +151,6 @@ class LearnedDriver:
                 after,
                 next_latents[DESIRED_SPEED],
                 next_latents[PACE] * surroundings.road_speed_mps,
-                next_latents[BIAS],
                 next_latents[OFFSET],
                 surroundings.lane_right_m,
                 surroundings.lane_left_m,
@@ -203,8 +204,7 @@ class LearnedDriver:
         index = np.flatnonzero(fresh)
         if len(index):
             drawn[KNOWN, index] = 1.0
-            drawn[HABIT, index] = self.model.habit.sample(_situation(state, surroundings.leader, index), rng)[:, 0]
-            drawn[BIAS, index] = self.model.accel_bias_mps2 * rng.standard_normal(len(index))
+            drawn[FOLLOWER:, index] = self.model.follower.draw(state, surroundings.leader, index, rng)
             drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
             drawn[PACE, index] = 1.0
             self._draw_by_road(drawn, index[np.isfinite(surroundings.road_speed_mps[index])], rng)
@@ -228,21 +228,16 @@ class LearnedDriver:
         desired = expected + free.desired_spread_mps * rng.standard_normal(state.shape[1])
         return np.asarray(np.maximum(desired, 0.0))
 
-    def _sampled_acceleration(
-        self, state: FloatArray, latents: FloatArray, leader: Neighbour, followers: IntArray, rng: np.random.Generator
-    ) -> FloatArray:
-        seen = np.empty((SITUATION_SIZE + 1, len(followers)), dtype=np.float32)
-        write_situations(
-            followers,
-            leader.gap_m,
-            state[SPEED],
-            state[ACCEL],
-            leader.speed_mps,
-            leader.accel_mps2,
-            seen[:SITUATION_SIZE],
-        )
-        seen[-1] = latents[HABIT, followers]
-        return np.asarray(self.model.following.sample_columns(seen, rng)[0])
+
+def residual_driver() -> LearnedDriver:
+    """Return the driver that follows by IDM and a network; see ``mmpf.motion.learned.residual``."""
+    with committed_file(residual.CASE) as path:
+        return with_follower(residual.load_residual(path), residual.CASE)
+
+
+def with_follower(follower: Follower, name: str) -> LearnedDriver:
+    """Return a learned driver that follows in another way, and does all else as the committed one."""
+    return LearnedDriver(replace(_committed_model(), follower=follower), name=name)
 
 
 def load_learned_driver(path: Path) -> LearnedDriver:
@@ -270,11 +265,13 @@ def load_driver_model(path: Path) -> DriverModel:
         if (np.delete(arrays[name], signed) < 0.0).any():
             raise ModelFileError(f"model file {path}: {name} holds a rate or deviation below 0, which none can be")
     return DriverModel(
-        following=mixture_from_arrays(path, arrays, "following", (6, 1)),
-        habit=mixture_from_arrays(path, arrays, "habit", (5, 1)),
+        MixtureFollower(
+            following=mixture_from_arrays(path, arrays, "following", (6, 1)),
+            habit=mixture_from_arrays(path, arrays, "habit", (5, 1)),
+            accel_bias_mps2=float(arrays["spread"][0]),
+        ),
         free=FreeDriver(*arrays["free"].tolist()),
         keeper=LaneKeeper(*arrays["lateral"].tolist(), *arrays["intention"].tolist()),
-        accel_bias_mps2=float(arrays["spread"][0]),
     )
 
 
@@ -283,31 +280,18 @@ def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
     return replace(driver, changes_lanes=False)
 
 
-def _follows(leader: Neighbour) -> BoolArray:
-    return leader.exists & (leader.gap_m < FURTHEST_LEADER_M)
-
-
-def _situation(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatArray:
-    follows = _follows(leader)[index]
-    own_speed = state[SPEED, index]
-    gap = np.where(follows, leader.gap_m[index], FURTHEST_LEADER_M)
-    leader_speed = np.where(follows, leader.speed_mps[index], own_speed)
-    leader_accel = np.where(follows, leader.accel_mps2[index], 0.0)
-    return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
-
-
-def save_driver(path: Path, model: DriverModel) -> None:
-    """Write the learned driver's model file."""
+def save_driver(path: Path, model: DriverModel, follower: MixtureFollower) -> None:
+    """Write the model file of the learned driver that follows by a mixture."""
     keeper = astuple(model.keeper)
     save_arrays(
         path,
         {
             f"case.{CASE}": np.ones(1),
-            **mixture_arrays("following", model.following),
-            **mixture_arrays("habit", model.habit),
+            **mixture_arrays("following", follower.following),
+            **mixture_arrays("habit", follower.habit),
             "free": np.array(astuple(model.free)),
             "lateral": np.array(keeper[:4]),
             "intention": np.array(keeper[4:]),
-            "spread": np.array([model.accel_bias_mps2]),
+            "spread": np.array([follower.accel_bias_mps2]),
         },
     )

@@ -87,7 +87,6 @@ def drive(
     after: FloatArray,
     desired_speed: FloatArray,
     road_speed: FloatArray,
-    bias: FloatArray,
     offset: FloatArray,
     lane_right: FloatArray,
     lane_left: FloatArray,
@@ -111,7 +110,6 @@ def drive(
         after: States after, shape (6, n), which are written.
         desired_speed: Speed that each driver desires without a leader, shape (n,).
         road_speed: Speed at which it drives where only the road limits it, infinite where it does not, shape (n,).
-        bias: Constant deviation of each driver's acceleration, shape (n,).
         offset: Each driver's place in the lane, shape (n,).
         lane_right: Right lines of the lanes, not finite off the road, shape (n,).
         lane_left: Left lines, shape (n,).
@@ -135,7 +133,7 @@ def drive(
     for k in range(first_follower, last_follower):
         n = followers[k]
         hardest = _hardest_that_avoids(gap[n], state[SPEED, n] - leader_speed[n])
-        accel[n] = min(sampled[k] + bias[n], hardest)
+        accel[n] = min(sampled[k], hardest)
     for n in range(begin, end):
         held = min(max(accel[n], -HARDEST_BRAKING_MPS2), STRONGEST_ACCEL_MPS2)
         speed = max(state[SPEED, n] + held * dt_s, 0.0)

@@ -50,7 +50,8 @@ def test_a_situation_is_log_gap_speed_acceleration_closing_speed_and_the_leaders
 def test_in_use_the_mixture_is_asked_what_it_was_taught(gap, speed, accel, leader_speed, leader_accel):
     driver = without_lane_changes(LearnedDriver())
     listening = ListeningMixture()
-    driver = replace(driver, model=replace(driver.model, following=listening))
+    follower = replace(driver.model.follower, following=listening)
+    driver = replace(driver, model=replace(driver.model, follower=follower))
     state = states(FOLLOWERS)
     state[SPEED], state[ACCEL] = speed, accel
     leader = Neighbour(np.ones(FOLLOWERS, dtype=bool), gap, leader_speed, leader_accel, np.full(FOLLOWERS, 4.6))
@@ -64,7 +65,8 @@ def test_in_use_the_mixture_is_asked_what_it_was_taught(gap, speed, accel, leade
 def test_only_those_who_follow_are_asked_for_and_in_their_order():
     driver = without_lane_changes(LearnedDriver())
     listening = ListeningMixture()
-    driver = replace(driver, model=replace(driver.model, following=listening))
+    follower = replace(driver.model.follower, following=listening)
+    driver = replace(driver, model=replace(driver.model, follower=follower))
     state = states(3)
     state[SPEED] = [10.0, 11.0, 12.0]
     leader = Neighbour(

@@ -53,13 +53,13 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     plan = TrainingPlan("lane-keeping", 4, 1000, 1, 0, False, tmp_path / "cache", tmp_path / "models")
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)
-    assert load_learned_driver(paths[0]).model.following.mixture.inputs == 6
+    assert load_learned_driver(paths[0]).model.follower.following.mixture.inputs == 6
     assert SHORT.load(paths[1]).mixture.outputs == 4
     again = train.train(plan, load_network("us101"), said.append)
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
     assert sum(line.startswith("recorded") for line in said) == 4
     assert "following" in (tmp_path / "models" / "lane_keeping.md").read_text()
-    assert np.isfinite(load_learned_driver(paths[0]).model.following.mixture.means).all()
+    assert np.isfinite(load_learned_driver(paths[0]).model.follower.following.mixture.means).all()
 
 
 def test_training_on_turns_needs_networks_in_the_plane(capsys):
@@ -67,9 +67,10 @@ def test_training_on_turns_needs_networks_in_the_plane(capsys):
     assert "--net us101: give networks in the plane" in capsys.readouterr().err
 
 
-def test_training_on_turns_has_no_components_and_says_so(capsys):
-    assert run_command_line(["train", "--case", "turning", "--components", "9"]) == 2
-    assert "--components: the case turning fits six numbers" in capsys.readouterr().err
+@pytest.mark.parametrize("case", ["turning", "residual"])
+def test_what_is_no_mixture_has_no_components_and_says_so(case, capsys):
+    assert run_command_line(["train", "--case", case, "--components", "9"]) == 2
+    assert f"--components: the case {case} fits no mixture" in capsys.readouterr().err
 
 
 @pytest.mark.slow

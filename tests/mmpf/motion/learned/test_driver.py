@@ -125,7 +125,7 @@ def own_file(tmp_path):
 
 
 def test_a_model_file_of_the_users_own_is_read(own_file):
-    assert load_learned_driver(own_file).model.following.mixture.inputs == 6
+    assert load_learned_driver(own_file).model.follower.following.mixture.inputs == 6
 
 
 def altered(path, name, values):

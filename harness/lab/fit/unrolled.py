@@ -1,0 +1,286 @@
+"""Fits the residual follower to whole rollouts, by the gradient through them.
+
+Particles are rolled out behind recorded leaders for ten seconds. What is made small is the continuous ranked
+probability score of their positions and speeds (Gneiting and Raftery, JASA 2007). It is a proper score: it is least
+when particles are spread as vehicles are. Backpropagation through time is written out by hand: there are two layers
+and three states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from harness.lab.windows.car_following import Following
+from mmpf.motion.learned.features import SMALLEST_GAP_M, log_headway
+from mmpf.motion.learned.residual import (
+    FITTED_STEP_S,
+    IDM_RANGE_MPS2,
+    INPUTS,
+    SEEN,
+    STRONGEST_LEADER_MPS2,
+    TIME_SCALES_S,
+    USUAL_DRIVER,
+    Network,
+)
+from mmpf.numerics.arrays import FloatArray, IntArray
+
+HIDDEN_UNITS = 16
+ITERATIONS, WINDOWS, PARTICLES = 1200, 96, 8
+LEARNING_RATE, WARM_UP = 0.015, 30
+SCORED_STEPS = np.array([5, 10, 15, 20, 30, 40, 50, 65, 80, 100])
+"""Steps that are scored, and how much: errors of position grow with about this power of time, those of speed less."""
+POSITION_WEIGHT, SPEED_WEIGHT = (SCORED_STEPS * 0.1) ** -1.3, 0.3 * (SCORED_STEPS * 0.1) ** -0.5
+# Behind half of the leaders the gap is taken for another one, since a tracker does not know it exactly either.
+WRONG_GAPS, WRONG_GAP_M = 0.5, 2.0
+RANGE_QUANTILES = (0.0005, 0.9995)
+DT = FITTED_STEP_S
+
+Array = npt.NDArray[np.floating]
+Weights = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """Followers to roll out behind recorded leaders: b of them, p particles each, side by side.
+
+    Attributes:
+        speed_mps: Their speeds at the start, shape (b * p,).
+        accel_mps2: Their accelerations, shape (b * p,).
+        leader_m: The leaders' rear ends ahead of the followers' fronts at the start, shape (steps, b * p).
+        leader_speed_mps: Their speeds, likewise.
+        leader_accel_mps2: Their accelerations, likewise.
+        noise: Normal numbers, shape (steps, rows of noise, b * p).
+        true_m: How far the followers really came, shape (steps, b).
+        true_speed_mps: Their true speeds, shape (steps, b).
+    """
+
+    speed_mps: Array
+    accel_mps2: Array
+    leader_m: Array
+    leader_speed_mps: Array
+    leader_accel_mps2: Array
+    noise: Array
+    true_m: Array
+    true_speed_mps: Array
+
+
+def fit_residual(led: Following, seed: int, say: Callable[[str], None], iterations: int = ITERATIONS) -> Network:
+    """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015).
+
+    Args:
+        led: Windows of 10 s with leaders.
+        seed: Seed of the first weights, the choice of windows and the noise.
+        say: Told the score now and then.
+        iterations: Steps of the search.
+    """
+    rng = np.random.default_rng(seed)
+    scaling = _scaling(led)
+    weights = first_weights(rng, HIDDEN_UNITS)
+    slope, square = ({name: np.zeros_like(w) for name, w in weights.items()} for _ in range(2))
+    smoothed = 0.0
+    for step in range(1, iterations + 1):
+        chosen = rng.choice(len(led), size=min(WINDOWS, len(led)), replace=False)
+        score, gradient = score_and_gradient(weights, scaling, rollouts_of(led, chosen, PARTICLES, rng))
+        smoothed = score if step == 1 else 0.98 * smoothed + 0.02 * score
+        if step % 200 == 0 or step == iterations:
+            say(f"{step} of {iterations} steps, score {smoothed:.3f}")
+        held = min(1.0, 1.0 / float(np.sqrt(sum((g**2).sum() for g in gradient.values()))))
+        rate = LEARNING_RATE * min(1.0, step / WARM_UP) * 0.5 * (1.0 + np.cos(np.pi * step / (iterations + 1)))
+        for name, g in gradient.items():
+            slope[name] = 0.9 * slope[name] + 0.1 * held * g
+            square[name] = 0.99 * square[name] + 0.01 * (held * g) ** 2
+            change = slope[name] / (1.0 - 0.9**step) / (np.sqrt(square[name] / (1.0 - 0.99**step)) + 1e-8)
+            weights[name] = (weights[name] - rate * change).astype(np.float32)
+    network = scaling._replace(**{name: np.asarray(w, dtype=np.float32) for name, w in weights.items()})
+    return network._replace(lag=_share(network.lag).astype(np.float32))
+
+
+def first_weights(rng: np.random.Generator, hidden: int) -> Weights:
+    """Return weights to begin with; the lag is kept as its logit."""
+    sizes: dict[str, tuple[int, ...]] = {"w1": (INPUTS, hidden), "b1": (hidden,), "w2": (hidden, hidden)}
+    sizes |= {"b2": (hidden,), "w3": (hidden,), "b3": (1,)}
+    scale = {"w1": INPUTS**-0.5, "w2": hidden**-0.5, "w3": 0.1 * hidden**-0.5}
+    drawn = {name: scale.get(name, 0.0) * rng.standard_normal(size) for name, size in sizes.items()}
+    return {name: w.astype(np.float32) for name, w in (drawn | {"lag": np.array([-1.7])}).items()}
+
+
+def _scaling(led: Following) -> Network:
+    """Return a network that has nothing yet but the scaling of its inputs."""
+    headway = np.repeat(log_headway(led.gap_m[:, 0], led.speed_mps[:, 0]), led.gap_m.shape[1])
+    columns = (np.log(np.maximum(led.gap_m, SMALLEST_GAP_M)), led.speed_mps, led.accel_mps2)
+    leader = (led.speed_mps - led.leader_speed_mps, np.clip(led.leader_accel_mps2, *STRONGEST_LEADER_MPS2))
+    seen = np.stack([*(column.ravel() for column in (*columns, *leader)), headway])
+    low, high = np.quantile(seen, RANGE_QUANTILES, axis=1)
+    parts = (low, high, seen.mean(axis=1), seen.std(axis=1) + 1e-6)
+    return Network(*(part.astype(np.float32) for part in parts), *[np.zeros(1, dtype=np.float32)] * 7)
+
+
+def rollouts_of(led: Following, chosen: IntArray, particles: int, rng: np.random.Generator) -> Rollouts:
+    """Return rollouts of the windows ``chosen``, half of them with gaps that are not the true ones."""
+
+    def particles_of(column: FloatArray) -> Array:
+        return np.repeat(np.ascontiguousarray(column.T, dtype=np.float32), particles, axis=-1)
+
+    here = led.take(chosen)
+    ahead = here.gap_m + here.lon_m - here.lon_m[:, :1]
+    spread = WRONG_GAP_M * (rng.random(len(chosen)) < WRONG_GAPS) * np.exp(0.5 * rng.standard_normal(len(chosen)))
+    wrong = np.maximum(spread * rng.standard_normal(len(chosen)), -0.5 * ahead[:, 0])
+    noise = rng.standard_normal((ahead.shape[1], len(TIME_SCALES_S), len(chosen) * particles), dtype=np.float32)
+    return Rollouts(
+        speed_mps=particles_of(here.speed_mps[:, 0]),
+        accel_mps2=particles_of(here.accel_mps2[:, 0]),
+        leader_m=particles_of(ahead + wrong[:, None]),
+        leader_speed_mps=particles_of(here.leader_speed_mps),
+        leader_accel_mps2=particles_of(np.clip(here.leader_accel_mps2, *STRONGEST_LEADER_MPS2)),
+        noise=noise,
+        true_m=(here.lon_m - here.lon_m[:, :1]).T,
+        true_speed_mps=here.speed_mps.T,
+    )
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """What a step leaves for the way back: inputs, units, their slopes and those of IDM's acceleration."""
+
+    inputs: Array
+    within: npt.NDArray[np.bool_]
+    first: tuple[Array, Array]
+    second: tuple[Array, Array]
+    pull: Array
+    moves: npt.NDArray[np.bool_]
+    log_gap_per_m: Array
+    by_gap: Array
+    by_speed: Array
+
+
+def score_and_gradient(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[float, Weights]:
+    """Return the score of the particles and its gradient with respect to the weights.
+
+    Args:
+        weights: The network's weights by name, the lag as its logit.
+        scaling: A network of which the scaling is taken.
+        rollouts: What is rolled out.
+    """
+    place, speed, tape = _roll(weights, scaling, rollouts)
+    steps = SCORED_STEPS[len(place) > SCORED_STEPS]
+    by_place, by_speed = np.zeros_like(place), np.zeros_like(speed)
+    score = 0.0
+    for values, true, weight, slope in (
+        (place, rollouts.true_m, POSITION_WEIGHT, by_place),
+        (speed, rollouts.true_speed_mps, SPEED_WEIGHT, by_speed),
+    ):
+        some = weight[: len(steps), None]
+        crps, crps_slope = crps_and_slope(values[steps], true[steps])
+        score += float((some * crps).sum())
+        slope[steps] = some * crps_slope
+    return score, _back(weights, scaling, tape, by_place, by_speed)
+
+
+def crps_and_slope(particles: Array, true: Array) -> tuple[FloatArray, FloatArray]:
+    """Return the score of equally weighted particles, mean over b cases, without the bias of few, and its slope.
+
+    Args:
+        particles: p of each case side by side, shape (k, b * p).
+        true: What came true, shape (k, b).
+
+    Returns:
+        The score, shape (k, 1), and its slope with respect to each particle, shape (k, b * p).
+    """
+    k, cases = true.shape
+    each = particles.reshape(k, cases, -1).astype(np.float64)
+    count = each.shape[2]
+    away, apart = each - true[:, :, None], each[:, :, :, None] - each[:, :, None, :]
+    score = np.abs(away).mean(axis=2) - np.abs(apart).sum(axis=(2, 3)) / (2 * count * (count - 1))
+    slope = (np.sign(away) - np.sign(apart).sum(axis=3) / (count - 1)) / (count * cases)
+    return score.mean(axis=1, keepdims=True), slope.reshape(k, -1)
+
+
+def _share(logit: Array) -> Array:
+    return np.asarray(1.0 / (1.0 + np.exp(-logit)))
+
+
+def _softsign(x: Array) -> tuple[Array, Array]:
+    beyond = 1.0 + np.abs(x)
+    return x / beyond, 1.0 / beyond**2
+
+
+def _usual(gap: Array, speed: Array, leader_speed: Array) -> tuple[Array, Array, Array]:
+    """Return what the usual driver does by IDM, and its slopes by gap and speed."""
+    driver = USUAL_DRIVER
+    braking = 2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2)
+    dynamic = speed * (driver.time_headway_s + (speed - leader_speed) / braking)
+    wanted = driver.standstill_gap_m + np.maximum(dynamic, 0.0)
+    free = (speed / driver.desired_speed_mps) ** 4
+    accel = driver.max_accel_mps2 * (1.0 - free - (wanted / gap) ** 2)
+    low, high = IDM_RANGE_MPS2
+    counts = (accel > low) & (accel < high)
+    more = np.where(dynamic > 0.0, driver.time_headway_s + (2.0 * speed - leader_speed) / braking, 0.0)
+    by_speed = -driver.max_accel_mps2 * (4.0 * speed**3 / driver.desired_speed_mps**4 + 2.0 * wanted / gap**2 * more)
+    by_gap = 2.0 * driver.max_accel_mps2 * wanted**2 / gap**3
+    return np.clip(accel, low, high), counts * by_gap, counts * by_speed
+
+
+def _roll(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[Array, Array, list[_Kept]]:
+    """Return places and speeds of all particles, shape (steps, n), and what the way back needs."""
+    lag = _share(weights["lag"])[0]
+    speed, accel = rollouts.speed_mps, rollouts.accel_mps2
+    place, noise = np.zeros_like(speed), rollouts.noise[0]
+    places, speeds, tape = [place], [speed], []
+    headway = log_headway(np.asarray(rollouts.leader_m[0], dtype=np.float64), np.asarray(speed, dtype=np.float64))
+    low, high, mean, scale = (part[:, None] for part in scaling[:4])
+    lasts = np.exp(-DT / np.array(TIME_SCALES_S))[:, None]
+    for step in range(len(rollouts.leader_m) - 1):
+        distance = rollouts.leader_m[step] - place
+        gap, leader_speed = np.maximum(distance, SMALLEST_GAP_M), rollouts.leader_speed_mps[step]
+        seen = np.stack([np.log(gap), speed, accel, speed - leader_speed, rollouts.leader_accel_mps2[step], headway])
+        inputs = np.concatenate([(np.clip(seen, low, high) - mean) / scale, noise]).astype(speed.dtype)
+        first = _softsign(weights["w1"].T @ inputs + weights["b1"][:, None])
+        second = _softsign(weights["w2"].T @ first[0] + weights["b2"][:, None])
+        usual, by_gap, by_speed = _usual(gap, speed, leader_speed)
+        pull = usual + weights["w3"] @ second[0] + weights["b3"][0] - accel
+        next_speed = speed + DT * (accel + lag * pull)
+        moves, near = next_speed > 0.0, distance > SMALLEST_GAP_M
+        within = (seen > low) & (seen < high)
+        tape.append(_Kept(inputs, within, first, second, pull, moves, near / gap, near * by_gap, by_speed))
+        next_speed = np.where(moves, next_speed, 0.0).astype(speed.dtype)
+        accel = np.where(moves, accel + lag * pull, 0.0).astype(speed.dtype)
+        place = (place + 0.5 * DT * (speed + next_speed)).astype(speed.dtype)
+        speed = next_speed
+        places.append(place)
+        speeds.append(speed)
+        noise = lasts * noise + np.sqrt(1.0 - lasts**2) * rollouts.noise[step + 1]
+    return np.stack(places), np.stack(speeds), tape
+
+
+def _back(weights: Weights, scaling: Network, tape: list[_Kept], by_places: Array, by_speeds: Array) -> Weights:
+    """Return the gradient with respect to the weights, given the score's slopes by places and speeds, (steps, n)."""
+    lag = _share(weights["lag"])[0]
+    gradient: Weights = {name: np.zeros(w.shape) for name, w in weights.items()}
+    by_place, by_speed, by_accel = by_places[-1], by_speeds[-1], np.zeros_like(by_places[-1])
+    states = SEEN - 2
+    for step in range(len(tape) - 1, -1, -1):
+        kept = tape[step]
+        by_next_speed = (by_speed + 0.5 * DT * by_place) * kept.moves
+        by_next_accel = by_accel * kept.moves + DT * by_next_speed
+        by_wanted = lag * by_next_accel
+        gradient["lag"] += np.sum(kept.pull * by_next_accel) * lag * (1.0 - lag)
+        gradient["b3"] += by_wanted.sum()
+        gradient["w3"] += kept.second[0] @ by_wanted
+        by_second = weights["w3"][:, None] * by_wanted * kept.second[1]
+        gradient["w2"] += kept.first[0] @ by_second.T
+        gradient["b2"] += by_second.sum(axis=1)
+        by_first = (weights["w2"] @ by_second) * kept.first[1]
+        gradient["w1"] += kept.inputs @ by_first.T
+        gradient["b1"] += by_first.sum(axis=1)
+        by_seen = (weights["w1"][:states] @ by_first) / scaling.scale[:states, None] * kept.within[:states]
+        by_gap = by_seen[0] * kept.log_gap_per_m + by_wanted * kept.by_gap
+        by_speed = (
+            0.5 * DT * by_place + by_next_speed + by_seen[1] + by_seen[3] + by_wanted * kept.by_speed + by_speeds[step]
+        )
+        by_place = by_place - by_gap + by_places[step]
+        by_accel = (1.0 - lag) * by_next_accel + by_seen[2]
+    return gradient

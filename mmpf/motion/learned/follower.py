@@ -1,0 +1,110 @@
+"""How a learned driver follows its leader: the role, and the Gaussian mixture of ``gmm``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from mmpf.motion.gmm.scaled import ScaledGmm
+from mmpf.motion.learned.features import SITUATION_SIZE, situation, write_situations
+from mmpf.motion.protocol import Neighbour
+from mmpf.motion.state import ACCEL, SPEED
+from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
+
+FURTHEST_LEADER_M = 100.0
+
+
+class Follower(Protocol):
+    """Draws the accelerations of particles that follow a leader.
+
+    Attributes:
+        latent_size: Rows that it keeps of each particle's driver.
+    """
+
+    @property
+    def latent_size(self) -> int: ...  # noqa: D102
+
+    def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
+        """Draw the drivers of the particles ``index``, with or without leaders: rows of shape (latent_size, k)."""
+        ...
+
+    def accelerations(
+        self,
+        state: FloatArray,
+        drivers: FloatArray,
+        leader: Neighbour,
+        index: IntArray,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Draw the accelerations of the particles ``index``, all of which follow, until the next step, shape (k,).
+
+        Args:
+            state: States of all n particles, shape (6, n).
+            drivers: Their drivers, shape (latent_size, n); may be rewritten.
+            leader: Their leaders.
+            index: Particles that follow, shape (k,).
+            dt_s: Length of the step.
+            rng: Source of randomness.
+        """
+        ...
+
+
+def follows(leader: Neighbour) -> BoolArray:
+    """Return which particles have a leader near enough to follow, shape (n,)."""
+    return leader.exists & (leader.gap_m < FURTHEST_LEADER_M)
+
+
+def situations(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatArray:
+    """Return what the particles ``index`` see, (k, 5); one without a leader sees a far one at its own speed."""
+    led = follows(leader)[index]
+    own_speed = state[SPEED, index]
+    gap = np.where(led, leader.gap_m[index], FURTHEST_LEADER_M)
+    leader_speed = np.where(led, leader.speed_mps[index], own_speed)
+    leader_accel = np.where(led, leader.accel_mps2[index], 0.0)
+    return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
+
+
+def seen_by(index: IntArray, state: FloatArray, leader: Neighbour, rows: int) -> Float32Array:
+    """Return what followers see in the first of ``rows`` rows, shape (rows, k); the others are yet to be written."""
+    seen = np.empty((rows, len(index)), dtype=np.float32)
+    accel, leaders = state[ACCEL], (leader.speed_mps, leader.accel_mps2)
+    write_situations(index, leader.gap_m, state[SPEED], accel, *leaders, seen[:SITUATION_SIZE])
+    return seen
+
+
+@dataclass(frozen=True)
+class MixtureFollower:
+    """Follows by a Gaussian mixture; a driver is the headway that it keeps in the long run and a constant deviation.
+
+    Attributes:
+        following: Acceleration of the next step given the situation (5 numbers) and the habit.
+        habit: Logarithm of the time headway that a driver keeps in the long run, given the situation.
+        accel_bias_mps2: Standard deviation of a driver's constant deviation in acceleration.
+    """
+
+    following: ScaledGmm
+    habit: ScaledGmm
+    accel_bias_mps2: float
+    latent_size: ClassVar[int] = 2
+
+    def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
+        """Draw habit and deviation; see ``Follower``."""
+        habit = self.habit.sample(situations(state, leader, index), rng)[:, 0]
+        return np.stack([habit, self.accel_bias_mps2 * rng.standard_normal(len(index))])
+
+    def accelerations(
+        self,
+        state: FloatArray,
+        drivers: FloatArray,
+        leader: Neighbour,
+        index: IntArray,
+        dt_s: float,  # noqa: ARG002  the mixture was fitted to steps of one length
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Draw from the mixture; see ``Follower``."""
+        seen = seen_by(index, state, leader, SITUATION_SIZE + 1)
+        seen[-1] = drivers[0, index]
+        return np.asarray(self.following.sample_columns(seen, rng)[0] + drivers[1, index])
