@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, TypedDict
 
-from harness.config.options import Option
+from harness.config import options as shared
+from harness.config.options import EXECUTION, Option
 
-DRIVES, RESULT = "The drives", "How it is run"
+DRIVES = "The drives"
 
 
 class DriveOptions(TypedDict, total=False):
     """What a closed loop can be asked for."""
 
-    net: Annotated[str | Path, Option("Network by name, or a folder or .sumocfg file.", panel=DRIVES, default="us101")]
-    density: Annotated[float | None, Option("Vehicles per km and main lane, in place of --demand.", panel=DRIVES)]
-    demand: Annotated[str | None, Option("Named demand of the network; see 'nets'.", panel=DRIVES)]
-    broken_down: Annotated[
-        int | None,
-        Option("Vehicles that stand broken down in main lanes, as in 'run'. (default: 0)", panel=DRIVES, metavar="N"),
-    ]
+    net: shared.Net
+    density: shared.Density
+    demand: shared.Demand
+    broken_down: shared.BrokenDown
     beliefs: Annotated[
         str,
         Option(
@@ -81,20 +78,13 @@ class DriveOptions(TypedDict, total=False):
             most=1.0,
         ),
     ]
-    sensor: Annotated[
-        str | None, Option("Profile: lidar, radar, camera, ..., or module:profile. (default: lidar)", panel=DRIVES)
-    ]
+    sensor: shared.Sensor
     seed: Annotated[
         int, Option("Seed of the first two episodes; each pair has its own.", panel=DRIVES, default=0, least=0)
     ]
-    settings: Annotated[
-        list[str] | Mapping[str, object] | None,
-        Option("Any setting of config.toml for all drives.", panel=DRIVES, flag="--set", metavar="KEY=VALUE"),
-    ]
-    out: Annotated[Path, Option("Folder to write.", panel=RESULT, default=Path("results/drive"))]
-    resume: Annotated[bool, Option("Keep the drives that --out holds, make the others.", panel=RESULT, default=False)]
-    retry_failed: Annotated[bool, Option("Like --resume, and make failed drives again.", panel=RESULT, default=False)]
-    workers: Annotated[int | None, Option("Worker processes. (default: one per core)", panel=RESULT, least=1)]
-    timeout_per_run: Annotated[
-        float | None, Option("Seconds after which a drive is given up.", panel=RESULT, least=0.1)
-    ]
+    settings: shared.Settings
+    out: Annotated[Path, Option("Folder to write.", panel=EXECUTION, default=Path("results/drive"))]
+    resume: shared.Resume
+    retry_failed: shared.RetryFailed
+    workers: shared.Workers
+    timeout_per_run: shared.TimeoutPerRun

@@ -18,7 +18,7 @@ from harness.closedloop.beliefs import TRUTH, WITHOUT_TRACKER
 from harness.common.errors import InputError
 from harness.config.lists import MOST_SEED, names
 from harness.config.model import RunConfig, TrafficConfig
-from harness.config.options import setting_words
+from harness.config.options import setting_of, setting_words
 from harness.grid.cells import Cell, Grid, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 
@@ -182,22 +182,18 @@ def request_of(values: Mapping[str, Any]) -> DriveRequest:
             beliefs=values["beliefs"],
             episodes=values["episodes"],
             seed=values["seed"],
-            net=str(values["net"]),
+            net=str(values["net"] or "us101"),
             density=values["density"],
             demand=values["demand"],
             driver=values["driver"],
             sensor=values["sensor"],
             provoke=values["provoke"],
             heed_unseen=values["heed_unseen"],
-            settings=(*_broken_down(values["broken_down"]), *setting_words(values["settings"])),
+            settings=(*setting_of("traffic.broken_down", values["broken_down"]), *setting_words(values["settings"])),
             flow=values["flow"],
             detected=values["detected"],
         )
     )
-
-
-def _broken_down(count: int | None) -> list[str]:
-    return [] if count is None else setting_words({"traffic.broken_down": count})
 
 
 def with_truth(request: DriveRequest) -> DriveRequest:

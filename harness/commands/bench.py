@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
@@ -24,10 +25,10 @@ class Options(TypedDict):
     budget: Annotated[
         float, Option("Processor seconds that a tracker has for each number of vehicles.", default=10.0, least=0.1)
     ]
-    seed: Annotated[int, Option("Root of all randomness.", default=0, least=0)]
+    seed: shared.Seed
     out: Annotated[Path, Option("Folder of bench.json.", default=Path("results/bench"))]
-    json: Annotated[bool, Option("Print bench.json on stdout, nothing else there.", default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no table.", default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

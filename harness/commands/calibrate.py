@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
 class Options(TypedDict):
     """The options of ``calibrate``."""
 
-    net: Annotated[str, Option("Network by name, or a folder with a network.toml.", default="us101")]
+    net: shared.Net
     fields: Annotated[
         Path | None,
         Option("Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
@@ -53,8 +54,8 @@ class Options(TypedDict):
     workers: Annotated[int, Option("Runs at a time, each a process.", default=1, least=1)]
     write: Annotated[bool, Option("Write the outcome into the network's folder.", default=False)]
     out: Annotated[Path, Option("Folder to write.", default=Path("results/calibration"))]
-    json: Annotated[bool, Option("Print calibration.json on stdout, nothing else there.", default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no tables.", default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

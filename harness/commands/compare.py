@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
@@ -24,7 +25,7 @@ class Options(TypedDict):
     record: Annotated[bool, Option("Keep the suite's result as the baseline, compare nothing.", default=False)]
     out: Annotated[Path, Option("Folder for the suite's runs.", default=Path("results/suite"))]
     resume: Annotated[bool, Option("Keep the suite's runs that --out holds.", default=False)]
-    workers: Annotated[int | None, Option("Worker processes for the suite. (default: one per core)", least=1)]
+    workers: shared.Workers
     tolerance: Annotated[
         float, Option("Share of a's value by which b may be worse.", default=0.02, least=0.0, most=1.0)
     ]
@@ -47,8 +48,8 @@ class Options(TypedDict):
         Path | None,
         Option("Write them as a page to this file, two runs on the same detections side by side."),
     ]
-    json: Annotated[bool, Option("Print the result as JSON on stdout.", default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no tables.", default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> int:

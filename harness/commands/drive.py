@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from typing import Annotated
 
 import typer
 
-from harness.closedloop.options import RESULT, DriveOptions
+from harness.closedloop.options import DriveOptions
 from harness.common.errors import RunError
-from harness.config.options import Option
+from harness.config import options as shared
 
 
 class Options(DriveOptions, total=False):
     """The options of ``drive``."""
 
-    json: Annotated[bool, Option("Print summary.json on stdout, nothing else there.", panel=RESULT, default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no tables.", panel=RESULT, default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
@@ -22,7 +23,7 @@ class Options(TypedDict):
     ]
     gzip: Annotated[bool, Option("Pack the files of csv and fcd: .csv.gz, .xml.gz.", default=False)]
     force: Annotated[bool, Option("Replace an earlier export, or film, that is there.", default=False)]
-    json: Annotated[bool, Option("Print the written files as JSON on stdout, nothing else there.", default=False)]
+    json: shared.Json
 
 
 def command(options: Options) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
 class Options(TypedDict):
     """The options of ``fidelity``."""
 
-    net: Annotated[str, Option("Network by name, or a folder with a network.toml.", default="us101")]
+    net: shared.Net
     demand: Annotated[str | None, Option("Demands by name, with commas between. (default: all that were measured)")]
     seeds: Annotated[str, Option("How many seeds, or seeds A:B, B excluded.", default="0:5")]
     minutes: Annotated[float, Option("Simulated minutes of each run.", default=15.0, least=1.0, most=600.0)]
@@ -24,8 +25,8 @@ class Options(TypedDict):
     ]
     workers: Annotated[int, Option("Runs at a time, each a process.", default=1, least=1)]
     out: Annotated[Path, Option("Folder to write.", default=Path("results/fidelity"))]
-    json: Annotated[bool, Option("Print fidelity.json on stdout, nothing else there.", default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no table.", default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

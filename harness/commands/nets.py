@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from typing import Annotated, TypedDict
+from typing import TypedDict
 
 import typer
 
-from harness.config.options import Option
+from harness.config import options as shared
 
 
 class Options(TypedDict):
     """The options of ``nets``."""
 
-    json: Annotated[bool, Option("Print the list as JSON on stdout.", default=False)]
+    json: shared.Json
 
 
 def command(options: Options) -> None:

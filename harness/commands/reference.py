@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
@@ -21,8 +22,8 @@ class Options(TypedDict):
         ),
     ]
     out: Annotated[Path | None, Option("A trial: write here, and leave the committed one; the tree need not be clean.")]
-    workers: Annotated[int | None, Option("Worker processes. (default: one per core)", least=1)]
-    quiet: Annotated[bool, Option("No progress bar and no tables.", default=False)]
+    workers: shared.Workers
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> int:

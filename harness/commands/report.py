@@ -8,6 +8,7 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
@@ -27,9 +28,7 @@ class Options(TypedDict):
         str | None,
         Option("Draw the figures of a run or a stress test anew for a paper: png, svg or pdf.", metavar="KIND"),
     ]
-    json: Annotated[
-        bool, Option("Print the page's path and size as JSON on stdout, nothing else there.", default=False)
-    ]
+    json: shared.Json
 
 
 def command(options: Options) -> None:

@@ -7,18 +7,18 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
 
 import typer
 
-from harness.config.options import RESULT, Option, RunOptions
+from harness.config import options as shared
+from harness.config.options import RunOptions
 
 
 class Options(RunOptions, total=False):
     """The options of ``run``."""
 
-    json: Annotated[bool, Option("Print metrics.json on stdout, nothing else there.", panel=RESULT, default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no summary.", panel=RESULT, default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

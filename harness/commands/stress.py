@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from typing import Annotated
 
 import typer
 
-from harness.config.options import Option
-from harness.grid.options import RESULT, GridOptions
+from harness.config import options as shared
+from harness.grid.options import GridOptions
 
 
 class Options(GridOptions, total=False):
     """The options of ``stress``."""
 
-    json: Annotated[bool, Option("Print summary.json on stdout, nothing else there.", panel=RESULT, default=False)]
-    quiet: Annotated[bool, Option("No progress bar and no tables.", panel=RESULT, default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, TypedDict
 
 from harness.common.errors import InputError
+from harness.config import options as shared
 from harness.config.options import Option
 
 NO_CHOICE = {
@@ -19,12 +20,12 @@ class Options(TypedDict):
     """The options of ``study``."""
 
     case: Annotated[str, Option("lane-keeping, lane-change, transfer or ablation.", default=..., is_argument=True)]
-    net: Annotated[str, Option("Network by name, or your own: a folder or .sumocfg file.", default="us101")]
+    net: shared.Net
     models: Annotated[str | None, Option("Models by name, with commas between. (default: all that suit the case)")]
     model_file: Annotated[Path | None, Option("A fitted model of your own in place of the gmm that comes along.")]
     cases: Annotated[int, Option("Held-out cases.", default=240, least=2)]
     particles: Annotated[int | None, Option("Particles per case. (default: 1000; transfer: 200)", least=2)]
-    seed: Annotated[int, Option("Root of all randomness.", default=0, least=0)]
+    seed: shared.Seed
     seeds: Annotated[
         str | None,
         Option(
@@ -32,14 +33,14 @@ class Options(TypedDict):
             "(default: 0:2; ablation: 0:4)"
         ),
     ]
-    cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
+    cache: shared.Cache
     real_data: Annotated[
         Path | None,
         Option("transfer: folder of real recordings. (default: $MMPF_REALDATA)"),
     ]
     out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
-    json: Annotated[bool, Option("Print results.json on stdout, nothing else there.", default=False)]
-    quiet: Annotated[bool, Option("No progress bar.", default=False)]
+    json: shared.Json
+    quiet: shared.Quiet
 
 
 def command(options: Options) -> None:

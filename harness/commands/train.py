@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypedDict
 
+from harness.config import options as shared
 from harness.config.options import Option
 
 
@@ -36,9 +37,9 @@ class Options(TypedDict):
             flag="--sweep/--no-sweep",
         ),
     ]
-    cache: Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
+    cache: shared.Cache
     out: Annotated[Path, Option("Folder of the model files and cards.", default=Path("results/models"))]
-    json: Annotated[bool, Option("Print the files as JSON on stdout.", default=False)]
+    json: shared.Json
 
 
 def command(options: Options) -> None:

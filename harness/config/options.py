@@ -22,6 +22,7 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import checked_path
 
 TRAFFIC, TRACKING, RESULT = "Traffic and sensor", "Tracker", "Configuration and result"
+EXECUTION = "How it is run"
 
 
 @dataclass(frozen=True)
@@ -53,41 +54,60 @@ class Option:
     alone: str | None = None
 
 
+# Options that several commands have.
+Net = Annotated[
+    str | Path | None,
+    Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", "traffic.net", TRAFFIC),
+]
+Density = Annotated[
+    float | None, Option("Vehicles per km and main lane, 5 to 65, in place of --demand.", "traffic.density", TRAFFIC)
+]
+Demand = Annotated[
+    str | None,
+    Option("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand", TRAFFIC),
+]
+BrokenDown = Annotated[
+    int | None,
+    Option(
+        "Vehicles that stand broken down in main lanes; the others steer around them. (default: 0)",
+        "traffic.broken_down",
+        TRAFFIC,
+        metavar="N",
+    ),
+]
+Sensor = Annotated[
+    str | None,
+    Option(
+        "Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)",
+        "sensor.profile",
+        TRAFFIC,
+    ),
+]
+Settings = Annotated[
+    list[str] | Mapping[str, object] | None,
+    Option("Any setting by its name in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
+]
+Seed = Annotated[int, Option("Root of all randomness.", default=0, least=0)]
+Cache = Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
+Resume = Annotated[bool, Option("Keep the runs that --out holds, make the others.", panel=EXECUTION, default=False)]
+RetryFailed = Annotated[bool, Option("Like --resume, and make failed runs again.", panel=EXECUTION, default=False)]
+Workers = Annotated[int | None, Option("Worker processes. (default: one per core)", panel=EXECUTION, least=1)]
+TimeoutPerRun = Annotated[float | None, Option("Seconds after which a run is given up.", panel=EXECUTION, least=0.1)]
+Json = Annotated[bool, Option("Print the result as JSON on stdout, nothing else there.", default=False)]
+Quiet = Annotated[bool, Option("No progress bar, no tables.", default=False)]
+
+
 class RunOptions(TypedDict, total=False):
     """The keywords of ``harness.run``."""
 
-    net: Annotated[
-        str | Path | None,
-        Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", "traffic.net", TRAFFIC),
-    ]
-    density: Annotated[
-        float | None,
-        Option("Vehicles per km and main lane, 5 to 65, in place of --demand.", "traffic.density", TRAFFIC),
-    ]
-    demand: Annotated[
-        str | None,
-        Option("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand", TRAFFIC),
-    ]
-    broken_down: Annotated[
-        int | None,
-        Option(
-            "Vehicles that stand broken down in main lanes; the others steer around them. (default: 0)",
-            "traffic.broken_down",
-            TRAFFIC,
-            metavar="N",
-        ),
-    ]
+    net: Net
+    density: Density
+    demand: Demand
+    broken_down: BrokenDown
     duration: Annotated[
         float | None, Option("Scored seconds; warm-up comes on top. (default: 60)", "traffic.duration_s", TRAFFIC)
     ]
-    sensor: Annotated[
-        str | None,
-        Option(
-            "Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)",
-            "sensor.profile",
-            TRAFFIC,
-        ),
-    ]
+    sensor: Sensor
     replay: Annotated[
         Path | str | None,
         Option(
@@ -152,10 +172,7 @@ class RunOptions(TypedDict, total=False):
     config: Annotated[
         Path | str | None, Option("TOML file of settings, e.g. an earlier run's config.toml.", panel=RESULT)
     ]
-    settings: Annotated[
-        list[str] | Mapping[str, object] | None,
-        Option("Any setting by its name in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
-    ]
+    settings: Settings
     out: Annotated[
         Path | str | None,
         Option(
@@ -281,6 +298,11 @@ def setting_words(settings: Sequence[str] | Mapping[str, object] | None, paramet
         else:
             words.append(f"{key}={_as_toml(key, value, parameter)}")
     return words
+
+
+def setting_of(key: str, value: object) -> list[str]:
+    """Return one setting as a list of words, an empty one where its option is not given."""
+    return [] if value is None else setting_words({key: value})
 
 
 def _as_toml(key: str, value: object, parameter: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from harness.common.errors import InputError
 from harness.config.model import brings_its_own_demand
-from harness.config.options import setting_words
+from harness.config.options import setting_of, setting_words
 from harness.grid.grid import GridRequest
 from harness.grid.worlds import USUAL
 from harness.truth.recorded.detected.av2 import argoverse_logs
@@ -37,9 +37,9 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         particles=options["particles"],
         sensor=options["sensor"],
         settings=(
-            *_setting("traffic.broken_down", options["broken_down"]),
+            *setting_of("traffic.broken_down", options["broken_down"]),
             *setting_words(options["settings"]),
-            *_setting("traffic.recording.format", options["format"]),
+            *setting_of("traffic.recording.format", options["format"]),
         ),
         vary=tuple(_axes(options["vary"])),
         replay=tuple(map(str, files)),
@@ -55,10 +55,6 @@ def _worlds(asked: object) -> bool | str:
         return bool(asked)
     listed = _listed(asked) or ""
     return True if listed == USUAL else listed
-
-
-def _setting(key: str, value: object) -> list[str]:
-    return setting_words({key: value}) if value is not None else []
 
 
 def _listed(values: object, as_text: Callable[[Any], str] = str) -> str | None:

@@ -6,19 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
 
-from harness.config.options import Option
+from harness.config import options as shared
+from harness.config.options import EXECUTION, Option
 from harness.grid.worlds import USUAL
 
-GRID, RESULT = "The grid", "How it is run"
+GRID = "The grid"
 
 
 class GridOptions(TypedDict, total=False):
     """The keywords of ``harness.stress``."""
 
-    net: Annotated[
-        str | Path | None,
-        Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", panel=GRID),
-    ]
+    net: shared.Net
     nets: Annotated[
         str | Sequence[str | Path] | None,
         Option("Several networks in one grid: A,B,C; each at its middle density unless one is given.", panel=GRID),
@@ -70,29 +68,20 @@ class GridOptions(TypedDict, total=False):
             alone=USUAL,
         ),
     ]
-    broken_down: Annotated[
-        int | None,
-        Option("Vehicles that stand broken down in main lanes, as in 'run'. (default: 0)", panel=GRID, metavar="N"),
-    ]
+    broken_down: shared.BrokenDown
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
-    sensor: Annotated[
-        str | None,
-        Option("Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)", panel=GRID),
-    ]
-    settings: Annotated[
-        list[str] | Mapping[str, object] | None,
-        Option("Any setting of config.toml for all runs.", panel=GRID, flag="--set", metavar="KEY=VALUE"),
-    ]
-    out: Annotated[Path | str, Option("Folder to write.", panel=RESULT, default=Path("results/stress"))]
-    resume: Annotated[bool, Option("Keep the runs that --out holds, make the others.", panel=RESULT, default=False)]
-    retry_failed: Annotated[bool, Option("Like --resume, and make failed runs again.", panel=RESULT, default=False)]
-    workers: Annotated[int | None, Option("Worker processes. (default: one per core)", panel=RESULT, least=1)]
+    sensor: shared.Sensor
+    settings: shared.Settings
+    out: Annotated[Path | str, Option("Folder to write.", panel=EXECUTION, default=Path("results/stress"))]
+    resume: shared.Resume
+    retry_failed: shared.RetryFailed
+    workers: shared.Workers
     keep: Annotated[
         str | None,
-        Option("runs: leave the folder and page of every run too, in OUT/kept.", panel=RESULT, metavar="runs"),
+        Option("runs: leave the folder and page of every run too, in OUT/kept.", panel=EXECUTION, metavar="runs"),
     ]
     scheduler: Annotated[
-        str | None, Option("Run on this Dask cluster instead: tcp://host:8786.", panel=RESULT, metavar="ADDRESS")
+        str | None, Option("Run on this Dask cluster instead: tcp://host:8786.", panel=EXECUTION, metavar="ADDRESS")
     ]
-    timeout_per_run: Annotated[float | None, Option("Seconds after which a run is given up.", panel=RESULT, least=0.1)]
+    timeout_per_run: shared.TimeoutPerRun

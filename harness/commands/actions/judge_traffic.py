@@ -19,7 +19,7 @@ from harness.truth.network.network import load_network
 def judge_traffic(options: Mapping[str, Any]) -> None:
     """Do what the options of ``fidelity`` ask for; raises ``InputError`` where they are wrong."""
     demand, out, quiet = options["demand"], options["out"], options["quiet"]
-    network = load_network(options["net"])
+    network = load_network(options["net"] or "us101")
     request = FidelityRequest(
         demands=names(demand, "--demand", "us101-0805") if demand is not None else (),
         seeds=tuple(seed_values(options["seeds"])),

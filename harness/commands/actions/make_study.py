@@ -43,7 +43,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
     Raises:
         InputError: There is no such study, network or model.
     """
-    case, net, quiet = options["case"], options["net"], options["quiet"]
+    case, net, quiet = options["case"], options["net"] or "us101", options["quiet"]
     traffic = seed_values(options["seeds"] or ("0:4" if case == "ablation" else "0:2"))
     first, count = traffic.start, len(traffic)
     folder = options["out"] or Path("results") / f"study-{case}"

@@ -127,7 +127,7 @@ def test_an_error_of_the_program_is_no_verdict(capsys, monkeypatch):
     assert code == exit_codes.INTERNAL
     assert code not in (exit_codes.DONE, exit_codes.WORSE, exit_codes.UNDECIDED)
     assert "a fault" in err
-    assert set(exit_codes.MEANINGS) == {0, 1, 2, 3, 70, 129, 130, 141, 143}
+    assert {0, 1, 2, 3, 70, 129, 130, 141, 143} <= set(exit_codes.MEANINGS)
 
 
 def test_overview_loads_nothing_heavy():
