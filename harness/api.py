@@ -208,6 +208,7 @@ def compare(
     tolerance: float = 0.02,
     time_tolerance: float = 0.25,
     primary: Sequence[str] | None = None,
+    allow_different: bool = False,
 ) -> Comparison:
     """Tell whether b is worse than a, no worse, or whether that stays undecided.
 
@@ -218,6 +219,7 @@ def compare(
         time_tolerance: Likewise of the time of a step, which is judged between trackers of one stress test.
         primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost, same
             identity and the recall in plain view with that of the worst tenth of vehicles.
+        allow_different: Whether different experiments are compared too; what differs is in the notes.
 
     Raises:
         InputError: A folder is not there, or the two have nothing in common that could be compared.
@@ -227,9 +229,13 @@ def compare(
 
     first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
     rules = verdicts.Rules(tolerance, time_tolerance, verdicts.PRIMARY if primary is None else tuple(primary))
-    compared = comparing.compare(sources.open_source(first, "a"), sources.open_source(second, "b"), rules)
+    compared = comparing.compare(
+        sources.open_source(first, "a"), sources.open_source(second, "b"), rules, allow_different
+    )
     table = pd.DataFrame(compared.as_table()["verdicts"])
-    return Comparison(compared.outcome, compared.regression, compared.reasons, compared.notes, table)
+    return Comparison(
+        compared.outcome, compared.regression, compared.reasons, (*compared.differing, *compared.notes), table
+    )
 
 
 def make_run(options: Mapping[str, object], command: str, quiet: bool) -> FinishedRun:

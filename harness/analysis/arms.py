@@ -11,8 +11,8 @@ from harness.common.effects import paired_effect, unpaired_effect
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
-# So large a share of the first arm's values may be without one in the second before nothing is concluded from the rest.
 TOLERATED_LOSS = 0.05
+"""Share of the first arm's values that may be without one in the second, of metrics that are only described."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,13 @@ class Arms:
     layout: Layout
 
 
-def measure(arms: Arms) -> Measured:
-    """Return the difference of both arms; values that are nan are left out, with their partners where paired."""
+def measure(arms: Arms, tolerated_loss: float = 0.0) -> Measured:
+    """Return the difference of both arms; values that are nan are left out, with their partners where paired.
+
+    Args:
+        arms: The values.
+        tolerated_loss: Share of a's values that b may lack before nothing is concluded from the rest.
+    """
     known_a, known_b = np.isfinite(arms.a), np.isfinite(arms.b)
     layout = arms.layout
     if layout.paired:
@@ -66,24 +71,25 @@ def measure(arms: Arms) -> Measured:
         effect=effect,
         pairs=min(len(a), len(b)),
         same=layout.paired and bool((a == b).all()),
-        wanting=lost_values(np.isfinite(arms.a), np.isfinite(arms.b), layout.paired),
+        wanting=lost_values(np.isfinite(arms.a), np.isfinite(arms.b), layout.paired, tolerated_loss),
     )
 
 
-def lost_values(a: BoolArray, b: BoolArray, paired: bool) -> str:
+def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0) -> str:
     """Return what b lacks of a's values, in words; empty where it is little, or where a has none either.
 
     Args:
         a: Which values of the first arm are there, shape (n,).
         b: Likewise of the second, shape (n,) where paired, else of any length.
         paired: Whether they belong together one by one.
+        tolerated: Share of a's values that may be lost.
     """
     if not a.any():
         return ""
     if not b.any():
         return "b has no value of it"
     lost = int((a & ~b).sum()) if paired else max(0, int((~b).sum()) - int((~a).sum()))
-    return f"b lacks {lost} of the {int(a.sum())} values that a has" if lost > TOLERATED_LOSS * a.sum() else ""
+    return f"b lacks {lost} of the {int(a.sum())} values that a has" if lost > tolerated * a.sum() else ""
 
 
 def _mean(values: FloatArray) -> float:

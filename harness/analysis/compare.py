@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.analysis.arms import Arms, measure
+from harness.analysis.arms import TOLERATED_LOSS, Arms, measure
+from harness.analysis.experiments import differing, differing_code, on_other_traffic
 from harness.analysis.pairing import pair
 from harness.analysis.single import FOLLOWED, compare_runs, notes_of
 from harness.analysis.sources import SETTING, Source
@@ -16,6 +17,7 @@ from harness.analysis.verdicts import (
     NO_WORSE,
     PRIMARY,
     STEP_TIME,
+    TOO_FEW,
     UNDECIDED,
     UNTESTED,
     WORSE,
@@ -56,6 +58,8 @@ class Comparison:
         units: What the independent units of the verdicts are, in the plural.
         wanting: What is missing beside single metrics' values, a sentence each: b may not pass without it.
         why: What the failures of two single runs come from; None of grids.
+        differing: Settings, code and models that differ, in words.
+        paired: How many runs of each side the verdicts rest on, in words.
     """
 
     a: str
@@ -66,6 +70,8 @@ class Comparison:
     units: str = "seeds"
     wanting: tuple[str, ...] = ()
     why: Why | None = None
+    differing: tuple[str, ...] = ()
+    paired: str = ""
 
     @property
     def primary(self) -> tuple[Verdict, ...]:
@@ -82,10 +88,14 @@ class Comparison:
         """Why nothing may be concluded, a sentence each; empty where something may be."""
         lacking: dict[str, list[str]] = {}
         for verdict in self.verdicts:
-            if verdict.wanting:
+            if verdict.wanting and verdict.wanting != TOO_FEW:
                 lacking.setdefault(f"{verdict.label}: {verdict.wanting}", []).append(name_of(verdict.metric))
         of_metrics = [f"{why} ({_some(names)})." for why, names in lacking.items()]
-        unsure = [verdict for verdict in self.verdicts if verdict.verdict == UNDECIDED and not verdict.wanting]
+        unsure = [
+            verdict
+            for verdict in self.verdicts
+            if verdict.verdict == UNDECIDED and (not verdict.wanting or verdict.wanting == TOO_FEW)
+        ]
         of_scatter = [self._more_needed(unsure)] if unsure else []
         nothing = [] if self.primary else ["None of the metrics that are judged has values on both sides."]
         return (*self.wanting, *of_metrics, *of_scatter, *nothing)
@@ -105,19 +115,22 @@ class Comparison:
 
     def _more_needed(self, unsure: list[Verdict]) -> str:
         """Return how much more would decide what an interval leaves open."""
-        names = _some([name_of(verdict.metric) for verdict in unsure])
-        if self.units == "vehicles":
-            return f"The intervals of {names} leave it open; compare grids of several seeds."
+        few = [verdict for verdict in unsure if verdict.wanting]
+        names = _some([name_of(verdict.metric) for verdict in few or unsure])
+        told = f"Too few {self.units} to tell ({names})" if few else f"The intervals of {names} leave it open"
         known = [verdict.more_units for verdict in unsure if verdict.more_units is not None]
+        if self.units == "vehicles":
+            more = f"; about {max(known)} more that drive apart are needed" if len(known) == len(unsure) else ""
+            return f"{told}{more}; compare grids of several seeds."
         if len(known) < len(unsure):
-            return f"The intervals of {names} leave it open, and more {self.units} would hardly change that."
+            return f"{told}; add {self.units}." if few else f"{told}, and more {self.units} would hardly change that."
         return (
-            f"The intervals of {names} leave it open; about {max(known)} more {self.units} would decide it in four "
-            "cases of five, if differences and scatter stay as they are."
+            f"{told}; about {max(known)} more {self.units} would decide it in four cases of five, if differences and "
+            "scatter stay as they are."
         )
 
 
-def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
+def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: bool = False) -> Comparison:
     """Compare b with a.
 
     Runs on the same traffic (same settings and seed) are paired. Without common seeds, whole arms are compared, which
@@ -127,30 +140,37 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         a: The first side, the older one perhaps.
         b: The second.
         rules: What is judged, and how much worse is put up with; None for the usual.
+        allow_different: Whether different experiments are compared too, with what differs at the top.
 
     Raises:
-        InputError: They have no tracker or no setting in common, or are single runs on different traffic.
+        InputError: They are different experiments, have no tracker or no setting in common, or are single runs on
+            different traffic.
     """
     closed_loop = _are_closed_loops(a, b)
     rules = _rules_for(closed_loop, rules or Rules())
     _check_primary(rules, closed_loop)
-    notes = [f"{side.failed} failed runs of {side.name} are left out." for side in (a, b) if side.failed]
+    notes: list[str] = []
     for side in (a, b):
         if not len(side.rows):
             raise InputError(f"compare: every run of {side.name} failed, so there is nothing to compare; run it again")
+    differs = _differing(a, b, allow_different)
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
         single = compare_runs(a, b, rules)
         verdicts = tuple(judge(single.measured, rules))
-        return Comparison(a.name, b.name, verdicts, (*notes_of(a, b), *notes), rules, "vehicles", why=single.why)
+        told = (*notes_of(a, b), *notes)
+        return Comparison(a.name, b.name, verdicts, told, rules, "vehicles", (), single.why, differs)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
-    units = "seeds"
+    units, compared, other = "seeds", 0, 0
     for label, rows_a, rows_b in _matching_labels(a, b):
         pairing = pair(rows_a, rows_b, [*SETTING, *a.axes])
         units = pairing.units
-        if pairing.lacking:
-            wanting.append(f"{label}: {pairing.lacking}")
+        wanting += [f"{label}: {lacking}" for lacking in pairing.lacking]
         matched = rows_a.iloc[pairing.of_a], rows_b.iloc[pairing.of_b]
+        compared += len(pairing.of_a)
+        if pairing.layout.paired and (elsewhere := int(on_other_traffic(*matched).sum())):
+            other += elsewhere
+            pairing = replace(pairing, layout=replace(pairing.layout, paired=False))
         values = {
             quantity: [column_of(rows, quantity.key) for rows in matched]
             for quantity in compared_quantities(rules.primary, closed_loop)
@@ -163,7 +183,10 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         raise InputError(
             f"compare: {a.name} and {b.name} have no setting in common; compare grids of the same densities"
         )
-    measured = [measure(arm) for arm in arms]
+    if other:
+        _refuse_unless(allow_different, a, b, [f"the traffic or the detections of {other} of {compared} pairs"])
+        differs = (f"traffic or detections of {other} of {compared} pairs, so that nothing is paired", *differs)
+    measured = [measure(arm, 0.0 if rules.judges(arm.quantity) else TOLERATED_LOSS) for arm in arms]
     verdicts = tuple(judge(measured, rules))
     told = (
         *notes,
@@ -172,7 +195,30 @@ def compare(a: Source, b: Source, rules: Rules | None = None) -> Comparison:
         *([] if closed_loop else _time_notes(a, b)),
         *_survivor_notes(verdicts),
     )
-    return Comparison(a.name, b.name, verdicts, told, rules, units, tuple(wanting))
+    paired = f"{compared} runs of each side are compared, of {len(a.rows)} of a and {len(b.rows)} of b."
+    return Comparison(a.name, b.name, verdicts, told, rules, units, tuple(wanting), None, differs, paired)
+
+
+def _differing(a: Source, b: Source, allow_different: bool) -> tuple[str, ...]:
+    """Return what differs between two experiments, in words, beside which runs they hold.
+
+    Raises:
+        InputError: The world differs, or how it is scored, and that is not allowed.
+    """
+    if _in_one_run(a, b):
+        return ()
+    world, trackers = differing(a.settings, b.settings)
+    if world:
+        _refuse_unless(allow_different, a, b, world)
+    return (*world, *trackers, *differing_code(a.manifest, b.manifest))
+
+
+def _refuse_unless(allowed: bool, a: Source, b: Source, what: list[str]) -> None:
+    if not allowed:
+        raise InputError(
+            f"compare: {a.name} and {b.name} are different experiments ({'; '.join(what)}); make one like the other, "
+            "or add `allow_different` to compare them all the same"
+        )
 
 
 def _are_closed_loops(a: Source, b: Source) -> bool:
@@ -199,8 +245,9 @@ def _check_primary(rules: Rules, closed_loop: bool) -> None:
 def _missing_runs(a: Source, b: Source) -> list[str]:
     """Return what of a has no counterpart in b that it should have: failed runs, and trackers that are gone."""
     missing = []
-    if b.failed:
-        missing.append(f"{b.failed} runs of b failed; mend them by --resume --retry-failed.")
+    for side, name in ((a, "a"), (b, "b")):
+        if side.failed:
+            missing.append(f"{side.failed} runs of {name} failed; make them again by --resume --retry-failed.")
     gone = [label for label in a.labels if label not in b.labels]
     if gone and any(label in b.labels for label in a.labels):
         missing.append(
@@ -256,7 +303,7 @@ def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
 def _pairing_notes(arms: list[Arms]) -> list[str]:
     if all(arm.layout.paired for arm in arms):
         return []
-    return ["No seeds in common: whole arms are compared, which shows only larger differences than pairs do."]
+    return ["Nothing is paired: whole arms are compared, which shows only larger differences than pairs do."]
 
 
 def _older_notes(a: Source, b: Source, rules: Rules) -> list[str]:

@@ -41,6 +41,7 @@ def as_markdown(comparison: Comparison, with_replay: bool = False) -> str:
         with_replay: Whether it stands on a page with a replay of its own, which moments lead to then.
     """
     lines = [f"## {conclusion(comparison)}", "", *_open(comparison), f"a: `{comparison.a}`, b: `{comparison.b}`", ""]
+    lines += [text for line in _basis(comparison) for text in (line, "")]
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
         verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
         lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
@@ -49,9 +50,15 @@ def as_markdown(comparison: Comparison, with_replay: bool = False) -> str:
     return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
 
 
+def _basis(comparison: Comparison) -> list[str]:
+    """Return what was compared, and what differs between the experiments."""
+    differs = [f"These differ: {'; '.join(comparison.differing)}."] if comparison.differing else []
+    return [*differs, *([comparison.paired] if comparison.paired else [])]
+
+
 def print_comparison(comparison: Comparison) -> None:
     """Print the comparison on stderr."""
-    parts: list[Table | Text] = [Text(f"\na: {comparison.a}\nb: {comparison.b}")]
+    parts: list[Table | Text] = [Text("\n".join(("", f"a: {comparison.a}", f"b: {comparison.b}", *_basis(comparison))))]
     labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts)
     parts += [_screen_table(comparison, label) for label in labels]
     if comparison.why is not None:

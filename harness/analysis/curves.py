@@ -13,7 +13,7 @@ from harness.common.bootstrap import few_groups_ci
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
-from harness.storage.schema import NET
+from harness.storage.schema import MODEL_FILE, NET
 from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -107,8 +107,9 @@ class Break:
 def _label_of(row: pd.Series) -> str:
     """Return what a run is called in tables and figures: the tracker as it was written, and its model."""
     model = row["model"]
-    told = isinstance(model, str) and "model=" not in row["variant"]
-    return f"{row['variant']} {model}" if told else str(row["variant"])
+    told = [model] if isinstance(model, str) and "model=" not in row["variant"] else []
+    file = row.get(MODEL_FILE)
+    return " ".join([str(row["variant"]), *told, *([file] if isinstance(file, str) else [])])
 
 
 def labelled(table: pd.DataFrame) -> pd.DataFrame:

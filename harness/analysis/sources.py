@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
-from pandas.api.types import is_numeric_dtype
+from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
 from harness.analysis.curves import labelled
+from harness.analysis.experiments import settings_of, settings_of_grid
 from harness.analysis.verdicts import compared_quantities
 from harness.common.errors import InputError
 from harness.scoring.metrics.closedloop import COLLIDED
+from harness.scoring.metrics.registry import is_from_outside
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.grid_rows import flattened
+from harness.storage.manifest import check_unedited
 from harness.storage.schema import MISMATCH, RECORDING
 
 STANDARD = "standard"
+ROUNDING = 1e-6
 SETTING = ("net", "density", "demand")
 
 
@@ -34,6 +40,9 @@ class Source:
         failed: Number of runs that failed.
         is_run: Whether it is a single run's folder.
         axes: Columns that were varied beside density, demand and seed, the mismatch among them.
+        failed_labels: Tracker of each run that failed, with its settings and model.
+        settings: Settings that hold for all its runs, by key.
+        manifest: Content of its ``manifest.json``; empty without one.
     """
 
     name: str
@@ -42,6 +51,9 @@ class Source:
     failed: int
     is_run: bool
     axes: tuple[str, ...] = ()
+    failed_labels: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    manifest: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def labels(self) -> list[str]:
@@ -73,19 +85,35 @@ def open_source(text: str, parameter: str) -> Source:
     rows = source.rows[source.rows["label"] == label]
     if not len(rows):
         raise InputError(f"`{parameter}`: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
-    return replace(source, rows=rows)
+    lost = source.failed_labels.count(label)
+    return replace(source, rows=rows, failed=lost, failed_labels=(label,) * lost)
 
 
 def _open_grid(name: str, folder: Path, parameter: str) -> Source:
     table = runfolder.read_table(folder, RUNS, parameter, (*SETTING, "seed", "succeeded", "variant", "model"))
     done = labelled(table)
     try:
-        vary = [str(word) for word in json.loads((folder / GRID).read_text(encoding="utf-8"))["vary"]]
-    except (OSError, ValueError, KeyError, TypeError):
+        asked = json.loads((folder / GRID).read_text(encoding="utf-8"))
+        vary = [str(word) for word in asked["vary"]]
+        settings = settings_of_grid(asked)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, InputError):
         raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
+    manifest = _manifest_of(folder)
+    check_unedited(folder, manifest, parameter)
     axes = (*(word.partition("=")[0].strip() for word in vary), *((MISMATCH,) if MISMATCH in table else ()))
     _check_rows(done, table, axes, folder / RUNS, parameter)
-    return Source(name, folder, done, len(table) - len(done), False, axes)
+    lost = table[~table["succeeded"].astype(bool)].assign(succeeded=True)
+    labels = tuple(labelled(lost)["label"]) if len(lost) else ()
+    return Source(name, folder, done, len(lost), False, axes, labels, settings, manifest)
+
+
+def _manifest_of(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a grid; empty where it has none: a baseline may be a table of runs alone."""
+    try:
+        manifest = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return manifest if isinstance(manifest, dict) else {}
 
 
 def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], path: Path, parameter: str) -> None:
@@ -94,9 +122,23 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
         raise InputError(f"`{parameter}`: {path} has no rows; make the grid again")
     known = (*compared_quantities(), *compared_quantities(closed_loop=True))
     numbers = ("seed", *(quantity.key for quantity in known if quantity.key in table))
-    texts = [name for name in numbers if not is_numeric_dtype(table[name]) and table[name].notna().any()]
+    texts = [
+        name
+        for name in numbers
+        if (not is_numeric_dtype(table[name]) or is_bool_dtype(table[name])) and table[name].notna().any()
+    ]
     if texts:
         raise InputError(f"`{parameter}`: {path}: {texts[0]} holds no numbers; make the grid again")
+    for quantity in known:
+        if quantity.key not in table or is_from_outside(quantity):
+            continue
+        values = table[quantity.key].to_numpy(dtype=np.float64)
+        wrong = values[np.isfinite(values) & ((values < quantity.least) | (values > quantity.most + ROUNDING))]
+        if len(wrong):
+            raise InputError(
+                f"`{parameter}`: {path}: {quantity.key} holds {wrong[0]:g}, which is no possible value of "
+                f"{quantity.label}; make it again"
+            )
     keys = ["label", *(name for name in dict.fromkeys((*SETTING, RECORDING, *axes, "seed")) if name in done)]
     if done[keys].astype(str).duplicated().any():
         raise InputError(f"`{parameter}`: {path} has several rows of one run; make the grid again")
@@ -105,7 +147,8 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
 def _open_run(name: str, folder: Path, parameter: str) -> Source:
     if not folder.is_dir():
         raise InputError(f"`{parameter}`: {folder} is no folder; give the folder of a run or of a stress test")
-    runfolder.read_manifest(folder, parameter)
+    manifest = runfolder.read_manifest(folder, parameter)
+    check_unedited(folder, manifest, parameter)
     try:
         metrics: dict[str, Any] = json.loads((folder / runfolder.METRICS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -117,4 +160,8 @@ def _open_run(name: str, folder: Path, parameter: str) -> Source:
     if not known or not isinstance(run["seed"], int):
         raise InputError(f"`{parameter}`: {folder / runfolder.METRICS} is broken; make the run again")
     row = {**run, "variant": run["tracker"], **flattened(metrics), "succeeded": True}
-    return Source(name, folder, labelled(pd.DataFrame([row])).drop(columns="succeeded"), 0, True)
+    table = pd.DataFrame([row])
+    done = labelled(table)
+    _check_rows(done, table, (), folder / runfolder.METRICS, parameter)
+    settings = settings_of(runfolder.read_config_table(folder, parameter))
+    return Source(name, folder, done.drop(columns="succeeded"), 0, True, (), (), settings, manifest)

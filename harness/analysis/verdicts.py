@@ -7,16 +7,17 @@ metrics have to pass it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from harness.common.effects import LEVEL, Effect
+from harness.common.errors import InputError
 from harness.scoring.metrics import closedloop
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import view
+from harness.scoring.metrics.registry import is_from_outside, view
 from mmpf.numerics.arrays import FloatArray
 
 BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"
@@ -29,8 +30,47 @@ COMPARED = (
 IN_WORDS = {"mae.hidden.lon_m": {"label": "MAE hidden while followed, m"}}
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
 TOLERANCE, TIME_TOLERANCE = 0.02, 0.25
+MOST_TOLERANCE, MOST_TIME_TOLERANCE = 1.0, 100.0
+TOO_FEW = "too few to tell"
 FEWEST_EQUAL, FEWEST_SHIFTED = 8, 3
 """Units that may all show no difference, or one and the same other, before that is taken for certain."""
+FEWEST_TOLD = 5.0
+"""With fewer units an interval that reaches beyond what the metric can be says nothing, and is not told."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What is asked of one metric alone.
+
+    Attributes:
+        tolerance: Share of a's value by which b may be worse; None for that of all metrics.
+        floor: What b's value may not be below; None for none.
+        ceiling: What it may not be above; None for none.
+
+    Raises:
+        InputError: The tolerance is no number or out of range.
+    """
+
+    tolerance: float | None = None
+    floor: float | None = None
+    ceiling: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the tolerance."""
+        if self.tolerance is not None:
+            _check_within("tolerance", self.tolerance, MOST_TIME_TOLERANCE)
+
+    def breach(self, value: float, quantity: Quantity) -> str:
+        """Return in words how a value breaks the bounds; empty where it does not."""
+        decimals = quantity.decimals + 1
+        if self.floor is not None and value < self.floor:
+            return f"{value:.{decimals}f} is below the floor of {self.floor:g}"
+        if self.ceiling is not None and value > self.ceiling:
+            return f"{value:.{decimals}f} is above the ceiling of {self.ceiling:g}"
+        return ""
+
+
+NO_LIMIT = Limit()
 
 
 @dataclass(frozen=True)
@@ -41,11 +81,23 @@ class Rules:
         tolerance: Share of a's value by which b may be worse.
         time_tolerance: Likewise of the time of a step.
         primary: Keys of the metrics that get a verdict; the others are described.
+        limits: Tolerances and bounds of single metrics, by key.
+
+    Raises:
+        InputError: A tolerance is no number, or out of its range; or nothing is judged.
     """
 
     tolerance: float = TOLERANCE
     time_tolerance: float = TIME_TOLERANCE
     primary: tuple[str, ...] = PRIMARY
+    limits: Mapping[str, Limit] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the tolerances."""
+        _check_within("tolerance", self.tolerance, MOST_TOLERANCE)
+        _check_within("time_tolerance", self.time_tolerance, MOST_TIME_TOLERANCE)
+        if not self.primary:
+            raise InputError("`primary` is empty, so that nothing is judged; for example `primary` mot.hota")
 
     def judges(self, quantity: Quantity) -> bool:
         """Return whether a metric gets a verdict."""
@@ -53,7 +105,18 @@ class Rules:
 
     def margin(self, quantity: Quantity, a: float) -> float:
         """Return by how much b may be worse."""
-        return (self.time_tolerance if quantity.key == STEP_TIME.key else self.tolerance) * abs(a)
+        usual = self.time_tolerance if quantity.key == STEP_TIME.key else self.tolerance
+        own = self.limit(quantity).tolerance
+        return (usual if own is None else own) * abs(a)
+
+    def limit(self, quantity: Quantity) -> Limit:
+        """Return what is asked of one metric alone."""
+        return self.limits.get(quantity.key, NO_LIMIT)
+
+
+def _check_within(parameter: str, value: object, most: float) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= most:
+        raise InputError(f"`{parameter}` {value!r}: give a share from 0 to {most:g}; for example `{parameter}` 0.02")
 
 
 def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = False) -> list[Quantity]:
@@ -129,6 +192,7 @@ class Verdict:
         regression: Whether the verdict is worse.
         more_units: How many more units would decide what is undecided, if all else stays; None where unknown.
         wanting: What is missing for a verdict, in words; empty where nothing is.
+        breach: How b's value breaks its floor or ceiling, in words; empty where it does not.
     """
 
     label: str
@@ -146,6 +210,7 @@ class Verdict:
     regression: bool
     more_units: int | None = None
     wanting: str = ""
+    breach: str = ""
 
 
 def judge(measured: Sequence[Measured], rules: Rules | None = None) -> list[Verdict]:
@@ -161,14 +226,17 @@ def judge(measured: Sequence[Measured], rules: Rules | None = None) -> list[Verd
     """
     rules = rules or Rules()
     # Equal bytes are no sample: nothing has changed, however few runs there are.
-    identical = all(each.same for each in measured if each.pairs)
-    tested = [each if rules.judges(each.quantity) and not _unknown(each, identical) else None for each in measured]
-    worse = np.array([np.nan if each is None else 1.0 if identical else _p_of_worse(each) for each in tested])
-    better = np.ones(len(worse)) if identical else 1.0 - worse
+    changed = {each.label for each in measured if each.pairs and not each.same}
+    tested = [each if rules.judges(each.quantity) and not _unknown(each, changed) else None for each in measured]
+    worse = np.array(
+        [np.nan if each is None else _p_of_worse(each) if each.label in changed else 1.0 for each in tested]
+    )
+    still = np.array([each is not None and each.label not in changed for each in tested], dtype=bool)
+    better = np.where(still, 1.0, 1.0 - worse)
     corrected = np.where(worse <= better, holm(worse), holm(np.where(np.isnan(worse), np.nan, better)))
     tests = max(1, int(np.isfinite(corrected).sum()))
     return [
-        _verdict(each, rules, p, tests, _unknown(each, identical))
+        _verdict(each, rules, p, tests, _unknown(each, changed))
         for each, p in zip(measured, corrected.tolist(), strict=True)
     ]
 
@@ -183,12 +251,22 @@ def _worsening(measured: Measured) -> float:
     return -measured.effect.difference if measured.quantity.higher_is_better else measured.effect.difference
 
 
-def _unknown(measured: Measured, identical: bool) -> str:
+def _possible(measured: Measured) -> tuple[float, float]:
+    """Return the least and the largest difference that there can be from a's value."""
+    quantity = measured.quantity
+    least = -np.inf if is_from_outside(quantity) else quantity.least
+    return least - measured.a, quantity.most - measured.a
+
+
+def _unknown(measured: Measured, changed: Collection[str]) -> str:
     """Return why a difference's scatter is not known; empty where it is."""
-    if identical or not measured.pairs:
+    if measured.label not in changed or not measured.pairs:
         return ""
     if not np.isfinite(measured.effect.se):
-        return "too few independent units to tell the scatter"
+        return TOO_FEW
+    (low, high), (least, most) = measured.effect.ci95, _possible(measured)
+    if measured.effect.units < FEWEST_TOLD and (low < least or high > most):
+        return TOO_FEW
     fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
     if measured.effect.se == 0.0 and measured.effect.units < fewest:
         return f"all {measured.pairs} differences are equal, which tells nothing of their scatter"
@@ -202,9 +280,11 @@ def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: st
     worsening = _worsening(measured)
     worst = max(sign * end for end in effect.ci95) if measured.effect.se > 0.0 else worsening
     word, wanting = UNTESTED, measured.wanting
+    limit = rules.limit(measured.quantity)
+    breach = limit.breach(measured.b, measured.quantity) if primary else ""
     if primary and (measured.pairs or wanting):
         word, wanting = UNDECIDED, wanting or unknown
-        if p <= LEVEL and worsening > margin:
+        if breach or (p <= LEVEL and worsening > margin):
             word = WORSE
         elif not wanting and p <= LEVEL and worsening < 0.0:
             word = BETTER
@@ -212,7 +292,8 @@ def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: st
             word = NO_WORSE
     elif wanting:
         word = UNDECIDED
-    more = effect.units_to_decide(margin, tests, worsening) if word == UNDECIDED and not wanting else None
+    more = effect.units_to_decide(margin, tests, worsening) if word == UNDECIDED and wanting in ("", TOO_FEW) else None
+    low, high = np.clip(effect.ci95, *_possible(measured)) if np.isfinite(measured.a) else effect.ci95
     return Verdict(
         label=measured.label,
         metric=measured.quantity.key,
@@ -220,7 +301,7 @@ def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: st
         a=measured.a,
         b=measured.b,
         difference=effect.difference,
-        ci95=(np.nan, np.nan) if unknown else effect.ci95,
+        ci95=(np.nan, np.nan) if unknown else (float(low), float(high)),
         p=p,
         pairs=measured.pairs,
         units=effect.units,
@@ -229,6 +310,7 @@ def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: st
         regression=word == WORSE,
         more_units=None if more is None else max(1, int(np.ceil(more - effect.units))),
         wanting=wanting,
+        breach=breach,
     )
 
 

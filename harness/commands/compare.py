@@ -43,6 +43,7 @@ class Options(TypedDict):
         ),
     ]
     allow_undecided: Annotated[bool, Option("Exit code 0, not 4, where it stays undecided.", default=False)]
+    allow_different: Annotated[bool, Option("Compare different experiments too, and list what differs.", default=False)]
     markdown: Annotated[Path | None, Option("Write the tables to this Markdown file.")]
     html: Annotated[
         Path | None,

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from harness.config.model import RunConfig, TrackerConfig, TrafficConfig
-from harness.storage.schema import DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
+from harness.running.provenance import model_files
+from harness.storage.schema import DEMAND, DENSITY, MISMATCH, MODEL_FILE, NET, RECORDING, SEED
 
 CellTraffic = tuple[TrafficConfig, int, str | None]
 """Settings of traffic, its seed and its recording: cells that agree in them see the same vehicles."""
@@ -93,6 +94,7 @@ class PlannedRun:
     def identity(self) -> dict[str, Any]:
         """Return the columns that tell this run from the others."""
         traffic, tracker = self.config.traffic, self.config.tracker
+        models = [f"{name} {digest[:8]}" for name, digest in model_files(self.config).items()]
         return {
             NET: traffic.net,
             DENSITY: traffic.density,
@@ -101,6 +103,7 @@ class PlannedRun:
             "tracker": tracker.name,
             "variant": self.variant,
             "model": tracker.model,
+            **({MODEL_FILE: models[0]} if models else {}),
             "update": tracker.update,
             SEED: self.config.seed,
             **self.varied,

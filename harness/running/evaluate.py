@@ -17,6 +17,7 @@ from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
 from harness.running.looks import Looks, Streams
 from harness.running.metrics import TrafficSums, identification, timing_table
 from harness.running.open import as_believed, driven_on, tracker_builder
+from harness.running.provenance import provenance_of
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
 from harness.running.resolve import write_config
 from harness.running.unseen import UnseenKeeper
@@ -229,7 +230,8 @@ def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], co
     ownership.claim(folder, ownership.RUN)
     write_config(config, folder / runfolder.CONFIG)
     runfolder.write_road(evaluated.road, folder / runfolder.ROAD)
-    writer = RunWriter(folder, config.seed, command)
+    code, models = provenance_of([config])
+    writer = RunWriter(folder, config.seed, command, models, code)
     writer.append(evaluated.tables)
     writer.finish(metrics, evaluated.steps)
     ownership.record_all(folder, ownership.RUN)

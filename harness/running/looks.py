@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from harness.common.errors import InputError, RunError
 from harness.sensor.observation import Look, Observation, Sensor
+from harness.storage.manifest import sha256_of
 from harness.truth.frame import Frame, TruthSource
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
@@ -106,7 +106,7 @@ class Looks:
 
     def hashes(self) -> dict[str, str]:
         """Return the SHA-256 of each file that decided the looks."""
-        return {name: _sha256(path) for name, path in self.files.items()}
+        return {name: sha256_of(path) for name, path in self.files.items()}
 
 
 def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
@@ -139,8 +139,3 @@ def timed_looks(frames: Iterable[Frame], observe: Callable[[Frame], Observation]
         moved = perf_counter()
         observation = observe(frame)
         yield Look(frame, observation, truth_s=moved - begin, sensor_s=perf_counter() - moved)
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

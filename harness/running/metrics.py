@@ -12,6 +12,8 @@ import pandas as pd
 
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
+from harness.running.provenance import model_files
+from harness.storage.schema import MODEL_FILE
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray
@@ -149,6 +151,7 @@ class TrafficSums:
 def identification(config: RunConfig) -> dict[str, Any]:
     """Return the ``run`` table: what was run."""
     traffic_config, tracker = config.traffic, config.tracker
+    models = [f"{name} {digest[:8]}" for name, digest in model_files(config).items()]
     return {
         "net": traffic_config.net,
         "demand": traffic_config.demand,
@@ -157,6 +160,7 @@ def identification(config: RunConfig) -> dict[str, Any]:
         "sensor": config.sensor.profile,
         "tracker": tracker.name,
         "model": tracker.model,
+        **({MODEL_FILE: models[0]} if models else {}),
         "update": tracker.update,
         "particles": tracker.particles,
         "driver": config.decisions.driver,

@@ -17,6 +17,7 @@ from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
 from harness.running.looks import Looks
 from harness.running.open import OpenLooks, check_driver, check_tracker, open_looks
+from harness.running.provenance import provenance_of
 from harness.running.resolve import write_config
 from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
 from harness.running.write import RunWriter
@@ -199,7 +200,8 @@ class _Attempt:
         write_config(config, folder / runfolder.CONFIG)
         with writer.timed("open"), working(_opening(config), quiet):
             looks = self._looks = open_looks(config)
-        writer.inputs = looks.hashes()
+        writer.code, models = provenance_of([config])
+        writer.inputs = looks.hashes() | models
 
         def say(line: str) -> None:
             if line and not quiet:

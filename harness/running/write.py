@@ -15,7 +15,7 @@ from harness.common.numbers import as_json
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
 from harness.storage.growing import GrowingTables
-from harness.storage.manifest import RunFacts, write_manifest
+from harness.storage.manifest import RunFacts, hashes_of, write_manifest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +30,7 @@ class RunWriter:
         seed: Root seed of the run.
         command: What made it.
         inputs: SHA-256 of each input file.
+        code: SHA-256 of the code that decides results.
         wall_s: Wall time of each phase so far.
     """
 
@@ -37,6 +38,7 @@ class RunWriter:
     seed: int
     command: str
     inputs: Mapping[str, str] = field(default_factory=dict)
+    code: Mapping[str, str] = field(default_factory=dict)
     wall_s: dict[str, float] = field(default_factory=dict)
     _stretch: int = 0
 
@@ -106,5 +108,8 @@ class RunWriter:
         return "".join(f", {flaw}" for flaw in flaws)
 
     def _write_manifest(self, status: str, problem: str | None, steps: int, rows: Mapping[str, int]) -> None:
-        facts = RunFacts(status, self.command, self.seed, steps, self.inputs, self.wall_s, problem, rows)
+        files = hashes_of(self.folder) if status == runfolder.COMPLETE else {}
+        facts = RunFacts(
+            status, self.command, self.seed, steps, self.inputs, self.wall_s, problem, rows, self.code, files
+        )
         write_manifest(self.folder / runfolder.MANIFEST, facts)

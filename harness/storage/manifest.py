@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -11,9 +12,12 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from harness.common.errors import InputError
 from harness.common.files import write_text
 
 PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
+CODE, INPUTS, FILES = "code_sha256", "inputs_sha256", "files_sha256"
+HASHED = ("metrics.json", "config.toml", "road.json", "grid.json")
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class RunFacts:
         wall_times_s: Wall time of each phase.
         problem: What ended the run, if it did not end by itself.
         rows: Rows of each of the run's tables, by file.
+        code: SHA-256 of the code that decides results, by package or module.
+        files: SHA-256 of each file of results, by which one that was edited is recognised.
     """
 
     status: str
@@ -39,6 +45,8 @@ class RunFacts:
     wall_times_s: Mapping[str, float] = field(default_factory=dict)
     problem: str | None = None
     rows: Mapping[str, int] = field(default_factory=dict)
+    code: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_manifest(path: Path, facts: RunFacts) -> None:
@@ -52,11 +60,44 @@ def write_manifest(path: Path, facts: RunFacts) -> None:
         "rows": dict(facts.rows),
         "versions": {name: _version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "git_revision": _git_revision(),
-        "inputs_sha256": dict(facts.inputs),
+        CODE: dict(facts.code),
+        INPUTS: dict(facts.inputs),
+        FILES: dict(facts.files),
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
         "wall_times_s": {name: round(seconds, 3) for name, seconds in facts.wall_times_s.items()},
     }
     write_text(path, json.dumps(manifest, indent=2) + "\n")
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def hashes_of(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each table of a folder, of its scores and its settings, by file."""
+    return {
+        path.name: sha256_of(path)
+        for path in sorted(folder.iterdir())
+        if path.name in HASHED or path.suffix == ".parquet"
+    }
+
+
+def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str) -> None:
+    """Refuse a folder whose results are not those that its run or grid wrote; one that noted no hashes says nothing.
+
+    Raises:
+        InputError: A file was edited.
+    """
+    noted = manifest.get(FILES)
+    for name, digest in noted.items() if isinstance(noted, dict) else ():
+        path = folder / Path(str(name)).name
+        if path.is_file() and sha256_of(path) != digest:
+            raise InputError(
+                f"`{parameter}`: {path} was changed after it was written (its SHA-256 is another than in "
+                f"manifest.json); make it again, or take {FILES} out of manifest.json if you meant that"
+            )
 
 
 def _version(package: str) -> str | None:

@@ -22,6 +22,7 @@ FATES = ("none", "lost", "displaced", "hijacked", "ghost")
 # Columns that say which cell of a grid a row is of.
 NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
 AS_IS = "as is"
+MODEL_FILE = "model_file"
 """The world of a column ``mismatch`` that nothing alters."""
 
 DENSITY_RANGE = (5.0, 65.0)
@@ -299,6 +300,7 @@ TABLES: dict[str, Table] = {
         (
             *RUN_IDENTITY, *RUN_OUTCOME,
             _text("replay", "file name of the recording", absent="the traffic is simulated"),
+            _text(MODEL_FILE, "file of a fitted model and its SHA-256", absent="it is the packaged model"),
             _text("mismatch", "what the sensor's data sheet does not tell", absent="nothing was altered"),
             *(_text(f"recording.{name}", f"{name} of the recording", absent="the traffic is simulated")
               for name in ("file", "format", "ego")),

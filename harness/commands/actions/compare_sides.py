@@ -34,7 +34,7 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     sides = _sides(options)
     if sides is None:
         return 0
-    comparison = compare(*sides, _rules(options))
+    comparison = compare(*sides, _rules(options), options["allow_different"])
     if not options["quiet"]:
         print_comparison(comparison)
     markdown, html = options["markdown"], options["html"]

@@ -21,7 +21,7 @@ HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.
 IN_SIGHT = (
     Quantity(HOTA, "HOTA in sight, %", True, heading="HOTA %"),
     Quantity(IDF1, "IDF1 in sight, %", True, heading="IDF1 %", weight=TRUTH_N),
-    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %"),
+    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", least=-np.inf),
     Quantity(
         SWITCHES, "identity switches a vehicle-minute",
         decimals=3, heading="switches", weight=TRUTH_N, scale=STEPS_A_MINUTE,

@@ -20,7 +20,7 @@ LEAST_PROBABILITY = 1e-4
 QUANTITIES = (
     Quantity(
         f"{NAME}.log_skill_percent", "unseen vehicles: log score over that of their mean density, %", True,
-        weight=f"{NAME}.stretches",
+        weight=f"{NAME}.stretches", least=-np.inf,
     ),
     Quantity(f"{NAME}.expected_over_counted", "unseen vehicles expected over counted", True, 2),
 )  # fmt: skip

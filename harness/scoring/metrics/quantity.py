@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +28,7 @@ class Quantity:
         heading: Its name and unit, short enough for a column.
         weight: Key of the samples behind it, by which runs are averaged; empty where every run counts the same.
         scale: Given where the number is a count: what count over ``weight`` is multiplied by, 100 for percent.
+        least: The least value that it can have; minus infinity of one with a sign.
     """
 
     key: str
@@ -36,6 +38,7 @@ class Quantity:
     heading: str = ""
     weight: str = ""
     scale: float | None = None
+    least: float = 0.0
 
     def of(self, metrics: Mapping[str, Any]) -> float | None:
         """Return its value in the content of a ``metrics.json``; None where there is none."""
@@ -43,6 +46,11 @@ class Quantity:
         for part in self.key.split("."):
             value = value.get(part) if isinstance(value, Mapping) else None
         return None if value is None else float(value)
+
+    @property
+    def most(self) -> float:
+        """The largest value that it can have: 100 of percentages."""
+        return 100.0 if self.label.endswith("%") else math.inf
 
     @property
     def metric(self) -> str:

@@ -113,6 +113,11 @@ def quantities() -> list[Quantity]:
     return [quantity for metric in METRICS.in_order().values() for quantity in metric.quantities]
 
 
+def is_from_outside(quantity: Quantity) -> bool:
+    """Return whether a quantity is another package's, whose bounds nobody knows."""
+    return quantity.metric not in _OWN
+
+
 def view(keys: Iterable[str], changed: Mapping[str, Mapping[str, Any]] = MappingProxyType({})) -> list[Quantity]:
     """Return what a table, chart or comparison shows: what it lists, then everything of metrics from outside.
 
@@ -122,7 +127,7 @@ def view(keys: Iterable[str], changed: Mapping[str, Mapping[str, Any]] = Mapping
     """
     known = quantities()
     listed = [each for key in keys for each in known if f"{each.key}.".startswith(f"{key}.")]
-    outside = [each for each in known if each.metric not in _OWN]
+    outside = [each for each in known if is_from_outside(each)]
     return [replace(each, **changed.get(each.key, {})) for each in (*listed, *outside)]
 
 

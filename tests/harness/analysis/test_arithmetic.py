@@ -160,14 +160,15 @@ def test_pairs_without_a_half_are_left_out_of_everything():
     assert (nothing.pairs, nothing.wanting, np.isnan(nothing.a)) == (0, "b has no value of it", True)
 
 
-def test_a_twentieth_of_the_values_may_be_lost_and_no_more():
+def test_no_value_may_be_lost_unless_a_share_is_tolerated():
     there, few = np.ones(40, dtype=bool), np.arange(40) >= 2
-    assert lost_values(there, few, True) == lost_values(there, few, False) == ""
+    assert lost_values(there, few, True) == "b lacks 2 of the 40 values that a has"
+    assert lost_values(there, few, True, 0.05) == lost_values(there, few, False, 0.05) == ""
     words = "b lacks 3 of the 40 values that a has"
     assert lost_values(there, np.arange(40) >= 3, True) == lost_values(there, np.arange(40) >= 3, False) == words
     assert lost_values(~few, few, True) == "b lacks 2 of the 2 values that a has"
     assert lost_values(few, there, False) == ""
-    assert lost_values(few, np.arange(60) >= 3, False) == ""
+    assert lost_values(few, np.arange(60) >= 3, False, 0.05) == ""
     assert lost_values(~there, ~there, True) == ""
 
 
@@ -265,7 +266,7 @@ def test_runs_of_which_every_value_is_the_same_are_no_worse_and_one_that_differs
     verdict, nothing = judge(same, RULES)
     assert (verdict.verdict, verdict.p, verdict.wanting, nothing.verdict) == (NO_WORSE, 1.0, "", UNTESTED)
     other = measured(1.0, 0.1, quantity=Quantity("else", "else"))
-    assert judge([*same, other], RULES)[0].wanting == "too few independent units to tell the scatter"
+    assert judge([*same, other], RULES)[0].wanting == "too few to tell"
 
 
 def test_holms_correction_is_that_of_all_that_are_tested():
@@ -301,15 +302,22 @@ def test_runs_are_paired_by_setting_and_seed():
     a = runs((20.0, 1), (20.0, 2), (40.0, 1), (60.0, 1))
     b = runs((40.0, 1), (20.0, 2), (20.0, 3))
     both = [[0, 1], [0, 1]]
-    assert paired(a, b) == ([1, 2], [1, 0], True, [*both, *both], "seeds", "")
-    fewer = runs((20.0, 1), (20.0, 2), (20.0, 3), (40.0, 9))
-    assert paired(fewer, runs((20.0, 3)))[5] == "b has only 1 of the 3 runs of a."
-    assert paired(fewer, runs((20.0, 3), (40.0, 9)))[5] == ""
+    assert paired(a, b) == ([1, 2], [1, 0], True, [*both, *both], "seeds", (
+        "b lacks 2 of the 4 runs of a (density 20: seed 1; density 60: seed 1).",
+        "a lacks 1 of the 3 runs of b (density 20: seed 3).",
+    ))  # fmt: skip
+    fewer = runs((20.0, 1), (20.0, 2), (20.0, 3), (20.0, 7), (40.0, 9))
+    assert paired(fewer, runs((20.0, 3)))[5] == (
+        "b lacks 4 of the 5 runs of a (density 20: seeds 1 to 2, 7; density 40: seed 9).",
+    )
+    assert paired(fewer, fewer)[5] == ()
 
 
 def test_without_common_seeds_all_runs_of_common_settings_are_taken():
     a, b = runs((20.0, 1), (40.0, 1), (20.0, 2)), runs((60.0, 8), (20.0, 9), (20.0, 8))
-    assert paired(a, b) == ([0, 2], [1, 2], False, [[0, 0], [0, 0], [0, 1], [2, 3]], "seeds", "")
+    assert paired(a, b) == ([0, 2], [1, 2], False, [[0, 0], [0, 0], [0, 1], [2, 3]], "seeds", (
+        "b lacks 1 of the 3 runs of a (density 40).", "a lacks 1 of the 3 runs of b (density 60).",
+    ))  # fmt: skip
     assert paired(runs((20.0, 1)), runs((40.0, 1)))[:3] == ([], [], False)
 
 

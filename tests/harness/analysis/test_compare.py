@@ -191,14 +191,15 @@ def test_only_seeds_that_succeeded_on_both_sides_are_paired(tmp_path):
     a, b = grid_folder(tmp_path / "a", failed=(3,)), grid_folder(tmp_path / "b", seeds=range(2, 14))
     comparison = compared(a, b)
     assert {verdict.pairs for verdict in comparison.verdicts} == {7}
-    assert any("1 failed" in note for note in comparison.notes)
+    assert any("1 runs of a failed" in what for what in comparison.wanting)
+    assert comparison.outcome == UNDECIDED
 
 
 def test_without_common_seeds_whole_arms_are_compared_and_that_is_said(tmp_path):
     a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", seeds=range(10, 20), mot__hota=lambda seed: 9.0)
     comparison = compared(a, b)
     assert words(comparison)["mot.hota"] == BETTER
-    assert any("No seeds in common" in note for note in comparison.notes)
+    assert any("Nothing is paired" in note for note in comparison.notes)
 
 
 def test_grids_of_one_tracker_each_are_compared_across_models(tmp_path):
@@ -434,6 +435,10 @@ def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_runs,
     metrics = json.loads((poorer / "metrics.json").read_text())
     metrics["mot"]["hota"] = None
     (poorer / "metrics.json").write_text(json.dumps(metrics))
+    with pytest.raises(InputError, match=r"metrics\.json was changed after it was written"):
+        compared(echo_runs[0], str(poorer))
+    manifest = json.loads((poorer / "manifest.json").read_text())
+    (poorer / "manifest.json").write_text(json.dumps(manifest | {"files_sha256": {}}))
     verdict = next(one for one in compared(echo_runs[0], str(poorer)).verdicts if one.metric == "mot.hota")
     assert (verdict.verdict, verdict.pairs, verdict.regression) == (UNDECIDED, 0, False)
     assert verdict.a > 0.0

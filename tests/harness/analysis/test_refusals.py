@@ -104,7 +104,10 @@ def undecided(metric: str = "mot.hota", **other):
         ),
         (
             comparison(undecided(more_units=7), units="vehicles"),
-            ("The intervals of HOTA in sight leave it open; compare grids of several seeds.",),
+            (
+                "The intervals of HOTA in sight leave it open; about 7 more that drive apart are needed; compare "
+                "grids of several seeds.",
+            ),
         ),
         (
             comparison(
@@ -137,7 +140,8 @@ def test_the_table_for_programs_has_causes_and_no_nan():
     assert table["causes"] == told().why.counts()
     assert table["verdicts"][4]["b"] is None
     assert list(table) == [
-        "a", "b", "verdicts", "notes", "rules", "units", "wanting", "why", "regression", "outcome", "reasons", "causes",
+        "a", "b", "verdicts", "notes", "rules", "units", "wanting", "why", "differing", "paired",
+        "regression", "outcome", "reasons", "causes",
     ]  # fmt: skip
     json.dumps(table, allow_nan=False)
 
@@ -165,7 +169,7 @@ def refused(a: Source, b: Source, rules: Rules | None = None) -> str:
 
 
 TIME = "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
-ARMS = "No seeds in common: whole arms are compared, which shows only larger differences than pairs do."
+ARMS = "Nothing is paired: whole arms are compared, which shows only larger differences than pairs do."
 
 
 def test_a_comparison_tells_its_sides_rules_units_and_notes():
@@ -176,15 +180,21 @@ def test_a_comparison_tells_its_sides_rules_units_and_notes():
         "b",
         Rules(),
         "seeds",
-        (),
+        (
+            "2 runs of a failed; make them again by --resume --retry-failed.",
+            "mmpf cvm: b lacks 1 of the 4 runs of a (us101, density 20: seed 0).",
+            "mmpf cvm: a lacks 2 of the 5 runs of b (us101, density 20: seeds 4 to 5).",
+        ),
         None,
     )
-    assert found.notes == ("2 failed runs of a are left out.", TIME)
+    assert found.paired == "3 runs of each side are compared, of 4 of a and 5 of b."
+    assert found.outcome == UNDECIDED
+    assert found.notes == (TIME,)
     assert [each.metric for each in found.verdicts] == [quantity.key for quantity in compared_quantities()]
     assert {each.pairs for each in found.verdicts} == {3}
     assert found.primary == tuple(each for each in found.verdicts if each.metric in PRIMARY)
     same = compare(a, replace(a, failed=0))
-    assert same.notes == ("2 failed runs of a are left out.",)
+    assert same.notes == ()
     assert [each.metric for each in same.verdicts][-1] == STEP_TIME.key
     without = compare(a, replace(a, rows=a.rows.drop(columns=STEP_TIME.key)))
     assert STEP_TIME.key not in [each.metric for each in without.verdicts]
@@ -199,11 +209,10 @@ def test_what_b_lacks_of_runs_and_trackers_is_wanting():
     a = source("a", rows(both, range(8)))
     found = compare(a, source("b", rows(("mmpf cvm",), range(3)), failed=3))
     assert found.wanting == (
-        "3 runs of b failed; mend them by --resume --retry-failed.",
+        "3 runs of b failed; make them again by --resume --retry-failed.",
         "b has no finished run of jpda, pmbm; choose one tracker by FOLDER@LABEL if that is meant.",
-        "mmpf cvm: b has only 3 of the 8 runs of a.",
+        "mmpf cvm: b lacks 5 of the 8 runs of a (us101, density 20: seeds 3 to 7).",
     )
-    assert found.notes[0] == "3 failed runs of b are left out."
     one = compare(source("a", rows(("x",))), source("b", rows(("y",))))
     assert one.wanting == ()
     assert {each.label for each in one.verdicts} == {"x to y"}
@@ -290,7 +299,7 @@ def test_a_grid_is_opened_whole_or_by_the_label_of_a_tracker(tmp_path):
     assert (found.axes, found.labels, len(found.rows)) == (("sensor.range_m", "mismatch"), ["mmpf cvm", "pmbm"], 3)
     assert not found.is_closed_loop
     one = open_source(f"{folder}@mmpf cvm", "baseline")
-    assert (one.name, one.labels, len(one.rows), one.failed) == (f"{folder}@mmpf cvm", ["mmpf cvm"], 2, 1)
+    assert (one.name, one.labels, len(one.rows), one.failed) == (f"{folder}@mmpf cvm", ["mmpf cvm"], 2, 0)
     assert unopened(f"{folder}@x") == f"`baseline`: {folder} has no tracker 'x'; choose one of mmpf cvm, pmbm"
     standard = grid_folder(tmp_path / "reference" / "standard")
     assert open_source(str(tmp_path / "reference"), "baseline").folder == standard
@@ -327,7 +336,8 @@ RUN = {"net": "us101", "density": None, "demand": "light", "seed": 3, "tracker":
 
 
 def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.analysis.sources.runfolder.read_manifest", lambda folder, parameter: None)
+    monkeypatch.setattr("harness.analysis.sources.runfolder.read_manifest", lambda folder, parameter: {})
+    (tmp_path / "config.toml").write_text("")
     metrics = tmp_path / "metrics.json"
     missing = f"`baseline`: {metrics} is missing or broken; make the run again"
     assert unopened(tmp_path) == missing

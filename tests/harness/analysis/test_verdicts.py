@@ -101,7 +101,7 @@ def test_equal_runs_are_no_worse_however_few():
 
 def test_one_seed_decides_nothing_however_large_the_difference():
     (verdict,) = judged(arms(ERROR, np.array([1.0]), np.array([50.0])))
-    assert (verdict.verdict, verdict.wanting) == (UNDECIDED, "too few independent units to tell the scatter")
+    assert (verdict.verdict, verdict.wanting) == (UNDECIDED, "too few to tell")
 
 
 def test_differences_that_are_all_equal_pass_for_certain_only_where_there_are_many():
