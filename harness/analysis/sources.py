@@ -21,7 +21,7 @@ from harness.scoring.metrics.registry import is_from_outside
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.grid_rows import flattened
-from harness.storage.manifest import check_unedited
+from harness.storage.manifest import check_unedited, manifest_of
 from harness.storage.schema import MISMATCH, RECORDING
 
 STANDARD = "standard"
@@ -98,22 +98,13 @@ def _open_grid(name: str, folder: Path, parameter: str) -> Source:
         settings = settings_of_grid(asked)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, InputError):
         raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
-    manifest = _manifest_of(folder)
+    manifest = manifest_of(folder)
     check_unedited(folder, manifest, parameter)
     axes = (*(word.partition("=")[0].strip() for word in vary), *((MISMATCH,) if MISMATCH in table else ()))
     _check_rows(done, table, axes, folder / RUNS, parameter)
     lost = table[~table["succeeded"].astype(bool)].assign(succeeded=True)
     labels = tuple(labelled(lost)["label"]) if len(lost) else ()
     return Source(name, folder, done, len(lost), False, axes, labels, settings, manifest)
-
-
-def _manifest_of(folder: Path) -> dict[str, Any]:
-    """Return the manifest of a grid; empty where it has none: a baseline may be a table of runs alone."""
-    try:
-        manifest = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return manifest if isinstance(manifest, dict) else {}
 
 
 def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], path: Path, parameter: str) -> None:

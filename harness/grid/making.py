@@ -14,13 +14,14 @@ from harness.common.errors import RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
-from harness.grid.cells import Cell, Grid
+from harness.grid.cells import Cell, Grid, distinct_trackers
 from harness.grid.pool import OnRow
+from harness.running.provenance import model_files, other_code, own_code, provenance_of
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS, check_same_grid, open_grid_folder
 from harness.storage.grid_rows import Row, read_rows, write_row
-from harness.storage.manifest import RunFacts, write_manifest
+from harness.storage.manifest import CODE, INPUTS, RunFacts, hashes_of, manifest_of, write_manifest
 
 SUMMARY, TABLE = "summary.json", "table.md"
 
@@ -106,13 +107,17 @@ def make_rows(
     with open_grid_folder(out, resume, making.kind) as rows_folder, stopped:
         check_same_grid(out, rows_folder, {run.key for run in grid.runs})
         there = read_rows(rows_folder, (run.key for run in grid.runs))
-        done |= {key: row for key, row in there.items() if row["succeeded"] or not retry_failed}
-        versions = _versions(out)
+        before = manifest_of(out)
+        stale = _drop_stale(grid, there, before, rows_folder, user)
+        done |= {key: row for key, row in there.items() if key not in stale and (row["succeeded"] or not retry_failed)}
         _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
-        if done and versions != _versions(out):
+        if done and (changed := _changed(before, manifest_of(out))):
             user.warn(
-                f"the {len(done)} runs that {out} holds were made by another version of the software; is that meant?"
+                f"the {len(done)} runs that {out} holds were made by another version of the software ({changed}); is "
+                "that meant?"
             )
+        if resume:
+            user.tell(f"{len(done)} runs are kept, {len(grid.runs) - len(done)} are made")
         write_text(out / GRID, json.dumps(making.table, indent=2) + "\n")
         cells = _rest_of(grid, done)
         # What was made of fewer runs goes.
@@ -159,13 +164,40 @@ def _ends_in_one_line(what: str, done: Mapping[str, Row], runs: int) -> Iterator
 
 
 def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
-    write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, grid.cells[0].config.seed, runs))
+    code, inputs = provenance_of(distinct_trackers(grid))
+    files = hashes_of(out) if status == runfolder.COMPLETE else {}
+    seed = grid.cells[0].config.seed
+    write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, seed, runs, inputs, code=code, files=files))
 
 
-def _versions(out: Path) -> Any:  # noqa: ANN401
-    """Return what made the folder's runs, as far as its manifest tells."""
-    try:
-        manifest = json.loads((out / runfolder.MANIFEST).read_text(encoding="utf-8"))
-        return manifest["git_revision"], manifest["versions"]
-    except (OSError, ValueError, KeyError):
-        return None
+def _drop_stale(
+    grid: Grid, there: Mapping[str, Row], before: Mapping[str, Any], rows_folder: Path, user: Telling
+) -> set[str]:
+    """Remove the rows whose tracker's own module or model file is another now, say so, and return their keys."""
+    noted = dict(before.get(CODE) or {}) | dict(before.get(INPUTS) or {})
+    stale: dict[str, set[str]] = {}
+    for config in distinct_trackers(grid):
+        for name, digest in (other_code(config) | model_files(config)).items():
+            if noted.get(name, digest) != digest:
+                keys = {run.key for run in grid.runs if run.config.tracker == config.tracker and run.key in there}
+                stale.setdefault(name, set()).update(keys)
+    for name, keys in stale.items():
+        user.warn(f"{name} has changed since {len(keys)} runs by it were made; they are made again")
+    every = {key for keys in stale.values() for key in keys}
+    for key in every:
+        (rows_folder / f"{key}.json").unlink(missing_ok=True)
+    return every
+
+
+def _changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+    """Return in words what of the software that made a folder's runs is another now; empty where nothing is."""
+    names = []
+    for table in ("versions", CODE):
+        old, new = (dict(side.get(table) or {}) for side in (before, after))
+        # The rows by the user's own modules that are others now are gone.
+        known = own_code() if table == CODE else new
+        names += [name for name in known if name in old and old[name] != new[name]]
+    if not before:
+        return "it is not known which"
+    same = before.get("git_revision") == after.get("git_revision")
+    return ", ".join(names) or ("" if same or before.get(CODE) else "revision")

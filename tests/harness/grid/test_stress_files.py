@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
+import mmpf
+from harness.analysis.curves import labelled
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.grid import stress
@@ -182,16 +186,63 @@ def test_failed_runs_are_made_again_only_where_that_is_asked_for(retry, again, t
     assert told.summary["failed"] == 1 - again
 
 
-@pytest.mark.parametrize("changed", [{"git_revision": "abc"}, {"versions": {"numpy": "0"}}, None])
-def test_runs_of_another_version_are_warned_of(changed, tmp_path):
+@pytest.mark.parametrize(("changed", "what"), [
+    ({"versions": {"numpy": "0"}}, "numpy"),
+    ({"code_sha256": {"mmpf": "0", "harness/truth": "1"}}, "mmpf, harness/truth"),
+    ({"code_sha256": {}, "git_revision": "abc"}, "revision"), (None, "it is not known which"),
+])  # fmt: skip
+def test_runs_of_another_version_are_warned_of(changed, what, tmp_path):
     out, said = tmp_path / "out", []
     stopped(out, 3)
     run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
-    assert said == []
+    assert said == ["3 runs are kept, 5 are made"]
     manifest = json.loads((out / "manifest.json").read_text())
     (out / "manifest.json").write_text("no more" if changed is None else json.dumps(manifest | changed))
     run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
-    assert said == [f"warned the 8 runs that {out} holds were made by another version of the software; is that meant?"]
+    assert said[1:] == [
+        f"warned the 8 runs that {out} holds were made by another version of the software ({what}); is that meant?",
+        "8 runs are kept, 0 are made",
+    ]
+
+
+MODULE = """
+from tests.harness.stand_ins import echo_tracker
+make = echo_tracker
+"""
+
+
+def test_only_the_runs_of_a_tracker_whose_module_changed_are_made_again_and_that_is_said(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    module = tmp_path / "my_changing_tracker.py"
+    module.write_text(MODULE)
+    request = replace(REQUEST, trackers="mmpf,my_changing_tracker:make")
+    out, said, again = tmp_path / "out", [], MadeUp()
+    run_stress(request, out, MadeUp())
+    module.write_text(MODULE + "# confirmed after two detections\n")
+    run_stress(request, out, again, resume=True, user=telling(said))
+    assert {run.variant for cell in again.cells for run in cell.runs} == {"my_changing_tracker:make"}
+    assert said == [
+        "warned my_changing_tracker has changed since 4 runs by it were made; they are made again",
+        "4 runs are kept, 4 are made",
+    ]
+    run_stress(request, out, MadeUp(), resume=True, user=telling(said))
+    assert said[2:] == ["8 runs are kept, 0 are made"]
+
+
+def test_a_fitted_model_is_part_of_a_runs_label_and_of_what_is_made_again(tmp_path):
+    file = tmp_path / "keeping.npz"
+    shutil.copyfile(next(Path(mmpf.__path__[0]).rglob("lane_keeping.npz")), file)
+    request = replace(REQUEST, trackers="mmpf", models="gmm", settings=(f"tracker.model_file={file}",))
+    out, said, again = tmp_path / "out", [], MadeUp()
+    run_stress(request, out, MadeUp())
+    (label,) = set(labelled(pd.read_parquet(out / "runs.parquet"))["label"])
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    assert label == f"mmpf gmm keeping.npz {digest[:8]}"
+    assert json.loads((out / "manifest.json").read_text())["inputs_sha256"] == {"keeping.npz": digest}
+    file.write_bytes(file.read_bytes() + b" ")
+    run_stress(request, out, again, resume=True, user=telling(said))
+    assert len(again.cells) == 4
+    assert said[0] == "warned keeping.npz has changed since 4 runs by it were made; they are made again"
 
 
 def test_a_grid_without_runs_warns_of_no_other_version(tmp_path):
@@ -199,7 +250,7 @@ def test_a_grid_without_runs_warns_of_no_other_version(tmp_path):
     stopped(out, 0)
     (out / "manifest.json").write_text("{}")
     run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
-    assert said == []
+    assert said == ["0 runs are kept, 8 are made"]
 
 
 @pytest.mark.parametrize(
