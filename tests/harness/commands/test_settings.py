@@ -117,14 +117,6 @@ def test_the_command_prints_rows_as_json(capsys: pytest.CaptureFixture[str]) -> 
     }
 
 
-def test_the_command_prints_each_group_under_its_path(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command_line(["settings", "merging"]) == 0
-    out = capsys.readouterr().out
-    heading = out.index("tracker.options.joint.merging")
-    assert "lon_m" in out[heading:]
-    assert "2.5" in out[heading:]
-
-
 def test_the_command_tells_in_one_line_that_there_is_no_such_setting(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command_line(["settings", "nonsense"]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

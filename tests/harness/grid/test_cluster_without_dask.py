@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 import sys
 from types import SimpleNamespace
 
 import pytest
 
 from harness.common.errors import InputError, RunError
-from harness.grid import cluster
 from harness.grid.cluster import CONNECT_S, MEND, connect, run_cell, run_cells_on_cluster
 from harness.grid.grid import GridRequest, plan_grid
 
@@ -92,28 +90,6 @@ def test_a_lost_scheduler_ends_all_in_one_line_that_says_how_to_go_on(how, word)
     assert str(caught.value) == f"the connection to the cluster's scheduler was lost{word}; {MEND}"
     assert [row["seed"] for row in rows.values()] == [2, 2]
     assert client.cancelled == client.tasks[:2]
-
-
-def test_a_task_runs_its_cell_in_one_process_of_its_own(monkeypatch):
-    asked = []
-
-    def run_cells(cells, workers, timeout_s, on_row) -> None:
-        asked.append((cells, workers, timeout_s))
-        for key in "ab":
-            on_row(key, {"of": key})
-
-    monkeypatch.setattr(cluster, "run_cells", run_cells)
-    assert run_cell(CELLS[1], 7.0) == [("a", {"of": "a"}), ("b", {"of": "b"})]
-    assert asked == [([CELLS[1]], 1, 7.0)]
-
-
-def test_a_connection_is_nobodys_default_and_its_log_is_silent(distributed):
-    distributed.Client = lambda address, **options: (address, options)
-    logging.getLogger("distributed.made.up").setLevel(logging.INFO)
-    logging.getLogger("other.made.up").setLevel(logging.INFO)
-    assert connect("tcp://h:1") == ("tcp://h:1", {"timeout": CONNECT_S, "set_as_default": False})
-    levels = [logging.getLogger(f"{name}.made.up").level for name in ("distributed", "other")]
-    assert levels == [logging.CRITICAL, logging.INFO]
 
 
 @pytest.mark.parametrize(("error", "told"), [(OSError("timed\n out"), "timed out"), (ValueError(), "ValueError")])

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from types import SimpleNamespace
 
 import pytest
 
@@ -96,29 +93,6 @@ def test_every_run_is_told_once_and_a_single_worker_does_the_cells_in_their_orde
         (seed, variant) for seed in range(5) for variant in (ECHO, f"{ECHO}+gain=2")
     ]
     assert [(worker.cells, worker.killed) for worker in made] == [(5, 1)]
-
-
-def test_a_worker_is_a_python_of_one_thread_that_knows_the_same_modules(played):
-    made = played(well)
-    rows_of(CELLS[:1], 3, None, worker_module="some.module")
-    (worker,) = made
-    assert worker.command == [sys.executable, "-c", "from some.module import main; main()", worker.command[3]]
-    asked = dict(worker.options)
-    assert asked.pop("pass_fds") == [int(worker.command[3])]
-    assert isinstance(asked.pop("stderr"), io.IOBase)
-    environment = asked.pop("env")
-    assert environment == os.environ | {
-        "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),
-        **{f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "NUMEXPR")},
-    }
-    quiet = subprocess.DEVNULL
-    assert asked == {"stdin": quiet, "stdout": quiet, "start_new_session": True}
-
-
-def test_workers_of_a_grid_run_the_worker_module(played):
-    made = played(well)
-    rows_of(CELLS[:1], 1, None)
-    assert made[0].command[2] == "from harness.grid.worker import main; main()"
 
 
 def test_there_are_as_many_workers_as_asked_for_and_never_more_than_cells(played):
@@ -233,12 +207,3 @@ def test_an_error_of_who_takes_the_rows_ends_all_workers(played):
     with pytest.raises(OSError, match="full"):
         run_cells(CELLS, 2, None, full)
     assert [worker.killed for worker in made] == [1] * len(made)
-
-
-def test_the_pool_waits_until_the_next_deadline_and_never_long(monkeypatch):
-    monkeypatch.setattr(pool, "monotonic", lambda: 100.0)
-
-    def patience(*deadlines) -> float:
-        return pool._patience([SimpleNamespace(deadline=each) for each in deadlines])
-
-    assert (patience(), patience(None, 102.0), patience(300.0, 103.0), patience(99.0, 102.0)) == (5.0, 2.0, 3.0, 0.0)

@@ -71,12 +71,9 @@ def test_a_row_holds_what_a_single_run_writes(tmp_path):
     ("arguments", "complaint"),
     [
         (["--vary", "sensor.rnge_m=40:160:20"], "--vary: sensor.rnge_m: no such setting"),
-        (["--vary", "sensor.range_m=-5:5:5"], "--vary: sensor.range_m"),
         (["--densities", "65:5:10"], "--densities 65:5:10"),
         (["--trackers", "mmpf,nonsense"], "--trackers nonsense: unknown; choose one of"),
-        (["--models", "nonsense"], "unknown motion model 'nonsense'; known are"),
         (["--net", "nonsense"], "--net nonsense: no such network"),
-        (["--demands", "nonsense"], "no such demand"),
         (["--scheduler", "tcp://host:1", "--workers", "2"], "--workers"),
     ],
 )

@@ -107,22 +107,6 @@ def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn)
     assert runs["density"].dtype == runs["mot.hota"].dtype == "float64"
 
 
-def test_each_varied_axis_has_a_figure_and_a_failed_run_is_told_with_its_place_on_it(tmp_path, drawn):
-    request = GridRequest(
-        densities="20",
-        seeds="1",
-        trackers="mmpf",
-        models="cvm",
-        vary=("sensor.range_m=40,80.5", "tracker.particles=50,60"),
-    )
-    bad = plan_grid(request).runs[3]
-    finished = run_stress(request, tmp_path / "out", MadeUp(bad.key))
-    assert [path.name for _, _, path in drawn] == ["over_sensor_range_m.png", "over_tracker_particles.png"]
-    assert finished.failures == [
-        "net us101, density 20.0, variant mmpf, model cvm, seed 0, sensor.range_m=80.5, tracker.particles=60: it broke"
-    ]
-
-
 def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
     request = GridRequest(densities="20", seeds="1", trackers="detections", mismatch=True)
     bad = plan_grid(request).runs[1]
@@ -309,16 +293,6 @@ def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
     said: list = []
     stress._check_recordings(SimpleNamespace(cells=runs), said.append)
     assert (opened, said) == (files, ["read a.csv", "read b.csv"])
-
-
-def test_a_network_that_brings_its_own_traffic_takes_no_densities(monkeypatch):
-    own = SimpleNamespace(name="mine", configuration="x.sumocfg", demand=lambda name: None)
-    monkeypatch.setattr("harness.grid.stress.load_network", lambda name: own)
-    for asked in ({"densities": "20"}, {"demands": "any"}):
-        with pytest.raises(
-            InputError, match=r"^`densities`: mine brings its own demand; leave densities and demands out$"
-        ):
-            stress.check_grid(plan_grid(GridRequest(seeds="1", **asked)), str)
 
 
 def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(whole, tmp_path):
