@@ -1,4 +1,4 @@
-"""Starts ``run``, ``stress``, ``reference`` and ``drive``, ends them at a random moment, and looks at what is left."""
+"""Starts ``run``, ``stress`` and ``drive``, ends them at a random moment, and looks at what is left."""
 
 from __future__ import annotations
 
@@ -19,10 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.lab.reference.catalogue import FOLDER
-from harness.lab.reference.catalogue import TABLES as TABLES_OF_REFERENCES
-from harness.lab.reference.making import MAKING
-from harness.lab.reference.tree import SOURCES
+from tests.harness.grid.executors import is_timing, table_of
 
 REPOSITORY = Path(__file__).parents[2]
 RUN = ("run", "--density", "10", "--duration", "2", "--particles", "20", "--seed", "3", "--quiet")
@@ -35,7 +32,6 @@ DRIVE = (
     *("--quiet", "--resume"),
 )
 WORKERS = ("--workers", "2")
-REFERENCE = "small-grid"
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 EXIT_CODES = {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}
 TABLES = ("truth", "detections", "tracks")
@@ -54,8 +50,8 @@ class Kill:
     """One kill.
 
     Attributes:
-        command: ``run``, ``stress`` (on two workers of this machine), ``reference`` (which runs the same grid within a
-            source tree of its own) or ``dask`` (``stress`` on two of a cluster).
+        command: ``run``, ``stress`` and ``drive`` (on two workers of this machine), or ``dask`` (``stress`` on two of a
+            cluster).
         signal: What ended it.
         after_s: When, after its start.
         outcome: What was there at that moment, in words.
@@ -84,19 +80,17 @@ def kill_often(
         seed: Root of the moments and signals.
         folder: An empty folder.
         tell: Called after each kill.
-        dask: Whether every fourth of five is a grid on a cluster.
+        dask: Whether one of four is a grid on a cluster.
     """
     draw = random.Random(seed)
     with cluster(folder) if dask else nullcontext() as scheduler:
-        grid = _KilledGrid(folder, "stress", (*STRESS, *WORKERS))
         makers: list[Callable[[], _Killed]] = [
             lambda: _KilledRun(folder),
-            lambda: grid,
-            lambda: _KilledReference(folder, grid),
+            lambda: _KilledGrid(folder, "stress", (*STRESS, *WORKERS)),
             lambda: _KilledGrid(folder, "drive", (*DRIVE, *WORKERS)),
         ]
         if scheduler is not None:
-            makers.insert(3, lambda: _KilledGrid(folder, "dask", (*STRESS, "--scheduler", scheduler)))
+            makers.insert(2, lambda: _KilledGrid(folder, "dask", (*STRESS, "--scheduler", scheduler)))
         targets = [make() for make in makers[:kills]]
         done: list[Kill] = []
         for number in range(kills):
@@ -142,8 +136,6 @@ def cluster(folder: Path) -> Iterator[str]:
 class _Killed:
     """A command that is killed, beside a copy of it that never was."""
 
-    tree = REPOSITORY
-
     def __init__(self, folder: Path, name: str, command: tuple[str, ...]) -> None:
         self.name, self.command = name, command
         self.whole, self.out = folder / f"whole-{name}", folder / f"killed-{name}"
@@ -157,7 +149,7 @@ class _Killed:
         mark = uuid.uuid4().hex
         process = subprocess.Popen(
             self._words(self.out),
-            cwd=self.tree,
+            cwd=REPOSITORY,
             stderr=subprocess.PIPE,
             text=True,
             env={**os.environ, "KILL_MARK": mark},
@@ -253,56 +245,6 @@ class _KilledGrid(_Killed):
         return faults
 
 
-class _KilledReference(_KilledGrid):
-    def __init__(self, folder: Path, grid: _KilledGrid) -> None:
-        self.name, self.command = "reference", ("reference", REFERENCE, *WORKERS, "--quiet")
-        self.tree = source_tree(folder / "tree")
-        self.out, self.kept = self.tree / MAKING / REFERENCE, self.tree / FOLDER / REFERENCE
-        self.whole, self.rows, self.kills = grid.whole, grid.rows, 0
-        subprocess.run(self._words(self.out), cwd=self.tree, check=True)
-        self.whole_kept = self.kept.rename(folder / "whole-reference")
-        shutil.rmtree(self.out)
-        self.lasts_s = grid.lasts_s
-
-    def look(self, kill: Kill) -> str:
-        outcome = super().look(kill)
-        changed = subprocess.run(
-            ["git", "status", "--porcelain"], cwd=self.tree, capture_output=True, check=True
-        ).stdout
-        left = [line[3:] for line in changed.decode().splitlines() if not line[3:].startswith(FOLDER.as_posix())]
-        kill.faults += [f"{path} was left in the source tree" for path in left]
-        return outcome
-
-    def finish(self) -> list[str]:
-        self.kills = 0
-        subprocess.run(self._words(self.out), cwd=self.tree, check=True)
-        faults = differences(self.out, self.whole) + differences(self.kept, self.whole_kept)
-        shutil.rmtree(self.out)
-        shutil.rmtree(self.kept)
-        return faults
-
-    def _words(self, out: Path) -> list[str]:
-        return [sys.executable, "-m", "harness", *self.command]
-
-
-def source_tree(folder: Path) -> Path:
-    """Copy the sources with their compiled kernels into a repository of its own with one reference, a small grid."""
-    for name in SOURCES:
-        source = REPOSITORY / name
-        if source.is_dir():
-            shutil.copytree(source, folder / name)
-        else:
-            shutil.copy2(source, folder / name)
-    shutil.copy2(REPOSITORY / ".gitignore", folder)
-    (folder / TABLES_OF_REFERENCES).parent.mkdir(parents=True)
-    words = [word for word in STRESS if word not in ("--quiet", "--resume")]
-    (folder / TABLES_OF_REFERENCES).write_text(f"[{REFERENCE}]\nabout = ''\ncommand = '{' '.join(words)}'\n")
-    git = ("git", "-c", "user.name=a", "-c", "user.email=a@example.org")
-    for step in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "Sources"]):
-        subprocess.run([*git, *step], cwd=folder, check=True)
-    return folder
-
-
 def differences(folder: Path, whole: Path) -> list[str]:
     """Return in what a finished grid differs from one that was never ended, wall times aside."""
     faults = [] if table_of(folder).equals(table_of(whole)) else ["runs.parquet differs"]
@@ -314,17 +256,6 @@ def differences(folder: Path, whole: Path) -> list[str]:
 def row_of(path: Path) -> dict[str, Any]:
     """Return a row without what differs between two runs of the same thing: wall times."""
     return {name: value for name, value in json.loads(path.read_text()).items() if not is_timing(name)}
-
-
-def table_of(folder: Path) -> pd.DataFrame:
-    """Return a grid's table without wall times."""
-    table = pd.read_parquet(folder / "runs.parquet")
-    return table[[name for name in table if not is_timing(str(name))]]
-
-
-def is_timing(name: str) -> bool:
-    """Whether a column holds wall time."""
-    return name == "total_s" or (name.startswith("timing.") and name != "timing.steps")
 
 
 def orphans(mark: str) -> Iterable[str]:

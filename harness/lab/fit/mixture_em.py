@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.mixture import GaussianMixture
 
 from mmpf.motion.gmm.conditional import ConditionalGmm
 from mmpf.motion.gmm.kernel import Scaling
@@ -100,9 +102,6 @@ def _expectation_maximisation(
 def _fitted(
     samples: FloatArray, components: int, seed: int, iterations: int, start: GaussianMixture | None = None
 ) -> GaussianMixture:
-    from sklearn.exceptions import ConvergenceWarning  # noqa: PLC0415
-    from sklearn.mixture import GaussianMixture  # noqa: PLC0415
-
     begun = {} if start is None else _as_start(start)
     model = GaussianMixture(
         components, covariance_type="full", reg_covar=REGULARISATION, max_iter=iterations, random_state=seed, **begun

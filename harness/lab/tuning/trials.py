@@ -12,6 +12,7 @@ import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -163,12 +164,11 @@ def load_optuna() -> Any:  # noqa: ANN401
         InputError: It is not installed.
     """
     try:
-        import optuna  # noqa: PLC0415
+        return import_module("optuna")
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "optuna":
             raise
         raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'") from None
-    return optuna
 
 
 def _kept(keys: Sequence[str], rng: np.random.Generator) -> set[str]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import shapely
+from shapely.ops import substring
 
 from harness.common.errors import InputError
 from harness.truth.recorded.lanelets import Lanelet
@@ -159,9 +161,6 @@ def _at_shares(lanelet: Lanelet) -> FloatArray:
 
 def _crossings(lines: Sequence[FloatArray]) -> list[set[int]]:
     """Return for each lane the others that cross it, ends left out."""
-    import shapely  # noqa: PLC0415  (heavy)
-    from shapely.ops import substring  # noqa: PLC0415
-
     inner = [substring(shapely.LineString(line), min(ENDS_M, 0.4 * _length(line)), -ENDS_M) for line in lines]
     one, other = shapely.STRtree(inner).query(inner, predicate="intersects")
     found: list[set[int]] = [set() for _ in lines]
@@ -231,8 +230,6 @@ def _control(chosen: Sequence[Lanelet], graph: LaneGraph, crossed: Sequence[set[
 
 def _middle(lanelet: Lanelet) -> FloatArray:
     """Return a lanelet's middle line without points that it would not miss by more than 5 cm, shape (p, 2)."""
-    import shapely  # noqa: PLC0415  (heavy)
-
     line = shapely.simplify(shapely.LineString(lanelet.centre_xy()), STRAIGHT_WITHIN_M)
     points = shapely.get_coordinates(shapely.segmentize(line, LONGEST_PIECE_M))
     steps = np.hypot(*np.diff(points, axis=0).T)

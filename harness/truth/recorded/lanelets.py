@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray
@@ -173,8 +174,6 @@ def _smoothed(line: FloatArray) -> FloatArray:
 
 def _simplified(line: FloatArray) -> FloatArray:
     """Keep the points without which the line would move by more than 5 cm (Douglas and Peucker 1973)."""
-    import shapely  # noqa: PLC0415  (heavy)
-
     return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(line), STRAIGHT_WITHIN_M)))
 
 
