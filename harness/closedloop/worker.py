@@ -11,11 +11,12 @@ import ctypes
 import os
 import pickle
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -23,10 +24,11 @@ from harness.closedloop.episode import drive
 from harness.closedloop.handover import HandOver, hand_overs
 from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
-from harness.common.errors import RunError
+from harness.common.errors import InputError, RunError
+from harness.common.isolation import DIES_WITH_PARENT, Limits, streamed
 from harness.grid.cells import Cell
 from harness.grid.result_rows import failed_row, finished_row
-from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Report, Started, serve
+from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Message, Report, Started, serve
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.looks import Looks, Streams
 from harness.scoring.metrics.closedloop import NO_CANDIDATE
@@ -34,30 +36,53 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_rows import Row
-from harness.truth.network.network import load_network
+from harness.truth.network.network import is_in_the_box, load_network
 from harness.truth.sumo.planetruth import PlaneTruth
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 
 T = TypeVar("T")
-DIES_WITH_PARENT = 1
-"""Linux' PR_SET_PDEATHSIG."""
+DRIVING = Limits(memory_bytes=8 << 30, cpu_s=120, file_bytes=8 << 30, may_fork=True)
+"""Of a cell on a network from elsewhere, whose trackers are in its process."""
 REHEARSED_STEPS = 3
 CHOICES = 9
 """Stream of the choices between candidates."""
 
 
 def work_on_cell(cell: Cell, report: Report) -> None:
-    """Drive all episodes of a seed by all beliefs; failures are rows.
+    """Drive all episodes of a seed by all beliefs, on a network from elsewhere in a fork of few rights.
 
     Args:
         cell: The drives.
-        report: Called with what happens, in order.
+        report: Called with what happens, in order; failures are rows.
     """
+    net, begin = cell.config.traffic.net, perf_counter()
+    if is_in_the_box(net):
+        _work_on(cell, report, lambda: None)
+        return
+    left = {run.key: run for run in cell.runs if isinstance(run, PlannedDrive)}
+    try:
+        with TemporaryDirectory(prefix="harness-sumo-") as scratch:
+            folders = [Path(scratch), *([] if cell.keep_in is None else [cell.keep_in.absolute()])]
+            folders[-1].mkdir(parents=True, exist_ok=True)
+            told: Generator[Message] = streamed(
+                lambda send: _work_on(cell, send, lambda: send(None)), f"`net`: {net}", DRIVING, folders
+            )
+            for message in told:
+                report(message)
+                if isinstance(message, Finished):
+                    left.pop(message.key, None)
+    except (InputError, RunError) as error:
+        for run in left.values():
+            report(Finished(run.key, failed_row(run, str(error), perf_counter() - begin)))
+        report(CellDone())
+
+
+def _work_on(cell: Cell, report: Callable[[Any], None], on_step: Callable[[], None]) -> None:
     report(Started(CELL))
     begin = perf_counter()
     left = {run.key: run for run in cell.runs if isinstance(run, PlannedDrive)}
     try:
-        with opened(cell) as traffic:
+        with opened(cell, on_step) as traffic:
             for at in _episodes(traffic, cell):
                 kind = at if isinstance(at, str) else at.kind
                 for run in [each for each in left.values() if each.kind == kind]:
@@ -72,7 +97,7 @@ def work_on_cell(cell: Cell, report: Report) -> None:
 
 
 @contextmanager
-def opened(cell: Cell) -> Iterator[Traffic]:
+def opened(cell: Cell, on_step: Callable[[], None] = lambda: None) -> Iterator[Traffic]:
     """Yield the warmed-up traffic of a cell, and end it."""
     config = cell.config
     network = load_network(config.traffic.net)
@@ -84,6 +109,7 @@ def opened(cell: Cell) -> Iterator[Traffic]:
         ego=False,
         broken_down=config.traffic.broken_down,
         flow_mps=flow_of(cell),
+        on_step=on_step,
     )
     try:
         assert isinstance(truth, SumoTruth | PlaneTruth)

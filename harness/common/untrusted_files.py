@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import io
 import math
 import os
 import stat
@@ -18,7 +17,7 @@ from harness.common.errors import InputError
 MB = 1 << 20
 LONGEST_NAME_BYTES = 255
 GZIP = b"\x1f\x8b"
-MOST_SETTINGS_BYTES, MOST_JSON_BYTES, MOST_TABLE_BYTES = 4 * MB, 64 * MB, 4096 * MB
+MOST_TEXT_BYTES = 16 * MB
 
 
 def checked_path(path: Path, parameter: str) -> Path:
@@ -40,33 +39,43 @@ def checked_path(path: Path, parameter: str) -> Path:
     return path
 
 
-def check_file(path: Path, most_bytes: int, parameter: str | None = None) -> None:
-    """Refuse what is there but is no ordinary file, such as a pipe, which would never end, and what is too large.
+def check_file(path: Path, parameter: str | None = None) -> None:
+    """Refuse what is there but is no ordinary file, such as a pipe, which would never end.
 
     A file that is missing passes: whoever reads it says so in words of its own.
 
     Args:
         path: The file.
-        most_bytes: How large it may be.
         parameter: Parameter that named it, for the message; None where the file alone is named.
 
     Raises:
-        InputError: It is a pipe, a device or a socket, larger than that, or can't be looked at.
+        InputError: It is a pipe, a device or a socket, or can't be looked at.
     """
     place = f"`{parameter}`: {path}" if parameter else str(path)
-    checked_path(path, parameter or "file")
     try:
-        found = path.stat()
+        kind = checked_path(path, parameter or "file").stat().st_mode
     except FileNotFoundError:
         return
     except OSError as error:
         raise InputError(f"{place}: can't be read: {error.strerror}; choose another file") from None
-    if stat.S_ISDIR(found.st_mode):
-        raise InputError(f"{place} is a folder; give a file")
-    if not stat.S_ISREG(found.st_mode):
-        raise InputError(f"{place} is a pipe or a device; give an ordinary file")
-    if found.st_size > most_bytes:
-        raise InputError(f"{place} has {found.st_size / MB:.0f} MB; at most {most_bytes / MB:.0f} MB are read")
+    if not stat.S_ISREG(kind):
+        what = "folder; give a file" if stat.S_ISDIR(kind) else "pipe or a device; give an ordinary file"
+        raise InputError(f"{place} is a {what}")
+
+
+def read_text(path: Path, parameter: str | None = None) -> str:
+    """Return the text of a file of settings or results.
+
+    Raises:
+        InputError: It is no ordinary file, or larger than any that is written.
+        OSError: It can't be read.
+        ValueError: It is not UTF-8.
+    """
+    check_file(path, parameter)
+    if (size := path.stat().st_size) > MOST_TEXT_BYTES:
+        place = f"`{parameter}`: {path}" if parameter else str(path)
+        raise InputError(f"{place} has {size / MB:.0f} MB; at most {MOST_TEXT_BYTES / MB:.0f} MB are read")
+    return path.read_text(encoding="utf-8")
 
 
 def number(text: str) -> float:
@@ -85,43 +94,21 @@ def number(text: str) -> float:
 
 
 @contextmanager
-def unpacked(path: Path, most_bytes: int) -> Iterator[BinaryIO]:
+def unpacked(path: Path) -> Iterator[BinaryIO]:
     """Open a file that may be packed by gzip, whatever its name, for reading its content.
 
-    Args:
-        path: The file.
-        most_bytes: How much a packed file may hold.
-
     Raises:
-        InputError: On reading: it holds more than that, or is no whole gzip file.
+        InputError: On reading: it is no whole gzip file.
         OSError: It can't be opened.
     """
     with path.open("rb") as plain:
-        if plain.read(len(GZIP)) != GZIP:
-            plain.seek(0)
+        packed = plain.read(len(GZIP)) == GZIP
+        plain.seek(0)
+        if not packed:
             yield plain
             return
-        plain.seek(0)
-        with gzip.open(plain) as packed, io.BufferedReader(_Limited(packed, path, most_bytes)) as all_of:
-            yield cast("BinaryIO", all_of)
-
-
-class _Limited(io.RawIOBase):
-    """What is packed in a file, of which no more is read than allowed, however well it was compressed."""
-
-    def __init__(self, packed: gzip.GzipFile, path: Path, most_bytes: int) -> None:
-        self._packed, self._path, self._most_bytes, self._read = packed, path, most_bytes, 0
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: bytearray | memoryview) -> int:  # type: ignore[override]
         try:
-            part = self._packed.read(min(len(buffer), MB))
+            with gzip.open(plain) as content:
+                yield cast("BinaryIO", content)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise InputError(f"{self._path}: broken or truncated gzip: {error}") from None
-        self._read += len(part)
-        if self._read > self._most_bytes:
-            raise InputError(f"{self._path}: more than {self._most_bytes / MB:.0f} MB when unpacked")
-        buffer[: len(part)] = part
-        return len(part)
+            raise InputError(f"{path}: broken or truncated gzip: {error}") from None

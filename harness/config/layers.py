@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file
+from harness.common.untrusted_files import read_text
 from harness.config.model import DEFAULT_TRACKER, RunConfig
 from harness.config.options import keys_of_options
 from mmpf.options.base import fields_of
@@ -58,9 +58,8 @@ def table_of_file(path: Path) -> Table:
     Raises:
         InputError: It can't be read or is no TOML.
     """
-    check_file(path, MOST_SETTINGS_BYTES, "config")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path, "config"))
     except RecursionError:
         raise InputError(f"`config`: {path} is nested too deeply") from None
     except OSError as error:

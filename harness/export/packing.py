@@ -45,7 +45,7 @@ def check_replaceable_file(path: Path, element: str, force: bool) -> None:
     if not force:
         raise InputError(f"`out`: {path} exists; choose another file or add `force` to replace it")
     try:
-        with unpacked(path, 1 << 40) as file:
+        with unpacked(path) as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
         raise InputError(f"`out`: can't replace {path}: {error.strerror}; choose another file") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_TABLE_BYTES, check_file
+from harness.common.isolation import isolated
+from harness.common.untrusted_files import check_file, read_text
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
@@ -133,7 +135,11 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 
 def _last_step(truth: Path, parameter: str, most_rows: int) -> int | None:
     """Return the last step of the stretches that are read; None if these are all, or if the table is no run's."""
-    check_file(truth, MOST_TABLE_BYTES, parameter)
+    check_file(truth, parameter)
+    return isolated(partial(_step_of_row, truth, most_rows), f"`{parameter}`: {truth}")
+
+
+def _step_of_row(truth: Path, most_rows: int) -> int | None:
     try:
         footer = pq.read_metadata(truth)
         step = footer.schema.names.index("step")
@@ -157,9 +163,8 @@ def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
         InputError: It is missing or broken.
     """
     path = folder / runfolder.METRICS
-    check_file(path, MOST_JSON_BYTES, parameter)
     try:
-        metrics = json.loads(path.read_text(encoding="utf-8"))
+        metrics = json.loads(read_text(path, parameter))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error}); make the run again") from None
     if not isinstance(metrics, dict):

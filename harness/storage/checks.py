@@ -1,4 +1,4 @@
-"""Reads tables of a run folder that may come from elsewhere: sizes first, from the file's own footer, then kinds."""
+"""Reads tables of a run folder that may come from elsewhere: unpacked apart, then checked for what they hold."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -14,11 +16,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MB, MOST_TABLE_BYTES, check_file
+from harness.common.isolation import Limits, isolated
+from harness.common.untrusted_files import check_file, read_text
 from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
 
-MOST_ROWS, MOST_COLUMNS, MOST_CELLS = 60_000_000, 5_000, 1_500_000_000
-LONGEST_TEXT = 2_000
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
@@ -30,49 +31,47 @@ class Until:
     last: int
 
 
-def read_parquet(path: Path, parameter: str, until: Until | None = None) -> pd.DataFrame:
-    """Return a table after checking how much it holds; texts are unpacked only when their lengths are known.
+def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: int | None = None) -> pd.DataFrame:
+    """Return a table, which is unpacked in a process of its own.
 
     Args:
         path: The file.
         parameter: Parameter that named it, for messages.
         until: The rows that are wanted; None for all.
+        noted: How many rows the run has written; None if that is not known.
 
     Raises:
-        InputError: It is no ordinary file, is of a version to come, has too many rows or columns, or columns of another
-            kind than numbers and texts.
+        InputError: It is no ordinary file, damaged or too large, of a version to come, has columns of another kind than
+            numbers and texts, or more or fewer rows than were written.
     """
-    check_file(path, MOST_TABLE_BYTES, parameter)
-    footer = pq.read_metadata(path)
-    _check_version(footer, f"`{parameter}`: {path}")
-    groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
-    rows, columns = sum(footer.row_group(group).num_rows for group in groups), footer.num_columns
-    if rows > MOST_ROWS or columns > MOST_COLUMNS or rows * columns > MOST_CELLS:
-        raise InputError(
-            f"`{parameter}`: {path} has {rows} rows of {columns} columns; at most {MOST_ROWS} rows are read, so make a "
-            "shorter run"
-        )
-    schema = pq.read_schema(path)
-    for field in schema:
-        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        if not (_is_number(kind) or _is_text(kind) or pa.types.is_null(kind)):
-            raise InputError(f"`{parameter}`: {path}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
-    texts = [field.name for field in schema if _is_text(field.type)]
-    if until is None:
-        table = pq.read_table(path, read_dictionary=texts)
-    else:
-        with pq.ParquetFile(path, read_dictionary=texts) as file:
-            table = file.read_row_groups(groups)
-        table = table.filter(pa.compute.less_equal(table[until.column], until.last))
-    for name in texts:
-        for chunk in table[name].chunks:
-            _check_texts(chunk, f"`{parameter}`: {path}: {name[:60]}")
-        place = table.schema.get_field_index(name)
-        table = table.set_column(place, name, table[name].cast(pa.string()))
-    if table.nbytes > MOST_TABLE_BYTES:
-        raise InputError(f"`{parameter}`: {path} has {table.nbytes / MB:.0f} MB when unpacked; make a shorter run")
-    frame: pd.DataFrame = table.to_pandas()
+    check_file(path, parameter)
+    place = f"`{parameter}`: {path}"
+    limits = Limits.for_files([path])
+    frame: pd.DataFrame = isolated(partial(_table, path, place, until, noted), place, limits).to_pandas()
     return frame
+
+
+def _table(path: Path, place: str, until: Until | None, noted: int | None) -> pa.Table:
+    try:
+        with pq.ParquetFile(path, pre_buffer=False) as file:
+            footer, schema = file.metadata, file.schema_arrow
+            _check_version(footer, place)
+            if noted is not None and footer.num_rows != noted:
+                raise InputError(
+                    f"{place} has {footer.num_rows} rows, the run wrote {str(noted)[:20]}; make the run again, or take "
+                    "rows out of manifest.json if you meant that"
+                )
+            for field in schema:
+                kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+                if not (_is_number(kind) or _is_text(kind) or pa.types.is_null(kind)):
+                    raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
+            groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
+            table = file.read_row_groups(groups, use_threads=False)
+    except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError) as error:
+        if isinstance(error, MemoryError):
+            raise
+        raise InputError(f"{place} is truncated or damaged; make the run again") from None
+    return table if until is None else table.filter(pa.compute.less_equal(table[until.column], until.last))
 
 
 def groups_until(footer: pq.FileMetaData, until: Until) -> list[int]:
@@ -136,22 +135,12 @@ def rows_of(folder: Path) -> dict[str, int]:
     return {path.name: pq.read_metadata(path).num_rows for path in sorted(folder.glob("*.parquet"))}
 
 
-def check_rows(path: Path, manifest: Path, parameter: str) -> None:
-    """Refuse a table with more or fewer rows than the manifest has noted; one that noted none says nothing.
-
-    Raises:
-        InputError: It has.
-    """
+def rows_noted(manifest: Path, name: str) -> int | None:
+    """Return how many rows of a table a manifest has noted; None where it has noted none."""
     try:
-        noted = json.loads(manifest.read_text(encoding="utf-8"))["rows"][path.name]
+        return cast("int | None", json.loads(read_text(manifest))["rows"][name])
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return
-    rows = pq.read_metadata(path).num_rows
-    if rows != noted:
-        raise InputError(
-            f"`{parameter}`: {path} has {rows} rows, the run wrote {str(noted)[:20]}; make the run again, or take rows "
-            f"out of {manifest.name} if you meant that"
-        )
+        return None
 
 
 @contextmanager
@@ -189,10 +178,3 @@ def _is_number(kind: pa.DataType) -> bool:
 
 def _is_text(kind: pa.DataType) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
-
-
-def _check_texts(chunk: pa.Array, place: str) -> None:
-    words = chunk.dictionary if pa.types.is_dictionary(chunk.type) else chunk
-    longest = pa.compute.max(pa.compute.binary_length(words)).as_py() or 0
-    if longest > LONGEST_TEXT:
-        raise InputError(f"{place} holds a text of {longest} bytes; make the run again")

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
 from harness.common.files import is_temporary
+from harness.common.untrusted_files import read_text
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.lock import LOCK, lock_within
@@ -65,8 +66,8 @@ def _check_is_grid(out: Path, kind: str) -> None:
 def _is_earlier_grid(out: Path) -> bool:
     """Return whether a stress test was made before folders had ledgers: its manifest names this program."""
     try:
-        manifest = json.loads(runfolder.read_regular(out / runfolder.MANIFEST))
-    except (OSError, ValueError):
+        manifest = json.loads(read_text(out / runfolder.MANIFEST))
+    except (OSError, ValueError, RecursionError, InputError):
         return False
     return isinstance(manifest, dict) and ownership.PROGRAM in manifest.get("versions", ()) and (out / ROWS).is_dir()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import platform
@@ -12,18 +11,19 @@ import tomllib
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.common.untrusted_files import MOST_JSON_BYTES, MOST_SETTINGS_BYTES, check_file
+from harness.common.isolation import Limits, isolated
+from harness.common.untrusted_files import check_file, read_text
 from harness.storage import ownership
-from harness.storage.checks import Until, check_kinds, check_order, check_rows, read_parquet
+from harness.storage.checks import Until, check_kinds, check_order, read_parquet, rows_noted
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.schema import TABLES, Table
@@ -172,9 +172,8 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: The folder is not a run's folder, or the run did not end.
     """
-    check_file(folder / MANIFEST, MOST_JSON_BYTES, parameter)
     try:
-        manifest = json.loads(read_regular(folder / MANIFEST))
+        manifest = json.loads(read_text(folder / MANIFEST, parameter))
     except (OSError, ValueError, RecursionError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
@@ -188,9 +187,8 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: It can't be read.
     """
-    check_file(folder / CONFIG, MOST_SETTINGS_BYTES, parameter)
     try:
-        return tomllib.loads(read_regular(folder / CONFIG))
+        return tomllib.loads(read_text(folder / CONFIG, parameter))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
 
@@ -211,15 +209,9 @@ def read_table(
         InputError: It is missing, truncated, not parquet, lacks columns, or is not as the run left it.
     """
     path = folder / name
-    if path.exists() and not path.is_file():
-        raise InputError(f"`{parameter}`: {path} is no file; make the run again")
-    try:
-        table = read_parquet(path, parameter, until)
-        check_rows(path, folder / MANIFEST, parameter)
-    except FileNotFoundError:
-        raise InputError(f"`{parameter}`: {path} is missing; make the run again") from None
-    except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError):
-        raise InputError(f"`{parameter}`: {path} is truncated or damaged; make the run again") from None
+    if not path.exists():
+        raise InputError(f"`{parameter}`: {path} is missing; make the run again")
+    table = read_parquet(path, parameter, until, rows_noted(folder / MANIFEST, name))
     known = TABLES.get(name, Table("", ()))
     missing = [column for column in (known.needed if columns is None else columns) if column not in table]
     if missing:
@@ -229,18 +221,6 @@ def read_table(
     if known.in_order and "step" in checked:
         check_order(table, f"`{parameter}`: {path}")
     return table
-
-
-def read_regular(path: Path) -> str:
-    """Return a text file's content.
-
-    Raises:
-        OSError: It can't be read, or is no file: reading a pipe would wait for ever.
-        ValueError: It is not UTF-8.
-    """
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "it is no file", str(path))
-    return path.read_text(encoding="utf-8")
 
 
 def write_road(road: Road, path: Path) -> None:
@@ -266,9 +246,13 @@ def read_road(path: Path, parameter: str) -> Road:
     Raises:
         InputError: The file is missing or broken.
     """
-    check_file(path, MOST_JSON_BYTES, parameter)
+    check_file(path, parameter)
+    return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", Limits.for_files([path]))
+
+
+def _road(path: Path, parameter: str) -> Road:
     try:
-        fields = json.loads(read_regular(path))
+        fields = json.loads(path.read_bytes())
         road = Road(
             lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
             reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),

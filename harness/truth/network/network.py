@@ -7,13 +7,15 @@ lies, and which demands are known. Adding a network is adding such a folder to `
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.common.isolation import Limits, isolated
 from harness.common.untrusted_files import checked_path
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
@@ -107,6 +109,18 @@ class Network:
         return tuple(self.demand_files)
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """The XML files that SUMO reads."""
+        inputs = self.sumo_inputs or SumoInputs(self.net_file, (), (), (), ())
+        types = () if self.vehicle_types_file is None else (self.vehicle_types_file,)
+        return tuple(dict.fromkeys((self.net_file, *types, *inputs.route_files, *inputs.additional_files)))
+
+    @property
+    def is_shipped(self) -> bool:
+        """Whether it comes with the project."""
+        return self.net_file.resolve().is_relative_to(shipped_networks().resolve())
+
+    @property
     def relation(self) -> Equilibrium:
         """Speed and flow of its drivers at each density."""
         return Equilibrium.of(self.drivers)
@@ -188,13 +202,20 @@ def load_network(name_or_path: str) -> Network:
     for folder in _network_folders():
         if folder.name == name_or_path:
             return _from_metadata(folder, name_or_path)
-    path = checked_path(Path(name_or_path), "net")
-    if path.is_dir():
-        return _from_folder(path)
-    if path.suffix == ".sumocfg":
-        return _from_sumocfg(path)
+    # Whoever drives on it may do so from another folder.
+    path = Path(os.path.abspath(checked_path(Path(name_or_path), "net")))
+    if path.suffix == ".sumocfg" and not path.is_file() and not path.is_dir():
+        raise InputError(f"`net` {name_or_path}: the file does not exist, or is no ordinary file")
+    if path.is_dir() or path.suffix == ".sumocfg":
+        beside = path.iterdir() if path.is_dir() else path.parent.iterdir()
+        return isolated(partial(_from_elsewhere, path, name_or_path), f"`net`: {path}", Limits.for_files(beside))
     known = ", ".join(folder.name for folder in _network_folders())
     raise InputError(f"`net` {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
+
+
+def is_in_the_box(name_or_path: str) -> bool:
+    """Return whether a name is that of a network that comes with the project."""
+    return any(folder.name == name_or_path for folder in _network_folders())
 
 
 def default_demand(name_or_path: str) -> str | None:
@@ -218,16 +239,21 @@ def shipped_networks() -> Path:
     return installed if installed.is_dir() else package.parent / "networks"
 
 
-def _from_folder(folder: Path) -> Network:
-    if (folder / METADATA_FILE).is_file():
-        return _from_metadata(folder, str(folder))
-    configurations = sorted(folder.glob("*.sumocfg"))
-    if len(configurations) != 1:
+def _from_elsewhere(path: Path, name: str) -> Network:
+    configurations = [path] if not path.is_dir() else sorted(path.glob("*.sumocfg"))
+    if (path / METADATA_FILE).is_file():
+        network = _from_metadata(path, name)
+    elif len(configurations) == 1:
+        network = _from_sumocfg(configurations[0], name)
+    else:
         raise InputError(
-            f"`net` {folder}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
+            f"`net` {path}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
             f"it has {len(configurations)} of the latter"
         )
-    return _from_sumocfg(configurations[0])
+    for file in network.files:
+        check_xml(file)
+    _ = network.road  # with its walls, which are from elsewhere too
+    return network
 
 
 def _from_metadata(folder: Path, name: str) -> Network:
@@ -246,13 +272,10 @@ def _from_metadata(folder: Path, name: str) -> Network:
     if content.default_demand is not None and content.default_demand not in demands:
         raise InputError(f"{folder / METADATA_FILE}: default_demand {content.default_demand} is none of its demands")
     net_file = folder / content.net_file
-    if net_file.is_file():
-        check_xml(net_file)
     net = read_net(net_file)
     types_file = folder / content.vehicle_types_file
     if not types_file.is_file():
         raise InputError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
-    check_xml(types_file)
     corridor = corridor_from_net(net, content.corridor, content.corridor_start_m)
     unknown = sorted(set(content.ego_lanes) - {lane.number for lane in corridor.lanes})
     if unknown:
@@ -282,10 +305,7 @@ def _in_plane(folder: Path, name: str, content: PlaneNetworkFile) -> Network:
     for file in (routes, *additional):
         if not file.is_file():
             raise InputError(f"{folder / METADATA_FILE}: it names {file.name}, which does not exist")
-        check_xml(file)
     net_file = folder / content.net_file
-    if net_file.is_file():
-        check_xml(net_file)
     plane = read_lane_graph(net_file)
     options = (("lateral-resolution", LATERAL_RESOLUTION_M), ("time-to-teleport", "-1"), ("collision.action", "warn"))
     return Network(
@@ -303,12 +323,12 @@ def _in_plane(folder: Path, name: str, content: PlaneNetworkFile) -> Network:
     )
 
 
-def _from_sumocfg(path: Path) -> Network:
+def _from_sumocfg(path: Path, name: str) -> Network:
     """Take the whole network: all its lanes, in the plane."""
     inputs = read_sumocfg(path)
     plane = read_lane_graph(inputs.net_file)
     return Network(
-        name=str(path),
+        name=name,
         description=f"the user's own network of {len(plane.graph)} lanes",
         net_file=inputs.net_file,
         corridor=None,

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file
+from harness.common.untrusted_files import read_text
 from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.demand import Drivers
 from mmpf.options.base import WithoutTruthValues
@@ -156,8 +156,7 @@ def read_network_file(path: Path) -> NetworkFile | PlaneNetworkFile:
 
 
 def _toml(path: Path) -> dict[str, object]:
-    check_file(path, MOST_SETTINGS_BYTES, "net")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path, "net"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error

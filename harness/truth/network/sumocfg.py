@@ -13,8 +13,7 @@ from pathlib import Path
 from xml.etree.ElementTree import ParseError, parse
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_SETTINGS_BYTES, check_file, number
-from harness.truth.network.limits import check_xml
+from harness.common.untrusted_files import number
 
 FILE_OPTIONS = {
     "net-file": ("net-file", "net", "n"),
@@ -50,7 +49,7 @@ class SumoInputs:
         route_files: Files of vehicles.
         additional_files: Files of types, signals and the like.
         options: Names and values of the options that are handed on.
-        left_out: Names of those that are not, and of the elements that would write files.
+        left_out: Names of those that are not.
     """
 
     net_file: Path
@@ -68,7 +67,6 @@ def read_sumocfg(path: Path) -> SumoInputs:
     """
     if not path.is_file():
         raise InputError(f"`net` {path}: the file does not exist, or is no ordinary file")
-    check_file(path, MOST_SETTINGS_BYTES, "net")
     try:
         root = parse(path).getroot()
     except (ParseError, UnicodeDecodeError, OSError, ValueError) as error:
@@ -77,17 +75,9 @@ def read_sumocfg(path: Path) -> SumoInputs:
     named = {option: _named_files(path, values, aliases) for option, aliases in FILE_OPTIONS.items()}
     if len(named["net-file"]) != 1:
         raise InputError(f"`net` {path}: it must name one net-file")
-    outputs: list[str] = []
-    for option, files in named.items():
-        for file in files:
-            if not file.is_file():
-                # The network's own reader tells that it is missing.
-                if option == "net-file" and not file.exists():
-                    continue
-                raise InputError(f"`net` {path}: it names {file.name}, which does not exist or is no ordinary file")
-            found = check_xml(file).outputs
-            if option == "additional-files":
-                outputs += found
+    for file in (*named["route-files"], *named["additional-files"]):
+        if not file.is_file():
+            raise InputError(f"`net` {path}: it names {file.name}, which does not exist or is no ordinary file")
     options = [*_times(path, values), *_behaviour(path, values)]
     known = {alias for aliases in (*FILE_OPTIONS.values(), *TIMES.values()) for alias in aliases}
     left_out = sorted({name for name in values if name not in known | OWN | BEHAVIOUR} - {root.tag})
@@ -96,7 +86,7 @@ def read_sumocfg(path: Path) -> SumoInputs:
         route_files=tuple(named["route-files"]),
         additional_files=tuple(named["additional-files"]),
         options=tuple(options),
-        left_out=(*left_out, *sorted(set(outputs))),
+        left_out=tuple(left_out),
     )
 
 

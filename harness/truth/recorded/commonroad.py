@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_TABLE_BYTES, number, unpacked
+from harness.common.untrusted_files import number, unpacked
 from harness.truth.recorded.laneletgraph import are_one_road, plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
@@ -64,7 +64,7 @@ def read_commonroad(path: Path) -> ReadTraffic:
     """
     scenario = _Scenario()
     try:
-        with unpacked(path, MOST_TABLE_BYTES) as file:
+        with unpacked(path) as file:
             _collect(file, path, scenario)
     except ParseError as error:
         raise InputError(f"{path}: broken or truncated XML: {error}") from None

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_TABLE_BYTES, number, unpacked
+from harness.common.untrusted_files import number, unpacked
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
@@ -84,7 +84,7 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     if network.corridor is None:
         raise InputError(f"`net` {net}: floating-car data are read on a network with a main road alone, such as us101")
     try:
-        with unpacked(path, MOST_TABLE_BYTES) as file:
+        with unpacked(path) as file:
             collected = _collect(file, path)
         types = [network.vehicle_types_file, *recording_files(path)[1:]]
         sizes = dict(size for file in types if file is not None for size in _type_sizes(file))
@@ -169,7 +169,7 @@ def _size_of(kind: str, of_type: Sizes) -> tuple[float, float]:
 
 
 def _type_sizes(path: Path) -> Iterator[tuple[str, tuple[float, float]]]:
-    with unpacked(path, MOST_TABLE_BYTES) as file:
+    with unpacked(path) as file:
         for _, element in iterparse(file):
             if element.tag == "vType":
                 usual = DEFAULT_SIZES.get(element.attrib.get("vClass", "passenger"), DEFAULT_SIZES["passenger"])

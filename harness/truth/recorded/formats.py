@@ -10,32 +10,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import cast
+from typing import TypeVar, cast
 
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.common.isolation import Limits, isolated
 from harness.common.named import named
-from harness.common.untrusted_files import MOST_TABLE_BYTES, check_file, checked_path, unpacked
+from harness.common.untrusted_files import check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded import fcd, highd, outside
 from harness.truth.recorded.detected.recorded_drive import Drive
 from harness.truth.recorded.outside import recording_formats
 from harness.truth.recorded.rows import ReadTraffic
 
+T = TypeVar("T")
 PARAMETER = "replay"
 HEAD_BYTES = 65_536
-# What a reader may stumble over in a file that nobody meant to be read so.
-NOT_UNDERSTOOD = (
-    ValueError,
-    TypeError,
-    LookupError,
-    ArithmeticError,
-    AttributeError,
-    AssertionError,
-    StopIteration,
-    OSError,
-)
 LONGEST_HEADER = 4_096
 
 NGSIM_NAMES = frozenset(
@@ -102,7 +93,7 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
     if not checked_path(path, PARAMETER).exists():
         raise InputError(f"`{PARAMETER}`: {path} does not exist; give a run's folder or a file of recorded traffic")
     if not path.is_dir():
-        check_file(path, MOST_TABLE_BYTES, PARAMETER)
+        check_file(path, PARAMETER)
     if forced is not None and forced not in FORMATS:
         return RecordingFormat(forced, outside.brings_road(outside.reader_named(forced)), _is_never_recognised)
     head = "" if path.is_dir() else _head(path)
@@ -151,15 +142,8 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
     entry = recognise(path, format_name)
     if entry.sensor is not None:
         raise InputError(f"`format` {entry.name}: it brings its own detections, which only run and stress replay")
-    for file in files_of(path, format_name):
-        check_file(file, MOST_TABLE_BYTES, PARAMETER)
     road = network_of(entry, net)
-    try:
-        # Numbers that overflow are refused later, by name; NumPy's own warnings would only be more lines.
-        with np.errstate(all="ignore"):
-            return entry.read(path, road)
-    except NOT_UNDERSTOOD as error:
-        raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
+    return apart(lambda: entry.read(path, road), path, entry.name)
 
 
 def brings_detections(format_name: str) -> bool:
@@ -197,11 +181,27 @@ def read_drives(path: Path, format_name: str, with_map: bool = False) -> tuple[D
         InputError: A file is missing or broken, or they contradict each other.
     """
     entry = recognise(path, format_name)
-    try:
+    return apart(lambda: entry.drives(path, with_map), path, entry.name)
+
+
+def apart(work: Callable[[], T], path: Path, format_name: str) -> T:
+    """Return what comes of work on a recording, in a process of its own unless other people's code has to read it.
+
+    Raises:
+        InputError: The work fails.
+    """
+
+    def quietly() -> T:
+        # Numbers that overflow are refused later, by name; NumPy's own warnings would only be more lines.
         with np.errstate(all="ignore"):
-            return entry.drives(path, with_map)
-    except NOT_UNDERSTOOD as error:
-        raise InputError(f"{path}: can't be read as {entry.name}: {type(error).__name__}: {error}") from None
+            return work()
+
+    if format_name not in FORMATS:
+        return quietly()
+    files = files_of(path, format_name)
+    for file in files:
+        check_file(file, PARAMETER)
+    return isolated(quietly, f"{path} ({format_name})", Limits.for_files(files))
 
 
 def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
@@ -219,7 +219,7 @@ def files_of(path: Path, format_name: str) -> tuple[Path, ...]:
 
 def _head(path: Path) -> str:
     try:
-        with unpacked(path, MOST_TABLE_BYTES) as file:
+        with unpacked(path) as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
         raise InputError(f"`{PARAMETER}`: can't read {path}: {error.strerror}") from None

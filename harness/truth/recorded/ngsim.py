@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_TABLE_BYTES, unpacked
+from harness.common.untrusted_files import unpacked
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
@@ -75,7 +75,7 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
             f"{path}: {found} columns where NGSIM's text has {len(TEXT_COLUMNS)}: {', '.join(TEXT_COLUMNS)}"
         )
     try:
-        with unpacked(path, MOST_TABLE_BYTES) as content:
+        with unpacked(path) as content:
             table = pd.read_csv(
                 content, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=list(COLUMNS), dtype=np.float64
             )
@@ -113,13 +113,13 @@ def _read_csv(path: Path, include: list[str], types: dict[str, pa.DataType]) -> 
     options = pa.csv.ConvertOptions(
         include_columns=include, column_types=types, null_values=["", "NA", "NULL"], strings_can_be_null=True
     )
-    with unpacked(path, MOST_TABLE_BYTES) as file:
+    with unpacked(path) as file:
         return pa.csv.read_csv(file, convert_options=options)
 
 
 @contextmanager
 def _text(path: Path) -> Iterator[TextIO]:
-    with unpacked(path, MOST_TABLE_BYTES) as file:
+    with unpacked(path) as file:
         yield io.TextIOWrapper(file, encoding="utf-8-sig")
 
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
-from harness.common.errors import InputError
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.egos import EACH, EgoStay, plan_egos
-from harness.truth.recorded.formats import NOT_UNDERSTOOD, read_traffic
+from harness.truth.recorded.formats import apart, read_traffic
 from harness.truth.recorded.traffic import RecordedTraffic, assemble
 
 
@@ -30,13 +27,12 @@ def open_recorded_traffic(
     Raises:
         InputError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
     """
-    read = read_traffic(path, format_name, net)
-    try:
-        with np.errstate(all="ignore"):
-            traffic = assemble(read, path, duration_s, start_s)
-            egos = plan_egos(traffic, ego)
-    except NOT_UNDERSTOOD as error:
-        raise InputError(f"{path}: its rows make no traffic: {type(error).__name__}: {error}") from None
+
+    def read() -> tuple[RecordedTraffic, tuple[EgoStay, ...]]:
+        traffic = assemble(read_traffic(path, format_name, net), path, duration_s, start_s)
+        return traffic, plan_egos(traffic, ego)
+
+    traffic, egos = apart(read, path, format_name)
     return RecordedTrafficTruth(path, format_name, traffic, egos, ego)
 
 

@@ -18,16 +18,17 @@ class RunningSumo:
         before_step: Called before each of its steps, with its time in seconds.
     """
 
-    def __init__(self, sumo: Sumo, on_close: Callable[[], None]) -> None:
+    def __init__(self, sumo: Sumo, on_close: Callable[[], None], on_step: Callable[[], None] | None = None) -> None:
         """Take over a simulation.
 
         Args:
             sumo: Its interface.
             on_close: Called once, when it has ended.
+            on_step: Called after each step.
         """
         self.sumo = sumo
         self.before_step: Callable[[float], None] = lambda _: None
-        self._on_close = on_close
+        self._on_close, self._on_step = on_close, on_step
         self._open = True
 
     def advance(self) -> None:
@@ -39,6 +40,8 @@ class RunningSumo:
         with sumo_errors_in_words(self.sumo):
             self.before_step(self.sumo.simulation.getTime())
             self.sumo.simulationStep()
+        if self._on_step is not None:
+            self._on_step()
 
     def close(self) -> None:
         """End it; harmless to call twice."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,9 +14,9 @@ import numpy.typing as npt
 from harness.common.errors import InputError, RunError, SumoError
 from harness.truth.frame import STEP_S, Frame, TruthSource
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
-from harness.truth.network.limits import check_xml, write_without_outputs
 from harness.truth.network.network import LATERAL_RESOLUTION_M, Network
 from harness.truth.network.sumocfg import SumoInputs
+from harness.truth.sumo.apart import TrafficApart
 from harness.truth.sumo.brokendown import BROKEN_DOWN, place_broken_down
 from harness.truth.sumo.control import TrafficControl
 from harness.truth.sumo.inflow import Inflow
@@ -46,6 +47,7 @@ def open_traffic(
     reach_m: float = REACH_M,
     broken_down: int = 0,
     flow_mps: float | None = None,
+    on_step: Callable[[], None] | None = None,
 ) -> TruthSource:
     """Start SUMO on a network, run the warm-up and return the truth that follows.
 
@@ -62,12 +64,29 @@ def open_traffic(
         reach_m: How far from the ego vehicles count and hide, on a network without a main road.
         broken_down: How many vehicles stand broken down in main lanes of the section, from before the first frame on.
         flow_mps: Speed limit of the main road and at most of its ramps, in place of the network's; None for that.
+        on_step: Called after each step by a process that is made for a network from elsewhere; None makes one.
 
     Raises:
         InputError: The density, the demand or the network's files are wrong, no window can be opened, or the network
             has no room for vehicles that break down, or no main road to limit speeds on.
         RunError: A simulation is open already, or no vehicle ever appears.
     """
+    if on_step is None and not gui and not network.is_shipped:
+        return TrafficApart(
+            network,
+            lambda goes_on: open_traffic(
+                network,
+                demand=demand,
+                duration_s=duration_s,
+                seed=seed,
+                warm_up_s=warm_up_s,
+                ego=ego,
+                reach_m=reach_m,
+                broken_down=broken_down,
+                flow_mps=flow_mps,
+                on_step=goes_on,
+            ),
+        )
     rng = np.random.default_rng(seed)
     held = _held_demand(network, demand)
     stands = place_broken_down(network, broken_down, seed)
@@ -77,11 +96,13 @@ def open_traffic(
     scratch = TemporaryDirectory(prefix="harness-net-")
     try:
         sumo = start_sumo(_arguments(network, Path(scratch.name)), STEP_S, int(rng.integers(2**31)), gui)
-    except BaseException:
+    except BaseException as error:
         scratch.cleanup()
+        if isinstance(error, InputError):
+            raise InputError(re.sub(rf"{scratch.name}/\d+-\d+-", "", str(error))) from error
         raise
-    # SUMO reads vehicles while it runs, so copies of its files stay for as long.
-    running, steps = RunningSumo(sumo, on_close=scratch.cleanup), round(duration_s / STEP_S)
+    # SUMO reads vehicles while it runs, so links to its files stay for as long.
+    running, steps = RunningSumo(sumo, scratch.cleanup, on_step), round(duration_s / STEP_S)
     truth: SumoTruth | PlaneTruth
     if network.plane is not None:
         inflow = None if held is None else Inflow(sumo, held.density_veh_per_km_lane, network.plane.lanes_m)
@@ -125,23 +146,20 @@ def _speed_limits(network: Network, flow_mps: float) -> dict[str, float]:
 
 
 def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
-    """Return SUMO's arguments; copies of files whose elements would write others go to a folder of their own."""
+    """Return SUMO's arguments; what its files would write beside themselves lands beside links to them."""
     inputs = network.sumo_inputs
     if inputs is not None:
         return (
-            *("--net-file", str(inputs.net_file), *_file_list("--route-files", inputs.route_files)),
-            *_file_list("--additional-files", [_harmless(file, scratch) for file in inputs.additional_files]),
+            *_file_list("--net-file", [inputs.net_file], scratch),
+            *_file_list("--route-files", inputs.route_files, scratch),
+            *_file_list("--additional-files", inputs.additional_files, scratch),
             *(word for name, value in inputs.options for word in (f"--{name}", value)),
             *_gradual_lane_changes(inputs),
         )
     assert network.vehicle_types_file is not None
     return (
-        *(
-            "--net-file",
-            str(network.net_file),
-            "--additional-files",
-            str(_harmless(network.vehicle_types_file, scratch)),
-        ),
+        *_file_list("--net-file", [network.net_file], scratch),
+        *_file_list("--additional-files", [network.vehicle_types_file], scratch),
         *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
         # Bodies that touch are collisions, and gaps that are merely too small are none.
         *("--time-to-teleport", "-1", "--collision.action", "warn", "--collision.mingap-factor", "0"),
@@ -156,16 +174,11 @@ def _gradual_lane_changes(inputs: SumoInputs) -> tuple[str, ...]:
     return ("--lanechange.duration", LANE_CHANGE_S)
 
 
-def _file_list(option: str, files: Sequence[Path]) -> tuple[str, ...]:
-    return (option, ",".join(map(str, files))) if files else ()
-
-
-def _harmless(file: Path, scratch: Path) -> Path:
-    if not check_xml(file).outputs:
-        return file
-    copy = scratch / f"{len(list(scratch.iterdir()))}-{file.name.removesuffix('.gz')}"
-    write_without_outputs(file, copy)
-    return copy
+def _file_list(option: str, files: Sequence[Path], scratch: Path) -> tuple[str, ...]:
+    links = [scratch / f"{len(option)}-{place}-{file.name}" for place, file in enumerate(files)]
+    for link, file in zip(links, files, strict=True):
+        link.symlink_to(file.absolute())
+    return (option, ",".join(map(str, links))) if links else ()
 
 
 class SumoTruth:

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -18,7 +19,6 @@ from harness.export.csv_tables import export as export_csv
 from harness.export.fcd import export as export_fcd
 from harness.export.mot import folder_name
 from harness.running.finished import read_recorded_run
-from harness.storage import checks
 from harness.storage.run_folder import read_table
 from tests.harness.recorded_scene import write_recorded_scene
 
@@ -40,19 +40,18 @@ def told(words: list[str], folder: Path, capsys) -> str:
     return err
 
 
-def test_a_table_is_measured_by_its_footer(tmp_path, monkeypatch):
-    pd.DataFrame({"step": range(1000)}).to_parquet(tmp_path / "truth.parquet")
-    monkeypatch.setattr(checks, "MOST_ROWS", 999)
-    monkeypatch.setattr(checks.pq, "read_table", lambda *arguments, **options: pytest.fail("it was read"))
-    with pytest.raises(InputError, match="1000 rows"):
-        read_table(tmp_path, "truth.parquet", "folder", ())
-
-
-def test_a_long_text_that_a_dictionary_repeats_is_never_unpacked(tmp_path):
-    words = pa.DictionaryArray.from_arrays(pa.array([0] * 1_000_000), pa.array(["x" * 1_000_000]))
-    pq.write_table(pa.table({"vehicle_id": words}), tmp_path / "truth.parquet", store_schema=False)
-    assert (tmp_path / "truth.parquet").stat().st_size < 4_000_000
-    with pytest.raises(InputError, match="text of 1000000 bytes"):
+@pytest.mark.parametrize(
+    "table",
+    [
+        pa.table({"step": np.zeros(60_000_000)}),
+        pa.table({"vehicle_id": pa.DictionaryArray.from_arrays(pa.array([0] * 1_000_000), pa.array(["x" * 100_000]))}),
+    ],
+)
+def test_a_small_file_of_a_table_that_fills_the_memory_is_refused(table, tmp_path, monkeypatch):
+    pq.write_table(table, tmp_path / "truth.parquet", store_schema=False, compression="zstd")
+    assert (tmp_path / "truth.parquet").stat().st_size < 1_000_000
+    monkeypatch.setattr("harness.common.isolation.Limits.memory_bytes", 256 << 20)
+    with pytest.raises(InputError, match=r"truth\.parquet: it needs more than 0\.\d GB of memory"):
         read_table(tmp_path, "truth.parquet", "folder", ())
 
 

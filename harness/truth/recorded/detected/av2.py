@@ -18,7 +18,7 @@ import pyarrow.feather
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
-from harness.truth.recorded.detected.numbers import MOST_BYTES, MOST_STEPS, check_boxes
+from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.map.lane_graph import LaneGraph
@@ -137,7 +137,7 @@ def _lanes(log: Path, origin_xy: FloatArray) -> LaneGraph:
 
 
 def _table(path: Path, columns: list[str]) -> pd.DataFrame:
-    check_file(path, MOST_BYTES)
+    check_file(path)
     try:
         table: pd.DataFrame = pa.feather.read_table(path, memory_map=False).to_pandas()
     except FileNotFoundError:

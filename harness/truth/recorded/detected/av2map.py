@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import MOST_JSON_BYTES, check_file
+from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.numbers import FARTHEST_M
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.numerics.arrays import FloatArray
@@ -50,7 +50,7 @@ def read_lanelets(path: Path, origin_xy: FloatArray) -> tuple[Lanelet, ...]:
     Raises:
         InputError: The file is broken, or has no lane for vehicles; the message names it.
     """
-    check_file(path, MOST_JSON_BYTES)
+    check_file(path)
     try:
         segments = json.loads(path.read_text(encoding="utf-8"))["lane_segments"]
         chosen = [segment for segment in segments.values() if segment["lane_type"] in FOR_VEHICLES]

@@ -36,7 +36,7 @@ def everybody():
 
 
 def drive(path, duration_s=20.0, on_frame=lambda *_: None):
-    truth = open_traffic(load_network(path), duration_s=duration_s, seed=1)
+    truth = open_traffic(load_network(path), duration_s=duration_s, seed=1, on_step=lambda: None)
     try:
         frames = []
         for frame in truth.frames():

@@ -1,0 +1,288 @@
+"""Work on files from elsewhere in a process that can do nothing but tell what it found.
+
+A reader can't foresee what a file does to the libraries that read it. So a fork of this process reads it: with limits
+on memory and time, without the right to write anywhere but in a folder of its own, to start programs or to open
+connections. What becomes of it, a crash too, is one line here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import resource
+import select
+import signal
+import struct
+import sys
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import closing
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from harness.common.error_text import what_it_raised
+from harness.common.errors import InputError, RunError
+
+T = TypeVar("T")
+Send = Callable[[T | None], None]
+MB = 1 << 20
+DIES_WITH_PARENT, NO_NEW_PRIVILEGES = 1, 38
+"""Linux' PR_SET_PDEATHSIG and PR_SET_NO_NEW_PRIVS."""
+CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
+"""Linux' system calls of Landlock, of the same numbers on all processors."""
+EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1, 2, 4, 8
+RIGHTS_BY_VERSION = {1: 13, 2: 14, 3: 15}
+"""How many rights over files each version of Landlock knows; later ones know more that matter little here."""
+LONGEST_SILENCE = 5.0
+"""So many times its processor time a fork may take by the clock: the machine may be busy, or the fork may wait."""
+SENT, DONE, PLACE, MOST_SAID, FIRST_WITH_NET = "sent", "done", "\0place", 300, 4
+_within: ContextVar[bool] = ContextVar("_within", default=False)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a fork may use.
+
+    Attributes:
+        memory_bytes: Memory beyond what it begins with.
+        cpu_s: Processor time between two things that it tells.
+        file_bytes: Size of a file that it writes.
+        may_fork: Whether it may start processes and threads.
+    """
+
+    memory_bytes: int = 1536 * MB
+    cpu_s: int = 30
+    file_bytes: int = MB
+    may_fork: bool = False
+
+    @classmethod
+    def for_files(cls, files: Iterable[Path]) -> Limits:
+        """Return limits in proportion with what files take on the disk, however much they hold when unpacked."""
+        size = sum(file.stat().st_size for file in files if file.is_file())
+        return cls(cls.memory_bytes + 12 * size, cls.cpu_s + 2 * (size // MB))
+
+
+def isolated(work: Callable[[], T], place: str, limits: Limits = Limits()) -> T:
+    """Return what work returns that is done in a fork without any rights.
+
+    Args:
+        work: The work; what it returns must be such that ``pickle`` takes it.
+        place: What is read, for messages: an option, or a file.
+        limits: What the fork may use.
+
+    Raises:
+        InputError: The work raises anything but a ``RunError``, crashes, or takes too much time or memory.
+        RunError: The work raises it.
+    """
+
+    def once(send: Send[tuple[T]]) -> None:
+        send((work(),))
+
+    with closing(streamed(once, place, limits)) as answers:
+        return next(answers)[0]
+
+
+def streamed(
+    work: Callable[[Send[T]], object],
+    place: str,
+    limits: Limits = Limits(),
+    folders: Sequence[Path] = (),
+) -> Generator[T]:
+    """Yield what work sends that is done in a fork, as ``isolated`` does it; within a fork it is done there.
+
+    Args:
+        work: The work, called with the function that sends; None says no more than that it goes on.
+        place: What is read, for messages.
+        limits: What the fork may use.
+        folders: The folders beneath which it may write; it works in the first.
+
+    Raises:
+        InputError: See ``isolated``.
+        RunError: See ``isolated``.
+    """
+    if _within.get():
+        told: list[T | None] = []
+        work(told.append)
+        yield from (answer for answer in told if answer is not None)
+        return
+    sys.stdout.flush()
+    sys.stderr.flush()
+    reading, writing = os.pipe()
+    owner, child = os.getpid(), os.fork()
+    if not child:
+        os.close(reading)
+        _work(work, writing, limits, folders, owner)
+    os.close(writing)
+    try:
+        while (answer := _next(reading, LONGEST_SILENCE * limits.cpu_s))[0] != DONE:
+            kind, content = answer
+            if kind != SENT:
+                raise RunError(content) if kind == "RunError" else InputError(content.replace(PLACE, place))
+            if content is not None:
+                yield content
+    except TimeoutError:
+        raise InputError(f"{place}: it took more than {limits.cpu_s} s; give less, or what is sound") from None
+    except EOFError:
+        child, status = 0, os.waitpid(child, 0)[1]
+        raise InputError(f"{place}: {_in_words(status, limits)}; give what is sound") from None
+    finally:
+        os.close(reading)
+        if child:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+
+
+def confine(folders: Sequence[Path], *, offline: bool = True) -> bool:
+    """Take from this thread, and what it starts, the right to write but in some folders; it can't be given back.
+
+    Args:
+        folders: Where it may write.
+        offline: Whether it may neither start programs nor open connections.
+
+    Returns:
+        Whether the kernel has done so: Linux since 5.13, unless built or started without Landlock.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    version = libc.syscall(CREATE_RULESET, None, ctypes.c_size_t(0), ctypes.c_uint32(1))
+    if version < 1:
+        return False
+    rights = (1 << RIGHTS_BY_VERSION.get(version, max(RIGHTS_BY_VERSION.values()))) - 1
+    written = rights & ~(READ_FILE | READ_DIR | EXECUTE)
+    net = 3 if offline and version >= FIRST_WITH_NET else 0
+    handled = struct.pack("QQ" if net else "Q", written | (EXECUTE if offline else 0), *([net] if net else []))
+    rules = libc.syscall(CREATE_RULESET, handled, ctypes.c_size_t(len(handled)), ctypes.c_uint32(0))
+    of_files = written & (WRITE_FILE | 1 << RIGHTS_BY_VERSION[2])
+    for path, allowed in ((Path(os.devnull), of_files), *((folder, written) for folder in folders)):
+        opened = os.open(path, os.O_PATH)
+        libc.syscall(ADD_RULE, rules, ctypes.c_uint32(1), struct.pack("=Qi", allowed, opened), ctypes.c_uint32(0))
+        os.close(opened)
+    libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+    done = bool(libc.syscall(RESTRICT_SELF, rules, ctypes.c_uint32(0)) == 0)
+    os.close(rules)
+    return done
+
+
+def _work(
+    work: Callable[[Send[Any]], object], writing: int, limits: Limits, folders: Sequence[Path], owner: int
+) -> NoReturn:
+    """Do the work of a fork and end it, whatever comes."""
+    try:
+        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+        if os.getppid() != owner:
+            os._exit(0)
+        for end in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(end, signal.SIG_IGN)  # whoever waits for it ends it
+        nowhere = os.open(os.devnull, os.O_RDWR)
+        for descriptor in range(3):
+            os.dup2(nowhere, descriptor)
+        _within.set(True)
+        _limit(limits, folders)
+
+        def send(answer: object, kind: str = SENT) -> None:
+            # Large arrays go as they are, without a copy in between.
+            arrays: list[pickle.PickleBuffer] = []
+            parts = [memoryview(pickle.dumps((kind, answer), protocol=5, buffer_callback=arrays.append))]
+            parts += [array.raw() for array in arrays]
+            lengths = [len(part) for part in parts]
+            frames: tuple[bytes | memoryview, ...] = (struct.pack(f"Q{len(parts)}Q", len(parts), *lengths), *parts)
+            for part in frames:
+                _write(writing, part)
+            _renew_cpu(limits)
+
+        try:
+            work(send)
+            send(None, DONE)
+        except RunError as error:
+            send(str(error), "RunError")
+        except InputError as error:
+            too_much = "std::bad_alloc" in str(error)
+            send(f"{PLACE}: {_too_much_memory(limits)}; give less" if too_much else str(error), "InputError")
+        except MemoryError:
+            send(f"{PLACE}: {_too_much_memory(limits)}; give less, or what is sound", "InputError")
+        except RecursionError:
+            send(f"{PLACE}: it is nested too deeply; give what is sound", "InputError")
+        except Exception as error:
+            send(f"{PLACE}: can't be read: {what_it_raised(error)[:MOST_SAID]}; give what is sound", "InputError")
+    finally:
+        os._exit(0)
+
+
+def _limit(limits: Limits, folders: Sequence[Path]) -> None:
+    with open("/proc/self/statm", encoding="ascii") as told:
+        begins_with = int(told.read().split()[5]) * resource.getpagesize()
+    most = {
+        resource.RLIMIT_DATA: begins_with + limits.memory_bytes,
+        resource.RLIMIT_FSIZE: limits.file_bytes if folders else 0,
+        resource.RLIMIT_CORE: 0,
+    }
+    if not limits.may_fork:
+        most[resource.RLIMIT_NPROC] = 0
+    for kind, value in most.items():
+        hard = resource.getrlimit(kind)[1]
+        least = value if hard == resource.RLIM_INFINITY else min(value, hard)
+        resource.setrlimit(kind, (least, least))
+    _renew_cpu(limits)
+    if folders:
+        os.chdir(folders[0])
+        tempfile.tempdir = str(folders[0])
+    if caching := sys.modules.get("numba.core.caching"):
+        caching.Cache.save_overload = lambda *_: None  # nothing compiled here is kept
+    confine(folders)
+
+
+def _renew_cpu(limits: Limits) -> None:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    resource.setrlimit(
+        resource.RLIMIT_CPU,
+        (int(used.ru_utime + used.ru_stime) + 1 + limits.cpu_s, resource.getrlimit(resource.RLIMIT_CPU)[1]),
+    )
+
+
+def _next(reading: int, patience_s: float) -> tuple[str, Any]:
+    """Return the next that a fork tells.
+
+    Raises:
+        TimeoutError: Nothing comes for so long.
+        EOFError: Nothing will come.
+    """
+    (count,) = struct.unpack("Q", _read(reading, 8, patience_s))
+    lengths = struct.unpack(f"{count}Q", _read(reading, 8 * count, patience_s))
+    content, *arrays = (_read(reading, length, patience_s) for length in lengths)
+    answer: tuple[str, Any] = pickle.loads(content, buffers=arrays)
+    return answer
+
+
+def _read(reading: int, length: int, patience_s: float) -> bytearray:
+    content, waiting = bytearray(length), select.poll()
+    waiting.register(reading, select.POLLIN)
+    left = memoryview(content)
+    while left:
+        if not waiting.poll(1000.0 * patience_s):
+            raise TimeoutError
+        came = os.readv(reading, [left])
+        if not came:
+            raise EOFError
+        left = left[came:]
+    return content
+
+
+def _write(writing: int, content: bytes | memoryview) -> None:
+    left = memoryview(content)
+    while left:
+        left = left[os.write(writing, left) :]
+
+
+def _in_words(status: int, limits: Limits) -> str:
+    """Return how a fork ended that did not say so."""
+    code = -os.waitstatus_to_exitcode(status)
+    if code == signal.SIGXCPU:
+        return f"it took more than {limits.cpu_s} s"
+    name = signal.Signals(code).name if code in set(signal.Signals) else f"exit code {-code}"
+    return f"the program that reads it crashed over it ({name}), or {_too_much_memory(limits)}"
+
+
+def _too_much_memory(limits: Limits) -> str:
+    return f"it needs more than {limits.memory_bytes / (1024 * MB):.1f} GB of memory"

@@ -1,0 +1,125 @@
+"""What is read in a fork can do nothing but tell what it found; whatever becomes of it is one line."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.common.errors import InputError, RunError
+from harness.common.isolation import Limits, isolated, streamed
+
+SHORT = Limits(cpu_s=1)
+
+
+def writes(path: Path) -> None:
+    path.write_text("written")
+
+
+def never_ends() -> None:
+    while True:
+        pass
+
+
+def nested() -> object:
+    found: object = []
+    for _ in range(100_000):
+        found = [found]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("work", "told"),
+    [
+        (lambda: np.ones(10**9), "needs more than 1.5 GB of memory"),
+        (lambda: ctypes.string_at(0), "crashed over it (SIGSEGV)"),
+        (os.abort, "crashed over it (SIGABRT)"),
+        (lambda: os._exit(0), "crashed over it (exit code 0)"),
+        (never_ends, "took more than 1 s"),
+        (lambda: os.execv("/bin/true", ["true"]), "PermissionError"),
+        (lambda: socket.create_connection(("127.0.0.1", 9)), "PermissionError"),
+        (lambda: (_ for _ in ()).throw(StopIteration), "RuntimeError"),
+        (nested, "nested too deeply"),
+        (lambda: {}["a"], "KeyError: 'a'"),
+    ],
+)
+def test_every_end_of_a_fork_is_one_line_that_names_what_was_read(work, told):
+    with pytest.raises(InputError) as error:
+        isolated(work, "`net`: file.xml", SHORT)
+    assert str(error.value).startswith("`net`: file.xml: ")
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_sleeps_for_ever_is_ended_too():
+    begin = time.perf_counter()
+    with pytest.raises(InputError, match="took more than 0 s"):
+        isolated(lambda: time.sleep(60.0), "file", Limits(cpu_s=0))
+    assert time.perf_counter() - begin < 5.0
+
+
+def test_a_fork_writes_nowhere_but_in_its_own_folder(tmp_path):
+    own, other = tmp_path / "own", tmp_path / "other"
+    own.mkdir()
+    other.write_text("precious")
+
+    def work(send):
+        Path("relative").write_text("written")
+        Path("/dev/null").write_text("written")
+        for path in (other, tmp_path / "new"):
+            try:
+                path.write_text("written")
+            except PermissionError:
+                send(path.name)
+
+    assert list(streamed(work, "file", folders=(own,))) == ["other", "new"]
+    assert other.read_text() == "precious"
+    assert [path.name for path in own.iterdir()] == ["relative"]
+    with pytest.raises(InputError, match="PermissionError"):
+        isolated(lambda: writes(tmp_path / "new"), "file")
+    assert not (tmp_path / "new").exists()
+
+
+def test_without_landlock_a_fork_still_writes_no_byte(tmp_path, monkeypatch):
+    monkeypatch.setattr("harness.common.isolation.confine", lambda folders: False)
+    with pytest.raises(InputError, match="File too large"):
+        isolated(lambda: writes(tmp_path / "new"), "file")
+
+
+def test_results_and_errors_come_through_as_they_are():
+    def fails(error):
+        raise error
+
+    table = np.arange(12.0).reshape(3, 4)
+    found = isolated(lambda: {"table": table, "names": ("a", "b")}, "file")
+    assert np.array_equal(found["table"], table)
+    assert found["table"].flags.writeable
+    assert found["names"] == ("a", "b")
+    assert isolated(lambda: isolated(lambda: 3, "inner"), "outer") == 3
+    for error in (InputError("what is wrong"), RunError("what failed")):
+        with pytest.raises(type(error), match=str(error)):
+            isolated(lambda error=error: fails(error), "file")
+
+
+def test_a_stream_that_is_left_half_way_leaves_no_process_behind():
+    def work(send):
+        for number in range(10**9):
+            send(number)
+
+    told = streamed(work, "file")
+    assert [next(told), next(told)] == [0, 1]
+    told.close()
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+def test_reading_apart_costs_little():
+    begin = time.perf_counter()
+    for _ in range(10):
+        isolated(lambda: 1, "file")
+    assert (time.perf_counter() - begin) / 10 < 0.1
