@@ -28,6 +28,7 @@ ANEW = "max_likelihood.existence.weights_anew=true"
 TOUCH = (
     "max_likelihood.reclustering.lon_m=3+max_likelihood.reclustering.lat_m=1.2+max_likelihood.reclustering.alike=true"
 )
+SHADED, NO_PATH = "shading=[1,1e-9,1e-9]", "mmpf+joint.path.gap_m=0+joint.path.reaction_s=0+joint.path.braking_mps2=1e9"
 KEEPING_MODEL, BOTH_MODELS = "model=gmm-short", "model=gsm"
 
 ABLATIONS = {
@@ -38,6 +39,9 @@ ABLATIONS = {
     "mmpf+joint.detectability.run_share=0": "misses taken as independent in time, not in runs",
     "mmpf+joint.kinds.weighed=false": "everything that exists is a vehicle, no lasting false objects",
     "mmpf+joint.vehicles.detectability=[0,0,0,0,0,0,1]": "all vehicles equally well detectable",
+    f"mmpf+joint.vehicles.{SHADED}+joint.false_objects.{SHADED}": "shadows hide all sources alike",
+    "mmpf+joint.newborn.overlooked_share=0": "who is first detected in plain view had not been overlooked before",
+    NO_PATH: "what lies in the ego's path is reported like all else",
     "mmpf+joint.false_objects.prior_count=1e9+joint.false_objects.prior_watched_s=1e9": "false objects not learned",
     "mmpf+joint.speeds.stopped_on_road=0": "along a road no vehicle stands where others flow",
     "mmpf+joint.manoeuvres.begin_per_s=0": "drivers in sight do nothing that the motion model does not foresee",
