@@ -69,8 +69,10 @@ class JointExistence(Settings):
 
     death_rate_per_s: NotNegative = -10.0 * math.log(0.999)
     """Rate at which vehicles cease to be there; by default one in a thousand does each tenth of a second."""
-    largest: Probability = 0.99
-    """No component is more certain than this."""
+    largest: Probability = 0.9999
+    """No component is more certain than this. Whoever was tracked for long is there, but for ``death_rate_per_s``: a
+    lower bound here would be doubt that comes back in every scan, and a few misses in a shadow would make it grow.
+    """
     report_above: Probability = 0.6
     """Probability that there is a source at all above which a component may be reported."""
     confirm_s: NotNegative = 0.2

@@ -66,8 +66,9 @@ def test_a_car_behind_another_keeps_its_track_and_name_while_it_is_hidden() -> N
 def test_a_car_that_vanishes_in_plain_view_is_soon_doubted_and_dies_in_the_end() -> None:
     tracker = tracker_with()
     drive(tracker, 20, [(20.0, lane_centre(2))])
-    assert drive(tracker, 15, [], first_step=20).existence[0] < 0.25
-    assert len(drive(tracker, 25, [], first_step=35)) == 0
+    # Most of the sensor's runs of misses, of 0.8 s on average, are over by then.
+    assert drive(tracker, 25, [], first_step=20).existence[0] < 0.5
+    assert len(drive(tracker, 35, [], first_step=45)) == 0
 
 
 def test_clutter_is_not_confirmed() -> None:

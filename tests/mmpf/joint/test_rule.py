@@ -27,6 +27,7 @@ PARTICLES = 30
 PLACE = (30.0, lane_centre(2))
 CLUTTER_DENSITY = 1.0 / 4000.0
 BIRTH = 0.3
+LARGEST = FilterOptions().joint.existence.largest
 Place = tuple[float, float]
 
 
@@ -108,7 +109,7 @@ def test_one_detection_raises_existence_as_much_as_its_three_explanations_say(aw
     exists_unseen = existence * float((1.0 - detected).mean()) * (1.0 + BIRTH)
     exists_not = (1.0 - existence) * (1.0 + BIRTH)
     total = its_own + exists_unseen + exists_not
-    assert after.mixture.components.existence == pytest.approx([min((its_own + exists_unseen) / total, 0.99)])
+    assert after.mixture.components.existence == pytest.approx([min((its_own + exists_unseen) / total, LARGEST)])
     assert after.birth_claim == pytest.approx([(exists_unseen + exists_not) / total])
     assert after.was_hit.tolist() == [its_own / total > 0.5]
 
@@ -140,13 +141,21 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
                 weight *= existence[m] * 0.8 * density / CLUTTER_DENSITY
         mass += weight
         exists += weight * np.array([word != "nothing" for word in choice])
-    assert after.mixture.components.existence == pytest.approx(np.minimum(exists / mass, 0.99), abs=0.02)
+    assert after.mixture.components.existence == pytest.approx(np.minimum(exists / mass, LARGEST), abs=0.02)
 
 
 def test_no_detection_however_clear_makes_a_component_certain() -> None:
-    prior = belief_of([cloud_at(PLACE)], existence=[0.99])
+    prior = belief_of([cloud_at(PLACE)], existence=[LARGEST])
     after = updated(rule_with(), prior, np.full(PARTICLES, 0.95), [PLACE])
-    assert after.mixture.components.existence == pytest.approx([0.99], abs=1e-12)
+    assert after.mixture.components.existence == pytest.approx([LARGEST], abs=1e-12)
+
+
+def test_a_few_misses_in_a_shadow_leave_who_was_long_known_as_probable_as_before() -> None:
+    known = rule_with().joint.existence.largest
+    for _ in range(5):
+        prior = belief_of([cloud_at(PLACE)], existence=[known])
+        known = float(updated(rule_with(), prior, np.full(PARTICLES, 0.3), []).mixture.components.existence[0])
+    assert known > 0.95
 
 
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])
