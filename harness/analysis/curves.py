@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.analysis import coasting_ratio
-from harness.common.bootstrap import few_groups_ci
+from harness.common.intervals import possible_ci
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
@@ -67,7 +67,7 @@ class Point:
         value: Where on that axis, a number, or the name of a demand or network.
         metric: Key of the quantity.
         mean: Mean over seeds; None without a sample. Errors are pooled by their samples, shares by their events.
-        ci95: Student's interval over seeds; None with fewer than two seeds.
+        ci95: Interval over seeds, of values that it can have; None where nothing is known of the scatter.
         seeds: Number of seeds with a sample.
         n: Samples or events behind it; of a ratio, what it is a ratio of, summed.
     """
@@ -184,17 +184,14 @@ def breaks(table: pd.DataFrame) -> list[Break]:
 def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: pd.DataFrame) -> Point:
     sums, counts = summed_by("seed", runs, *sums_and_weights(runs, quantity))
     total = float(counts.sum())
-    interval = few_groups_ci(sums, counts)
-    # Student's interval knows no bounds; what is never negative, or a share, has them.
-    low = max(interval.low, 0.0) if (sums >= 0.0).all() else interval.low
-    high = min(interval.high, 100.0) if quantity.label.endswith("%") else interval.high
+    interval = possible_ci(sums, counts, quantity.possible)
     return Point(
         label=label,
         axis=axis,
         value=value,
         metric=quantity.key,
         mean=float(sums.sum()) / total if total > 0.0 else None,
-        ci95=(low, high) if np.isfinite(interval.low) else None,
+        ci95=(interval.low, interval.high) if np.isfinite(interval.low) else None,
         seeds=int(np.count_nonzero(counts)),
         n=round(total),
     )

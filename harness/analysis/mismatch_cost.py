@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.common.bootstrap import few_groups_ci
+from harness.common.intervals import ANY, Possible, possible_ci
 from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
 from harness.storage.grid_rows import column_of
@@ -40,7 +40,7 @@ class Cost:
         id_switches: Identity switches a run.
         coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
-        hota_ci95: 95 % interval of HOTA over the runs, Student's.
+        hota_ci95: 95 % interval of HOTA over the runs, of values that it can have.
         recall: Percent of vehicle-steps in plain view that have a reported track; nan of runs without that score.
         worst_tenth: The same of the worst tenth of vehicles.
         missed: Missed vehicle-steps in sight a run.
@@ -110,7 +110,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
                     id_switches=_mean(column_of(some, SWITCHES)),
                     coverage95_lon=_mean(column_of(some, COVERAGE)),
                     runs=len(some),
-                    hota_ci95=_interval(column_of(some, HOTA)),
+                    hota_ci95=_interval(column_of(some, HOTA), Possible(most=100.0)),
                     recall=_mean(column_of(some, RECALL)),
                     worst_tenth=_mean(column_of(some, WORST_TENTH)),
                     missed=_mean(column_of(some, MISSED)),
@@ -205,11 +205,9 @@ def _mean(values: FloatArray) -> float:
     return float(known.mean()) if len(known) else NAN
 
 
-def _interval(values: FloatArray) -> tuple[float, float]:
+def _interval(values: FloatArray, possible: Possible = ANY) -> tuple[float, float]:
     known = values[np.isfinite(values)]
-    if len(known) < 2:
-        return NAN, NAN
-    interval = few_groups_ci(known, np.ones(len(known)))
+    interval = possible_ci(known, np.ones(len(known)), possible)
     return interval.low, interval.high
 
 

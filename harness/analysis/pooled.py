@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.analysis.curves import labelled, summed_by, sums_and_weights
-from harness.common.bootstrap import few_groups_ci
+from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
@@ -173,7 +173,7 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
     sums, counts = summed_by(RECORDING, runs, *sums_and_weights(runs, quantity))
-    mean, interval = _ratio(sums, counts)
+    mean, interval = _ratio(sums, counts, quantity.possible)
     return Mean(label, pooled_name(quantity), mean, interval, int(counts.sum()))
 
 
@@ -215,13 +215,13 @@ def _followed(runs: pd.DataFrame, number: str) -> float | None:
     return _ratio(*summed_by(RECORDING, runs, share * n, n))[0]
 
 
-def _ratio(sums: FloatArray, counts: FloatArray) -> tuple[float | None, tuple[float, float] | None]:
-    """Return the ratio of the totals and Student's interval of it over files."""
+def _ratio(
+    sums: FloatArray, counts: FloatArray, possible: Possible = NONNEGATIVE
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Return the ratio of the totals and its interval over files."""
     total = float(counts.sum())
     if total <= 0.0:
         return None, None
-    interval = few_groups_ci(sums, counts)
-    # Student's interval knows no bounds; what is never negative has one.
-    low = max(interval.low, 0.0) if (sums >= 0.0).all() else interval.low
-    ends = (low, interval.high) if np.isfinite(interval.low) else None
+    interval = possible_ci(sums, counts, possible)
+    ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
     return float(sums.sum()) / total, ends

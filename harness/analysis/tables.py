@@ -35,7 +35,7 @@ def heading_of(axis: str) -> str:
 
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
-    lines = [f"# {title}", "", "Means over seeds with Student's 95 % intervals over seeds.", ""]
+    lines = [f"# {title}", "", "Means over seeds with 95 % intervals over seeds.", ""]
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [f"## {heading_of(axis)}", ""]
         for heading, columns in _themes({point.metric for point in points}):

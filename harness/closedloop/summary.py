@@ -10,10 +10,10 @@ import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
 from harness.closedloop.plan import CROSS, DARK, FREE, KIND, PROVOKED, STOPPED
-from harness.common.bootstrap import few_groups_ci
 from harness.common.effects import paired_effect
+from harness.common.intervals import possible_ci
 from harness.common.markdown import markdown_table
-from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES
+from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, KM, NO_CANDIDATE, QUANTITIES
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
@@ -38,9 +38,9 @@ class Score:
         metric: Key of the quantity.
         n: Episodes with a value.
         mean: Mean over them; None without any.
-        ci95: Student's interval over seeds; None with fewer than two.
+        ci95: Interval over seeds, of values that it can have; None with fewer than two.
         excess: Mean difference from the truth in the same episodes; None where there is no pair.
-        excess_ci95: Student's interval of that over seeds; None with fewer than two.
+        excess_ci95: Student's interval of that over seeds; None with fewer than two, or where none differs.
     """
 
     belief: str
@@ -92,7 +92,7 @@ QUESTION = (
     "for. *Less truth* is the mean difference from that in the same episodes."
 )
 EXPLANATION = (
-    "Means over episodes with Student's 95 % intervals over seeds, two episodes each. Everything is measured by the "
+    "Means over episodes with 95 % intervals over seeds, two episodes each. Everything is measured by the "
     "truth until the episode ends: after 20 s, with a collision, or where the road does. A *missed* braking is one "
     "that the truth would have demanded for half a second or longer (-2 m/s² or less) while the belief demanded more "
     "than -1 m/s²; a *phantom* is the other way round. For a vehicle right ahead that is in plain view and that the "
@@ -135,14 +135,17 @@ def _score(belief: str, episodes: str, quantity: Quantity, rows: pd.DataFrame, t
     seeds = rows["seed"].to_numpy(dtype=np.int64)
     mean = float(values[known].mean()) if known.any() else None
     excess, interval = _excess(rows, truth, quantity)
-    return Score(belief, episodes, quantity.key, int(known.sum()), mean, _ci(values, seeds), excess, interval)
+    own = _ci(values, seeds, quantity, float(np.nansum(column_of(rows, KM))))
+    return Score(belief, episodes, quantity.key, int(known.sum()), mean, own, excess, interval)
 
 
-def _ci(values: FloatArray, seeds: np.ndarray[tuple[int], np.dtype[np.int64]]) -> tuple[float, float] | None:
+def _ci(
+    values: FloatArray, seeds: np.ndarray[tuple[int], np.dtype[np.int64]], quantity: Quantity, km: float
+) -> tuple[float, float] | None:
     known = np.isfinite(values)
     place = np.unique(seeds[known], return_inverse=True)[1]
     sums = np.bincount(place, weights=values[known]).astype(np.float64)
-    interval = few_groups_ci(sums, np.bincount(place).astype(np.float64))
+    interval = possible_ci(sums, np.bincount(place).astype(np.float64), quantity.possible, km or None)
     return (interval.low, interval.high) if np.isfinite(interval.low) else None
 
 
@@ -162,8 +165,12 @@ def _excess(
         return None, None
     stratum = np.unique(pairs[KIND].astype(str), return_inverse=True)[1].astype(np.int64)
     effect = paired_effect(a, b, stratum, pairs["seed"].to_numpy(dtype=np.int64))
-    low, high = effect.ci95
-    return effect.difference, (low, high) if np.isfinite(low) else None
+    # What never differed may differ yet, and no difference leads out of what can be.
+    if not effect.se > 0.0:
+        return effect.difference, None
+    possible, truth_mean = quantity.possible, float(a.mean())
+    low, high = np.clip(effect.ci95, possible.least - truth_mean, possible.most - truth_mean)
+    return effect.difference, (float(low), float(high))
 
 
 def _about(table: pd.DataFrame) -> list[str]:

@@ -25,8 +25,10 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 KM = "decisions.km"
 MISSED_PER_KM, PHANTOM_PER_KM = "decisions.missed_per_km", "decisions.phantom_per_km"
 QUANTITIES = (
-    Quantity(MISSED_PER_KM, "missed brakings a km", decimals=2, heading="missed brakings a km", weight=KM),
-    Quantity(PHANTOM_PER_KM, "phantom brakings a km", decimals=2, heading="phantom brakings a km", weight=KM),
+    *(
+        Quantity(key, name, decimals=2, heading=name, weight=KM, is_counted=True)
+        for key, name in ((MISSED_PER_KM, "missed brakings a km"), (PHANTOM_PER_KM, "phantom brakings a km"))
+    ),
     Quantity(
         "decisions.accel_difference_mps2", "difference of demanded acceleration, m/s²",
         decimals=3, heading="demand m/s²", weight="decisions.n",

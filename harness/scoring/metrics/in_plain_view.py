@@ -40,8 +40,8 @@ QUANTITIES = (
         f"{NAME}.p90_first_report_s", "time in plain view to the first report, 90th percentile, s",
         decimals=2, weight=VEHICLES,
     ),
-    Quantity(f"{NAME}.never_reported", "vehicles in plain view never reported"),
-    Quantity(f"{NAME}.dropped", "tracks dropped in plain view"),
+    Quantity(f"{NAME}.never_reported", "vehicles in plain view never reported", is_counted=True),
+    Quantity(f"{NAME}.dropped", "tracks dropped in plain view", is_counted=True),
     Quantity(
         f"{NAME}.stopped_recall", "stopped amid traffic, in plain view with a track, %", True,
         heading="stopped %", weight=f"{NAME}.stopped_n",

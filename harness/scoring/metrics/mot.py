@@ -24,7 +24,7 @@ IN_SIGHT = (
     Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", least=-np.inf),
     Quantity(
         SWITCHES, "identity switches a vehicle-minute",
-        decimals=3, heading="switches", weight=TRUTH_N, scale=STEPS_A_MINUTE,
+        decimals=3, heading="switches", weight=TRUTH_N, scale=STEPS_A_MINUTE, is_counted=True,
     ),
     Quantity("mot.missed", "vehicle-steps missed in sight", decimals=0, heading="missed"),
     Quantity("mot.false_tracks", "false track-steps in sight", decimals=0, heading="false"),

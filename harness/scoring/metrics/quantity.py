@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from harness.common.intervals import Possible
+
 OF_SOME_RUNS = frozenset(
     {
         *("manoeuvre", "hidden_by", "unseen_turns", "gaps", "decisions", "never_seen"),
@@ -28,6 +30,7 @@ class Quantity:
         heading: Its name and unit, short enough for a column.
         weight: Key of the samples behind it, by which runs are averaged; empty where every run counts the same.
         scale: Given where the number is a count: what count over ``weight`` is multiplied by, 100 for percent.
+        is_counted: Whether it is a rate of events, which are counted over ``weight``.
         least: The least value that it can have; minus infinity of one with a sign.
     """
 
@@ -39,6 +42,7 @@ class Quantity:
     weight: str = ""
     scale: float | None = None
     least: float = 0.0
+    is_counted: bool = False
 
     def of(self, metrics: Mapping[str, Any]) -> float | None:
         """Return its value in the content of a ``metrics.json``; None where there is none."""
@@ -51,6 +55,11 @@ class Quantity:
     def most(self) -> float:
         """The largest value that it can have: 100 of percentages."""
         return 100.0 if self.label.endswith("%") else math.inf
+
+    @property
+    def possible(self) -> Possible:
+        """Which values its mean can have."""
+        return Possible(self.least, self.most, 1.0 / (self.scale or 1.0) if self.is_counted else 0.0)
 
     @property
     def metric(self) -> str:

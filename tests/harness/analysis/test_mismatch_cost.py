@@ -1,6 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import beta
 
 from harness.analysis.mismatch_cost import costs, costs_markdown, leads
 from harness.commands.from_options import with_values
@@ -48,8 +49,11 @@ def test_losses_are_paired_run_by_run():
     low, high = bursts.hota_loss_ci95
     # Three runs with a standard deviation of 1: 4.303 standard errors of 1 / sqrt(3) to either side.
     assert (low, high) == pytest.approx((3.0 - 4.303 / 3**0.5, 3.0 + 4.303 / 3**0.5), abs=1e-3)
-    # HOTA of 88, 57 and 76: a mean of 73.67, a standard deviation of 15.63.
-    assert "| a | bursts | 73.7 [34.8, 112.5] | 3.0 [" in costs_markdown([usual, bursts], [])
+    # HOTA of 88, 57 and 76: a mean of 73.67, a standard deviation of 15.63. As a share it is that of so many samples:
+    samples = 0.7367 * 0.2633 / (0.1563**2 / 3) * (1.960 / 4.303) ** 2
+    ends = [100 * beta.ppf(at, 0.7367 * samples + up, 0.2633 * samples + 1 - up) for at, up in ((0.025, 0), (0.975, 1))]
+    assert bursts.hota_ci95 == pytest.approx(ends, abs=0.05)
+    assert f"| a | bursts | 73.7 [{ends[0]:.1f}, {ends[1]:.1f}] | 3.0 [" in costs_markdown([usual, bursts], [])
 
 
 def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world():

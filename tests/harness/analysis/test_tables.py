@@ -96,7 +96,7 @@ def test_the_page_has_its_title_axes_breaks_and_failures_in_this_order():
     assert lines[:5] == [
         "# Title",
         "",
-        "Means over seeds with Student's 95 % intervals over seeds.",
+        "Means over seeds with 95 % intervals over seeds.",
         "",
         "## Over density",
     ]

@@ -44,7 +44,17 @@ def test_an_excess_is_the_mean_of_pairs_with_students_interval_over_seeds():
     score = one(scores(table), "mmpf", TTC)
     assert score.excess == pytest.approx(difference.mean())
     expected = stats.t.interval(0.95, 5, difference.mean(), stats.sem(difference))
-    assert score.excess_ci95 == pytest.approx(expected)
+    # Nobody can be below 1.5 s for less than no time.
+    assert expected[0] < -by["truth"].mean()
+    assert score.excess_ci95 == pytest.approx((-by["truth"].mean(), expected[1]))
+
+
+def test_six_episodes_without_a_collision_are_no_certainty():
+    table = table_of(kinds=(FREE,)).assign(**{COLLIDED: 0.0})
+    score = one(scores(table), "mmpf", COLLIDED)
+    assert (score.mean, score.ci95[0], score.excess, score.excess_ci95) == (0.0, 0.0, 0.0, None)
+    # Six independent episodes.
+    assert score.ci95[1] == pytest.approx(100.0 * (1.0 - 0.025 ** (1.0 / 6.0)))
 
 
 def test_the_order_of_rows_changes_nothing():

@@ -1,0 +1,99 @@
+"""95 % intervals of means over few clusters, such as seeds, that hold only values which the quantity can have.
+
+Shares are Clopper and Pearson's with an effective number of samples (Korn & Graubard 1998), rates of events Garwood's
+with an effective number of events, everything else Student's within its bounds. What was never seen is not certain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from harness.common.bootstrap import FloatArray, Interval, few_groups_ci
+
+SHARED = 0.05
+"""Intraclass correlation of outcomes of one seed where none differs, so that it can't be told. In results/reference the
+median over 155 shares of occlusions, each of five seeds or more, is 0.00, and nine in ten are below 0.06."""
+OVERDISPERSED = 2.0
+"""Variance over mean of events a seed where none was seen; hard brakes in results/reference/drive have 1.2 to 1.9."""
+LEVEL = 0.05
+NONE = Interval(np.nan, np.nan)
+
+
+@dataclass(frozen=True)
+class Possible:
+    """Which values a mean can have.
+
+    Attributes:
+        least: The least.
+        most: The largest.
+        events: How many events one of the mean's sums stands for, where it is a rate of events; 0 where it is none.
+    """
+
+    least: float = 0.0
+    most: float = np.inf
+    events: float = 0.0
+
+
+NONNEGATIVE, ANY = Possible(), Possible(-np.inf)
+
+
+def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible, exposure: float | None = None) -> Interval:
+    """Return the 95 % interval of the ratio of two totals over independent clusters.
+
+    Args:
+        sums: Sum of the values of each cluster, shape (clusters,).
+        counts: Number of values, or weight, behind each sum, same shape; clusters of none count nothing.
+        possible: Which values the mean can have.
+        exposure: What events could happen in, where that is not the total of ``counts``.
+
+    Returns:
+        The interval; nan bounds with fewer than two clusters, or where nothing is known of the scatter.
+    """
+    known = counts > 0.0
+    sums, counts = sums[known], counts[known]
+    clusters, total = len(sums), float(counts.sum())
+    if clusters < 2:
+        return NONE
+    mean = float(sums.sum()) / total
+    variance = clusters / (clusters - 1.0) * float((((sums - mean * counts) / total) ** 2).sum())
+    # A variance of few clusters is itself uncertain: Student's quantile over the normal one, as Korn and Graubard do.
+    few = (special.ndtri(1.0 - 0.5 * LEVEL) / special.stdtrit(clusters - 1, 1.0 - 0.5 * LEVEL)) ** 2
+    if possible.least == 0.0 and np.isfinite(possible.most):
+        share = min(max(mean / possible.most, 0.0), 1.0)
+        scatter = variance / possible.most**2
+        if scatter > 0.0:
+            successes = sums / possible.most
+            binary = np.allclose(successes, np.round(successes), atol=1e-6)
+            effective = share * (1.0 - share) / scatter
+            effective = few * (min(effective, total) if binary else effective)
+        else:
+            effective = total / (1.0 + SHARED * (total / clusters - 1.0))
+        low, high = clopper_pearson(share, effective)
+        return Interval(possible.most * low, possible.most * high)
+    if possible.events and mean <= 0.0:
+        return Interval(0.0, -np.log(0.5 * LEVEL) * OVERDISPERSED / (possible.events * (exposure or total)))
+    if variance == 0.0:
+        return NONE
+    if possible.events:
+        events = min(mean**2 / variance, mean * possible.events * (exposure or total))
+        low, high = garwood(few * events)
+        return Interval(mean * low, mean * high)
+    student = few_groups_ci(sums, counts)
+    return Interval(max(student.low, possible.least), min(student.high, possible.most))
+
+
+def clopper_pearson(share: float, samples: float) -> tuple[float, float]:
+    """Return the 95 % interval of a share of independent samples, whose number need not be whole (Clopper 1934)."""
+    hits, misses = share * samples, (1.0 - share) * samples
+    low = special.betaincinv(hits, misses + 1.0, 0.5 * LEVEL) if hits > 0.0 else 0.0
+    high = special.betaincinv(hits + 1.0, misses, 1.0 - 0.5 * LEVEL) if misses > 0.0 else 1.0
+    return float(low), float(high)
+
+
+def garwood(events: float) -> tuple[float, float]:
+    """Return the 95 % interval of a rate as shares of its estimate from so many events (Garwood 1936), above none."""
+    low, high = special.gammaincinv([events, events + 1.0], [0.5 * LEVEL, 1.0 - 0.5 * LEVEL]) / events
+    return float(low), float(high)
