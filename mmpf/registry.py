@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import difflib
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -104,6 +105,8 @@ class Registry(Generic[T]):
         if declared:
             return self._loaded(declared[0], f"of {_package(declared[0])}")
         if ":" in name and self.group is not None:
+            if name.partition(":")[0].partition(".")[0] in sys.stdlib_module_names:
+                raise UnknownNameError(f"{name} is part of Python itself and no {self.kind}")
             from importlib.metadata import EntryPoint  # noqa: PLC0415
 
             return self._loaded(EntryPoint(name, name, self.group), "is it on PYTHONPATH or installed?")

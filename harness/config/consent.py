@@ -1,31 +1,29 @@
-"""Which modules a configuration file may name: installed ones, and those that the user names in person as well.
+"""No file of settings chooses which code is run: who wants a module of one's own names it in person.
 
-A name such as ``package.module:factory`` is imported, which runs the module. A file may come from anybody; the working
-folder, which Python puts before all others, may hold what came with it.
+A name such as ``package.module:factory`` is imported and called, and ``exec:`` starts a program. A file may come from
+anybody, and so may what lies beside it; what is installed can do harm as well if it is called.
 """
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Mapping
-from importlib.machinery import PathFinder
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from harness.common.errors import InputError
+from harness.config.layers import parameter_of
+from harness.config.model import RunConfig, TrackerConfig
+from mmpf.options.base import fields_of, names_code
 
-# Where a configuration may name a module, and the option that names it in person.
-OPTIONS = {
-    "tracker.name": "tracker",
-    "tracker.model": "model",
-    "sensor.profile": "sensor",
-    "traffic.recording.format": "format",
-}
+
+def keys_of_code() -> Iterator[str]:
+    """Yield the keys that may name code; those of a tracker may stand among its options too."""
+    yield from (key for key, field in fields_of(RunConfig) if names_code(field))
+    yield from (f"tracker.options.{key}" for key, field in fields_of(TrackerConfig) if names_code(field))
 
 
 def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: Path) -> None:
-    """Refuse a module of the working folder that only the file names.
+    """Refuse code that only a file names.
 
     Args:
         in_file: The file's content.
@@ -33,16 +31,16 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
         file: The file, for the message.
 
     Raises:
-        InputError: Such a module would be imported.
+        InputError: It would be imported.
     """
-    for key, option in OPTIONS.items():
+    for key in keys_of_code():
         name = _at(in_file, key)
-        if _at(chosen, key) is not None:
-            continue
-        if isinstance(name, str) and ":" in name and (name.startswith("exec:") or not is_installed(name)):
+        if isinstance(name, str) and ":" in name and _at(chosen, key) is None:
+            option = parameter_of(key)
+            own = f"`{option}`" if option else f"`settings` {key}={name[:60]}"
             raise InputError(
-                f"`config`: {file} names {name}, which is no installed module, and it would be run; if you trust it, "
-                f"give it yourself as `{option}`"
+                f"`config`: {file} has {key} = {name[:60]}, and using that runs code; if you trust it, give it "
+                f"yourself as {own}"
             )
 
 
@@ -52,24 +50,3 @@ def _at(table: Mapping[str, Any], key: str) -> object:
     for part in key.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
     return value
-
-
-def is_installed(name: str) -> bool:
-    """Return whether a module is found without the working folder; nothing of it is imported.
-
-    Args:
-        name: ``package.module:attribute``.
-    """
-    top = name.partition(":")[0].partition(".")[0]
-    if not top.isidentifier():
-        return False
-    if top in sys.builtin_module_names:
-        return True
-    here = Path.cwd().resolve()
-    chosen = {Path(entry).resolve() for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry}
-    path = [entry for entry in sys.path if entry and (Path(entry).resolve() != here or here in chosen)]
-    if PathFinder.find_spec(top, path) is not None:
-        return True
-    # Packages that are installed for editing are found by finders of their own.
-    others = [finder for finder in sys.meta_path if finder is not PathFinder]
-    return any(finder.find_spec(top, None) is not None for finder in others if hasattr(finder, "find_spec"))

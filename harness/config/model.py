@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from harness.config.altered import AlteredSettings
 from harness.storage.schema import DENSITY_RANGE
-from mmpf.options.base import WithoutTruthValues
+from mmpf.options.base import CodeName, WithoutTruthValues
 from mmpf.options.filter import FilterOptions
 
 DEFAULT_TRACKER = "mmpf"
@@ -37,7 +37,7 @@ class _Strict(WithoutTruthValues):
 class RecordingConfig(_Strict):
     """Which recorded traffic takes the simulated one's place."""
 
-    format: Annotated[str, Field(min_length=1)]
+    format: CodeName
     """Name of the file's format."""
     ego: Annotated[str, Field(min_length=1)] = "auto"
     """Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn."""
@@ -94,7 +94,7 @@ class SensorConfig(_Strict):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, use_attribute_docstrings=True)
 
-    profile: Annotated[str, Field(min_length=1)] = "lidar"
+    profile: CodeName = "lidar"
     """Name of the sensor profile."""
 
     @property
@@ -145,9 +145,9 @@ class BeliefsConfig(_Strict):
 class TrackerConfig(_Strict):
     """Which tracker follows the vehicles."""
 
-    name: Annotated[str, Field(min_length=1)] = DEFAULT_TRACKER
+    name: CodeName = DEFAULT_TRACKER
     """Name of the tracker."""
-    model: Annotated[str, Field(min_length=1)] | None = None
+    model: CodeName | None = None
     """Name of the motion model, for trackers that take one."""
     update: Annotated[str, Field(min_length=1)] | None = None
     """Name of the measurement update, for trackers that have several."""
@@ -191,7 +191,7 @@ class TrackerConfig(_Strict):
 class DecisionsConfig(_Strict):
     """Which driver is asked what it would do by the truth and by the tracks."""
 
-    driver: Annotated[str, Field(min_length=1)] = DEFAULT_DRIVER
+    driver: CodeName = DEFAULT_DRIVER
     """Name of the driver."""
 
 

@@ -12,6 +12,13 @@ Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
+
+class NamesCode:
+    """Marks a setting that may be ``module:attribute``, which is imported: code, which no file of settings chooses."""
+
+
+CodeName = Annotated[str, Field(min_length=1), NamesCode()]
+
 # Of two endings that fit a name the longer one comes first.
 UNITS_BY_ENDING = {
     "_per_s": "1/s",
@@ -63,6 +70,15 @@ def unit_of(key: str, field: FieldInfo) -> str:
     if isinstance(field.json_schema_extra, dict) and "unit" in field.json_schema_extra:
         return str(field.json_schema_extra["unit"])
     return next((unit for ending, unit in UNITS_BY_ENDING.items() if key.endswith(ending)), "")
+
+
+def names_code(field: FieldInfo) -> bool:
+    """Return whether a setting may name code."""
+
+    def marked(kind: object) -> bool:
+        return isinstance(kind, NamesCode) or any(map(marked, (*get_args(kind), *getattr(kind, "__metadata__", ()))))
+
+    return any(map(marked, (field.annotation, *field.metadata)))
 
 
 def fields_of(settings: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:

@@ -7,8 +7,13 @@ import sys
 import pytest
 
 from harness.common.errors import InputError
+from harness.config.consent import keys_of_code
+from harness.config.model import RunConfig
 from harness.running.finished import read_recorded_run
 from harness.running.resolve import resolve_run_config, write_config
+from harness.running.run import run
+from harness.trackers.mmpf import MixtureTrackerOptions
+from mmpf.options.base import fields_of
 from tests.harness.recorded_scene import write_recorded_scene
 
 MODULE = "came_along"
@@ -32,30 +37,43 @@ def test_a_module_of_the_working_folder_that_only_the_file_names_is_refused_and_
     assert MODULE not in sys.modules
 
 
-def test_the_same_holds_for_a_motion_model(download):
-    download.write_text(f'[tracker]\nmodel = "{MODULE}.inner:Model"\n')
-    with pytest.raises(InputError, match="`model`"):
-        resolve_run_config(download)
+def text_keys():
+    """Return every setting that a text may be given for, those in open tables too."""
+    named = {key for key, field in fields_of(RunConfig) if "str" in str(field.annotation)}
+    options = {f"tracker.options.{key}" for key, field in fields_of(MixtureTrackerOptions)}
+    return sorted(named - {"replay", "traffic.net", "traffic.demand", "tracker.model_file"} | options)
 
 
-def test_the_same_holds_for_a_reader_of_recorded_traffic(download, tmp_path):
-    (tmp_path / "file.csv").write_text("a,b\n")
-    download.write_text(f'replay = "{tmp_path}/file.csv"\n[traffic.recording]\nformat = "{MODULE}:read"\n')
-    with pytest.raises(InputError, match=rf"{MODULE}:read.*`format`"):
-        resolve_run_config(download)
+@pytest.mark.parametrize("key", text_keys())
+def test_no_setting_of_a_file_has_code_imported(key, download, tmp_path):
+    *tables, last = key.split(".")
+    replay = f'replay = "{write_recorded_scene(tmp_path / "run")}"\n' if key == "traffic.recording.format" else ""
+    download.write_text(f'{replay}[{".".join(tables)}]\n{last} = "{MODULE}:thing"\n')
+    with pytest.raises(InputError):
+        run(resolve_run_config(download), out=tmp_path / "out")
     assert MODULE not in sys.modules
 
 
-def test_who_names_it_in_person_gets_it(download, monkeypatch):
+@pytest.mark.parametrize("name", [f"{MODULE}:thing", "numpy.random:default_rng", "exec:touch file", "os:abort"])
+@pytest.mark.parametrize("key", sorted(keys_of_code()))
+def test_a_file_never_chooses_code_whether_installed_or_not(key, name, download):
+    *tables, last = key.split(".")
+    download.write_text(f'[{".".join(tables)}]\n{last} = "{name}"\n')
+    with pytest.raises(InputError, match=f"{key} = {name}, and using that runs code"):
+        resolve_run_config(download)
+
+
+@pytest.mark.parametrize("option", ["tracker", "model", "sensor", "format", "driver"])
+def test_what_is_part_of_python_is_not_called_whoever_names_it(option, tmp_path):
+    replay = {"replay": str(tmp_path / "file.csv")} if option == "format" else {}
+    (tmp_path / "file.csv").write_text("a,b\n")
+    with pytest.raises(InputError, match=f"`{option}`.*subprocess:call is part of Python itself"):
+        run(resolve_run_config(options={option: "subprocess:call"} | replay), out=tmp_path / "out")
+
+
+def test_who_names_it_in_person_gets_it(download):
     for options, settings in (({"tracker": f"{MODULE}:factory"}, ()), ({}, (f"tracker.name={MODULE}:factory",))):
         assert resolve_run_config(download, options, settings).tracker.name == f"{MODULE}:factory"
-    monkeypatch.setenv("PYTHONPATH", str(download.parent))
-    assert resolve_run_config(download).tracker.name == f"{MODULE}:factory"
-
-
-def test_an_installed_module_may_be_named(download):
-    download.write_text('[tracker]\nname = "numpy.random:default_rng"\n')
-    assert resolve_run_config(download).tracker.name == "numpy.random:default_rng"
 
 
 def test_a_name_without_a_module_is_no_matter(download):
