@@ -9,20 +9,26 @@ from harness.running import remembered
 from harness.running.open import open_looks
 from harness.running.remembered import RememberedTraffic
 from harness.running.resolve import resolve_run_config
+from tests.harness.stand_ins import SteadyTraffic
 
 
 def config(seed: int = 1, range_m: float = 60.0):
     return resolve_run_config(None, {"density": 20.0, "duration": 0.5, "seed": seed}, [f"sensor.range_m={range_m}"])
 
 
+def made_up(network, traffic, seed, reach_m) -> SteadyTraffic:
+    """Return traffic in SUMO's place."""
+    return SteadyTraffic(steps=6)
+
+
 @pytest.fixture
 def started(monkeypatch) -> list[int]:
     """Return the seeds of the simulations that were started."""
-    seeds, really = [], remembered.simulate
+    seeds: list[int] = []
 
     def noted(network, traffic, seed, reach_m):
         seeds.append(seed)
-        return really(network, traffic, seed, reach_m)
+        return made_up(network, traffic, seed, reach_m)
 
     monkeypatch.setattr(remembered, "simulate", noted)
     return seeds
@@ -32,7 +38,7 @@ def test_two_sensors_look_at_one_simulation_and_see_what_they_would_have_seen_al
     memory = RememberedTraffic()
     memory(config()).kept()
     again = memory(config(range_m=80.0)).kept()
-    alone = open_looks(config(range_m=80.0)).kept()
+    alone = open_looks(config(range_m=80.0), simulate=made_up).kept()
     assert started == [1]
     for one, other in zip(again, alone, strict=True):
         assert np.array_equal(one.frame.lon_m, other.frame.lon_m)
