@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text
 from harness.common.markdown import markdown_table
-from harness.common.plots import strip
 from harness.lab.fidelity.comparison import Distance, Fidelity, Period
 from harness.lab.fidelity.fields import Fields
 from harness.lab.fidelity.lanes import LaneShare
 from harness.lab.fidelity.samples import UNITS
-from harness.lab.fidelity.statistics import QUARTERS, Target
+from harness.lab.fidelity.statistics import Target
 from mmpf.numerics.arrays import FloatArray
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")
@@ -140,7 +137,7 @@ def _digits(value: float) -> str:
 
 def draw_figures(result: Fidelity) -> dict[str, Figure]:
     """Return the figures by file name; those that lack recorded data are not among them."""
-    figures = {"speed_along_the_road": along_the_road(result.periods)}
+    figures = {}
     for period in result.periods:
         simulated, recorded = period.fields
         if recorded is not None:
@@ -175,30 +172,6 @@ def speed_fields(demand: str, simulated: Fields, recorded: Fields) -> Figure:
     return figure
 
 
-def along_the_road(periods: Sequence[Period]) -> Figure:
-    """Return the mean speed of each quarter of the road, both sides, one panel a period."""
-    figure = Figure(figsize=(4.0 * len(periods), 3.6), dpi=120, layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(periods), sharey=True))
-    quarters = np.arange(1, QUARTERS + 1)
-    for axes, period in zip(panels, periods, strict=True):
-        measured = np.array(period.measured.quarter_speed_mps)
-        axes.fill_between(quarters, 0.9 * measured, 1.1 * measured, color=RECORDED, alpha=0.15, linewidth=0)
-        axes.plot(quarters, measured, color=RECORDED, marker="s", linewidth=1.8)
-        for seed in period.seeds:
-            axes.plot(quarters, seed.quarter_speed_mps, color=SIMULATED, linewidth=0.7, alpha=0.45)
-        axes.plot(quarters, period.simulated.quarter_speed_mps, color=SIMULATED, marker="o", linewidth=1.8)
-        axes.set_title(period.demand, loc="left", fontsize=10)
-        axes.set_xticks(quarters)
-        axes.set_xlabel("quarter of the road, 1 upstream")
-        strip(axes)
-    panels[0].set_ylabel("mean speed, m/s")
-    panels[0].set_ylim(bottom=0.0)
-    _label(panels[0], 0.30, "recorded, ± 10 %", RECORDED)
-    _label(panels[0], 0.20, "simulated, all seeds", SIMULATED)
-    _label(panels[0], 0.10, "simulated, each seed (thin)", SIMULATED)
-    return figure
-
-
 def distributions(simulated: dict[str, FloatArray], recorded: dict[str, FloatArray]) -> Figure:
     """Return the distribution of every quantity, both sides, one panel each."""
     figure = Figure(figsize=(13.0, 6.0), dpi=120, layout="constrained")
@@ -215,13 +188,8 @@ def distributions(simulated: dict[str, FloatArray], recorded: dict[str, FloatArr
         edges = np.linspace(low, high, BINS + 1)
         for values, colour in ((first, SIMULATED), (second, RECORDED)):
             axes.hist(values, bins=edges, density=True, histtype="step", color=colour, linewidth=1.6)
-    _label(panels[0, 0], 0.95, "simulated", SIMULATED, right=True)
-    _label(panels[0, 0], 0.85, "recorded", RECORDED, right=True)
+    for height, text, colour in ((0.95, "simulated", SIMULATED), (0.85, "recorded", RECORDED)):
+        panels[0, 0].annotate(text, (0.98, height), xycoords="axes fraction", color=colour, ha="right", va="top")
     for axes in panels[:, 0]:
         axes.set_ylabel("share of samples")
     return figure
-
-
-def _label(axes: Axes, height: float, text: str, colour: str, right: bool = False) -> None:
-    place, side = (0.98, "right") if right else (0.04, "left")
-    axes.annotate(text, (place, height), xycoords="axes fraction", color=colour, fontsize=9, ha=side, va="top")

@@ -17,7 +17,7 @@ from harness.lab.fidelity.statistics import MAIN_LANES
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.fcd import declares_types
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
-from harness.truth.recorded.traffic import assemble, check_one_road
+from harness.truth.recorded.traffic import RecordedTraffic, assemble, check_one_road
 from mmpf.map.road import NO_LANE
 from mmpf.numerics.arrays import FloatArray
 
@@ -212,12 +212,21 @@ def recorded_samples(files: Iterable[Path], net: str) -> Samples:
     return merged(_samples(path, net) for path in files)
 
 
-def _samples(path: Path, net: str) -> Samples:
+def whole_recording(path: Path, net: str | None = None) -> RecordedTraffic:
+    """Return all traffic of a file, on the network of a name where the file brings no road.
+
+    Raises:
+        InputError: It is no recording, is broken, or is of more than one road.
+    """
     entry = recognise(path)
-    traffic = assemble(
-        read_traffic(path, entry.name, network_of(entry, None if entry.brings_road else net)), path, WHOLE_S
-    )
+    read = read_traffic(path, entry.name, network_of(entry, None if entry.brings_road else net))
+    traffic = assemble(read, path, WHOLE_S)
     check_one_road(traffic, path)
+    return traffic
+
+
+def _samples(path: Path, net: str) -> Samples:
+    traffic = whole_recording(path, net)
     sampler = Sampler(traffic.window_m, STEP_S)
     for _ in sampler.tap(traffic.frame(step, step, 0, int(traffic.stay[0])) for step in range(traffic.steps)):
         pass

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.driver_fit import fit_follower, fit_short
 from harness.lab.fit.rival_fit import fit_idm
 from harness.lab.study.study import COMPLETE, LABELS, score_row
@@ -43,15 +44,13 @@ from harness.lab.windows.scenarios import (
 from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
-from harness.truth.recorded.formats import network_of, read_traffic, recognise
-from harness.truth.recorded.traffic import assemble, check_one_road
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise
 from mmpf.motion.learned.driver import LearnedDriver, with_follower, without_lane_changes
 from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.protocol import MotionModel, motion_models
 
-COMPONENTS, SHORT_STEPS, WHOLE_RECORDING_S = 28, 51, 86_400.0
+COMPONENTS, SHORT_STEPS = 28, 51
 PAIRS, SNIPPETS, SUMO = "real pairs", "real snippets", "sumo"
 PREDICTIONS = 12 * 4
 """Models times tests: so often ``progress`` is called."""
@@ -207,9 +206,7 @@ def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> Following:
     """
     parts = []
     for path in files:
-        entry = recognise(path)
-        traffic = assemble(read_traffic(path, entry.name, network_of(entry, None)), path, WHOLE_RECORDING_S)
-        check_one_road(traffic, path)
+        traffic = whole_recording(path)
         windows = following_windows(recording_of(traffic), traffic.road, steps, STEP_S)
         led = windows.take(np.flatnonzero(windows.has_leader))
         say(

@@ -77,7 +77,7 @@ def test_the_same_traffic_on_both_sides_meets_every_target(no_sumo, recorded_fie
     assert result["distances"] == {}
     assert any("`recordings`" in reason for reason in result["left_out"])
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"fidelity.json", "fidelity.md", "speed_along_the_road.png", "speed_field_us101-0805.png"} <= names
+    assert {"fidelity.json", "fidelity.md", "speed_field_us101-0805.png"} <= names
 
 
 def test_without_recorded_fields_the_committed_figures_are_the_measure(no_sumo, tmp_path, capsys):
