@@ -286,7 +286,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
     """Do what ``stress`` does; arguments as for ``make_run``."""
     with _input_errors():
         values = checked(GridOptions, options, "stress")
-        from harness.grid.asked import request_of  # noqa: PLC0415
+        from harness.grid.request import request_of  # noqa: PLC0415
 
         request = request_of(values)
         if values["scheduler"] is not None and values["workers"] is not None:

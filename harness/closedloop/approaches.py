@@ -10,7 +10,7 @@ from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
 from harness.closedloop.traffic import Traffic, row_of, with_ego
 from harness.config.sensor import SensorSettings
 from harness.decisions.crossings import Conflict, Lanes, crossings_of, yields_on
-from harness.decisions.yielding import Course, meets, on_way, room_before, windows_of
+from harness.decisions.yielding import EgoPath, meets, on_way, room_before, windows_of
 from harness.truth.frame import Frame
 
 SOON_S = 5.0
@@ -40,7 +40,7 @@ def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: Sen
     ego = str(frames[-1].vehicle_id[row])
     now = with_ego(frames[-1], ego, frames[-1].step, traffic.step_s)
     lanes = Lanes.of(graph, way.lanes)
-    course, yields = Course.of(lanes, ego_of(now)), yields_on(graph, lanes)
+    course, yields = EgoPath.of(lanes, ego_of(now)), yields_on(graph, lanes)
     if not yields or not _comes_up_first(course, float(lanes.begins_m[yields[0][0]]), now):
         return NOBODY
     for conflict in (conflict for crossing in crossings_of(graph, lanes)[:1] for conflict in crossing.conflicts):
@@ -53,7 +53,7 @@ def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: Sen
     return NOBODY
 
 
-def _comes_up_first(course: Course, stop_m: float, now: Frame) -> bool:
+def _comes_up_first(course: EgoPath, stop_m: float, now: Frame) -> bool:
     """Return whether the ego is soon at a stop line and can still stop there, and nobody is before it on its way."""
     if course.window((stop_m, stop_m))[0] > SOON_S or room_before(course, (stop_m,)) is None:
         return False
@@ -61,7 +61,7 @@ def _comes_up_first(course: Course, stop_m: float, now: Frame) -> bool:
     return not ((along_m > course.along_m) & (along_m < stop_m)).any()
 
 
-def _meeting(course: Course, conflict: Conflict, now: Frame) -> list[str]:
+def _meeting(course: EgoPath, conflict: Conflict, now: Frame) -> list[str]:
     """Return who would be at a place of conflict when the ego would, if it goes on as fast as now."""
     bodies, names = true_bodies(now), np.delete(now.vehicle_id, now.ego)
     on, along_m, speed_mps = on_way(conflict.way, bodies)

@@ -24,7 +24,7 @@ from harness.closedloop.beliefs import (
     ego_of,
     true_bodies,
 )
-from harness.closedloop.handover import HandOver
+from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.inview import SeldomDetected
 from harness.closedloop.passing import Passage
 from harness.closedloop.plan import CROSS, DRIVEN_S, STREAMS, TRACKED_S, PlannedDrive
@@ -35,7 +35,7 @@ from harness.decisions.belief import Belief, Others, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import Decision, decide_by, driver_of, with_doubt
 from harness.decisions.drivers.protocol import Driver
-from harness.decisions.yielding import Course
+from harness.decisions.yielding import EgoPath
 from harness.running.evaluate import Evaluated, evaluation_of
 from harness.running.looks import Looks
 from harness.running.unseen import UnseenOfTracks
@@ -67,12 +67,12 @@ SENSOR, TRACKER, HUMAN = range(3)
 # As far as the road is known beyond the section, less what a driver looks ahead.
 BEYOND_SECTION_M = 30.0
 STOP_LINE_M = 1.0
-Minded = Callable[[Belief], Belief]
+WithStops = Callable[[Belief], Belief]
 """What becomes of a belief on the way to where the ego must yield."""
 
 
 @dataclass(frozen=True)
-class Drove:
+class EpisodeResult:
     """An episode that ended.
 
     Attributes:
@@ -86,12 +86,12 @@ class Drove:
     evaluated: Evaluated | None
 
 
-def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
-    """Drive an episode from its hand-over on; the simulation is used up.
+def run_episode(traffic: Traffic, at: EpisodeStart, planned: PlannedDrive) -> EpisodeResult:
+    """Drive an episode from its start on; the simulation is used up.
 
     Args:
-        traffic: The simulation, as it stands at the hand-over.
-        at: The hand-over.
+        traffic: The simulation, as it stands at the start of the episode.
+        at: The start of the episode.
         planned: By what belief.
     """
     config, seed = planned.config, planned.config.seed
@@ -138,9 +138,9 @@ def drive(traffic: Traffic, at: HandOver, planned: PlannedDrive) -> Drove:
         episode["seen_before"] = float(at.seen_before)
     table = {"episode": episode, "drive": drove}
     if loop.ended != BY_COLLISION:
-        return Drove(table, evaluation.recorded(), None)
+        return EpisodeResult(table, evaluation.recorded(), None)
     evaluated = evaluation.finish()
-    return Drove(table, evaluated.tables, evaluated)
+    return EpisodeResult(table, evaluated.tables, evaluated)
 
 
 def _perception(belief: str, rng: np.random.Generator, step_s: float) -> Perception:
@@ -154,7 +154,7 @@ class _Loop:
     """The ego and its traffic, step by step: looks go out, tracks come in, and what the driver does is done."""
 
     traffic: Traffic
-    at: HandOver
+    at: EpisodeStart
     planned: PlannedDrive
     driver: Driver
     perception: Perception
@@ -216,8 +216,8 @@ class _Loop:
             return
         ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
         sure = bodies.sure()
-        minded, really = self._pass(look.frame, sure, real, ego, unseen)
-        self._demand, _ = self._demanded(bodies, ego, minded)
+        with_stops, really = self._pass(look.frame, sure, real, ego, unseen)
+        self._demand, _ = self._demanded(bodies, ego, with_stops)
         needed, leader = self._demanded(real, ego, really)
         self._steps.append(
             (
@@ -239,32 +239,32 @@ class _Loop:
 
     def _pass(
         self, frame: Frame, told: Bodies, real: Bodies, ego: Egos, unseen: Unseen | None
-    ) -> tuple[Minded, Minded]:
+    ) -> tuple[WithStops, WithStops]:
         """Return how the ego minds its way to where it must yield, by what it believes and by the truth."""
         passage = self.passage
         if passage is None:
             flow_mps = self.planned.flow_mps
-            minded = _as_is if flow_mps is None else partial(_limited, flow_mps=flow_mps)
-            return minded, minded
-        course = Course.of(passage.way, ego)
+            with_stops = _as_is if flow_mps is None else partial(_limited, flow_mps=flow_mps)
+            return with_stops, with_stops
+        course = EgoPath.of(passage.way, ego)
         holds, must = passage.room_m(course, told, unseen), passage.room_m(course, real)
         passage.note(frame, course, real, holds is not None, must is not None)
-        by_belief, by_truth = (partial(passage.minded, course=course, room_m=room_m) for room_m in (holds, must))
+        by_belief, by_truth = (partial(passage.with_stops, course=course, room_m=room_m) for room_m in (holds, must))
         return by_belief, by_truth
 
-    def _demanded(self, bodies: Bodies, ego: Egos, minded: Minded) -> tuple[float, Others]:
+    def _demanded(self, bodies: Bodies, ego: Egos, with_stops: WithStops) -> tuple[float, Others]:
         """Return the acceleration that the driver demands, and the ego's leader."""
         road, sure = self.traffic.network.road, bodies.sure()
 
         def decided(by: Bodies) -> Decision:
-            return decide_by(self.driver, minded(believe(by, ego, road)))
+            return decide_by(self.driver, with_stops(believe(by, ego, road)))
 
         decision = decided(sure)
         both = with_doubt(decision, decided(bodies)) if bodies.has_doubtful else decision.command.accel_mps2
         return float(both[0]), believe(sure, ego, road).leader
 
     def driven(self) -> Driven:
-        """Return the steps from the hand-over on."""
+        """Return the steps from the start of the episode on."""
         speed, gap, leader, demanded, needed, withheld = np.array(self._steps).T
         return Driven(speed, gap, leader, demanded, needed, self.traffic.step_s, withheld > 0.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 from harness.decisions.belief import Belief
 from harness.decisions.bodies import Bodies
 from harness.decisions.crossings import Crossing, Lanes, crossings_of
-from harness.decisions.yielding import Course, room_before, unseen_in_conflict, who_conflicts, with_standing_leader
+from harness.decisions.yielding import EgoPath, room_before, unseen_in_conflict, who_conflicts, with_standing_leader
 from harness.scoring.driving.encroachment import Encounter, TimedPath, encounter
 from harness.scoring.metrics.closedloop import HARD_BRAKE_MPS2, Contact, Crossed
 from harness.truth.frame import Frame
@@ -48,7 +48,7 @@ class Passage:
         way = Lanes.of(graph, lanes)
         return cls(way, crossings_of(graph, way), step_s, heed)
 
-    def room_m(self, course: Course, bodies: Bodies, unseen: Unseen | None = None) -> float | None:
+    def room_m(self, course: EgoPath, bodies: Bodies, unseen: Unseen | None = None) -> float | None:
         """Return how far ahead the ego is to hold by what it takes for real; None where it may go.
 
         For a vehicle that it knows of it holds at the stop line, or past that before the place of conflict. For one
@@ -63,12 +63,12 @@ class Passage:
             return None
         return room_before(course, (crossing.begins_m,))
 
-    def minded(self, belief: Belief, course: Course, room_m: float | None) -> Belief:
+    def with_stops(self, belief: Belief, course: EgoPath, room_m: float | None) -> Belief:
         """Return what the driver decides by: it slows down for bends, and somebody stands where it is to hold."""
         belief = replace(belief, speed_limit_mps=course.speed_limits(np.array([course.along_m])))
         return belief if room_m is None else with_standing_leader(belief, room_m)
 
-    def note(self, frame: Frame, course: Course, real: Bodies, holds: bool, must_hold: bool) -> None:
+    def note(self, frame: Frame, course: EgoPath, real: Bodies, holds: bool, must_hold: bool) -> None:
         """Note a step.
 
         Args:

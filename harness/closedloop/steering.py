@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.closedloop.handover import HandOver
+from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.plan import BRAKE, DARK
 from harness.scoring.metrics.closedloop import Contact
 from harness.truth.frame import Frame
@@ -23,8 +23,8 @@ KEEPS_LANE_M, BETWEEN_WITHIN_M = 1.8, 250.0
 class Steering:
     """Drives the ego of an episode, and whom it provokes."""
 
-    def __init__(self, sumo: Sumo, at: HandOver) -> None:
-        """Take hold of a simulation as it stands at the hand-over."""
+    def __init__(self, sumo: Sumo, at: EpisodeStart) -> None:
+        """Take hold of a simulation as it stands at the start of the episode."""
         self._sumo, self._at = sumo, at
         self._stands_s = 0.0
 
@@ -73,7 +73,7 @@ class Steering:
 
         Args:
             frame: The present frame, with the ego.
-            time_s: Time since the hand-over.
+            time_s: Time since the start of the episode.
         """
         reported = {
             name

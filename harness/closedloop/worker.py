@@ -1,7 +1,7 @@
-"""One worker process: lets a seed's traffic run to its hand-overs, and drives each by every belief in a fork of itself.
+"""One worker process: lets a seed's traffic run to where episodes start, and drives each by every belief in a fork.
 
-A fork holds the very simulation that stands at the hand-over, drivers' memories and random numbers included, so every
-belief begins with the same bytes. SUMO's saved states do not: what ``saveState`` wrote and ``loadState`` read goes on
+A fork holds the very simulation as it stands there, drivers' memories and random numbers included, so every belief
+begins with the same bytes. SUMO's saved states do not: what ``saveState`` wrote and ``loadState`` read goes on
 otherwise each time, since the drivers' own estimates are not in it, nor what was set of them at run time.
 """
 
@@ -20,8 +20,8 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from harness.closedloop.episode import drive
-from harness.closedloop.handover import HandOver, hand_overs
+from harness.closedloop.episode import run_episode
+from harness.closedloop.episode_start import EpisodeStart, episode_starts
 from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import Traffic
 from harness.common.errors import InputError, RunError
@@ -163,26 +163,26 @@ def _answer(work: Callable[[], object], reading: int, writing: int) -> None:
         os._exit(code)
 
 
-def _episodes(traffic: Traffic, cell: Cell) -> Iterator[HandOver | str]:
+def _episodes(traffic: Traffic, cell: Cell) -> Iterator[EpisodeStart | str]:
     kinds = list(dict.fromkeys(run.kind for run in cell.runs if isinstance(run, PlannedDrive)))
     sensor = cell.config.sensor
     rng = np.random.default_rng(np.random.SeedSequence(cell.config.seed, spawn_key=(CHOICES,)))
-    return hand_overs(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), rng, flow_of(cell))
+    return episode_starts(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), rng, flow_of(cell))
 
 
-def _driven(traffic: Traffic, at: HandOver, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:
+def _driven(traffic: Traffic, at: EpisodeStart, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:
     """Return the row of one drive; of one that ends in a collision a run folder is kept."""
     begin = perf_counter()
     try:
         _rehearse(traffic, at, run)
         report(Started(STEPPING, run.key))
-        drove = in_fork(lambda: drive(traffic, at, run))
-        if drove.evaluated is not None and keep_in is not None:
-            metrics = drove.evaluated.metrics(run.config, drove.table, sum(drove.evaluated.times.tracker_s))
+        result = in_fork(lambda: run_episode(traffic, at, run))
+        if result.evaluated is not None and keep_in is not None:
+            metrics = result.evaluated.metrics(run.config, result.table, sum(result.evaluated.times.tracker_s))
             # No ``run`` makes it again, since the ego was driven by a belief.
-            write_run(keep_in / run.key, drove.evaluated, metrics, run.config, f"harness drive: episode {run.key}")
+            write_run(keep_in / run.key, result.evaluated, metrics, run.config, f"harness drive: episode {run.key}")
         # What took how long would make every table another.
-        return finished_row(run, drove.table, 0.0) | {"total_s": None}
+        return finished_row(run, result.table, 0.0) | {"total_s": None}
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin)
 
@@ -191,7 +191,7 @@ def _no_candidate(run: PlannedDrive) -> Row:
     return finished_row(run, {"drive": {"ended": NO_CANDIDATE}}, 0.0) | {"total_s": None}
 
 
-def _rehearse(traffic: Traffic, at: HandOver, run: PlannedDrive) -> None:
+def _rehearse(traffic: Traffic, at: EpisodeStart, run: PlannedDrive) -> None:
     """Load and compile here what a tracker needs, for all forks to come."""
     config = run.config
     sensor, road = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides)), traffic.network.road

@@ -42,7 +42,7 @@ class Windows:
 
 
 @dataclass(frozen=True)
-class Course:
+class EgoPath:
     """The ego's way at a moment: where on it the ego is, and how it would go on if nobody were in its way.
 
     Attributes:
@@ -58,7 +58,7 @@ class Course:
     length_m: float
 
     @classmethod
-    def of(cls, way: Lanes, ego: Egos) -> Course:
+    def of(cls, way: Lanes, ego: Egos) -> EgoPath:
         """Return where an ego, at a single step, is on its way."""
         along_m = way.line.project(ego.lon_m, ego.lat_m)[0]
         return cls(way, float(along_m[0]), float(ego.speed_mps[0]), float(ego.length_m[0]))
@@ -131,7 +131,7 @@ def windows_of(
     return Windows(enter, leave)
 
 
-def meets(course: Course, conflict: Conflict, windows: Windows, speed_mps: FloatArray) -> BoolArray:
+def meets(course: EgoPath, conflict: Conflict, windows: Windows, speed_mps: FloatArray) -> BoolArray:
     """Return whose windows meet the ego's, shape (k,).
 
     Where ways merge, who comes behind the ego must besides be able to slow down to its speed by a braking that a gap
@@ -144,7 +144,7 @@ def meets(course: Course, conflict: Conflict, windows: Windows, speed_mps: Float
     return np.asarray(early & (enter_s < windows.leave_s + MARGIN_S))
 
 
-def who_conflicts(course: Course, crossing: Crossing, bodies: Bodies) -> BoolArray:
+def who_conflicts(course: EgoPath, crossing: Crossing, bodies: Bodies) -> BoolArray:
     """Return which bodies the ego must let pass, shape (m,)."""
     found = np.zeros(len(bodies), dtype=bool)
     for conflict in crossing.conflicts:
@@ -165,7 +165,7 @@ def on_way(way: Lanes, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray
     return on, along[on], np.maximum(share * bodies.speed_mps[on], 0.0)
 
 
-def unseen_in_conflict(course: Course, crossing: Crossing, bodies: Bodies, unseen: Unseen) -> float:
+def unseen_in_conflict(course: EgoPath, crossing: Crossing, bodies: Bodies, unseen: Unseen) -> float:
     """Return the probability that a vehicle which nobody has seen is one that the ego must let pass.
 
     Of unseen vehicles, a Poisson field, those count that would be if they drove as fast as their lane allows. They
@@ -185,7 +185,7 @@ def unseen_in_conflict(course: Course, crossing: Crossing, bodies: Bodies, unsee
     return float(-np.expm1(-unseen.expected[counts].sum()))
 
 
-def room_before(course: Course, places_m: Sequence[float]) -> float | None:
+def room_before(course: EgoPath, places_m: Sequence[float]) -> float | None:
     """Return how far it is to the first of some places before which the ego can stop comfortably; None for none."""
     for place_m in places_m:
         room_m = place_m - course.front_m

@@ -16,9 +16,9 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import IO
 
+from harness.grid.cell_queue import CellQueue
 from harness.grid.cells import Cell, CellTraffic, PlannedRun
 from harness.grid.result_rows import failed_row
-from harness.grid.waiting import WaitingCells
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
 from harness.storage.grid_rows import Row
 
@@ -47,7 +47,7 @@ def run_cells(
         on_row: Called with the key and row of every run once, in the order in which they end.
         worker_module: Module whose ``main`` a worker process runs.
     """
-    waiting = WaitingCells(cells)
+    waiting = CellQueue(cells)
     pool: list[_Worker] = []
     try:
         while waiting or pool:

@@ -12,8 +12,8 @@ import pytest
 import harness
 from harness.config.model import RunConfig
 from harness.config.options import RunOptions, checked, declared, keys_of_options, setting_words
-from harness.grid.asked import request_of
 from harness.grid.options import GridOptions
+from harness.grid.request import request_of
 from harness.running.resolve import resolve_run_config
 from tests.harness.stand_ins import EchoTracker, echo_tracker
 

@@ -17,8 +17,8 @@ import typer
 from harness.commands.from_options import typer_command, with_values
 from harness.common.exit_codes import DONE, WORSE
 from harness.config.options import checked
-from harness.grid.asked import request_of
 from harness.grid.options import GridOptions
+from harness.grid.request import request_of
 from harness.lab.reference.catalogue import FOLDER, Reference, reference_named, references
 from harness.lab.reference.differing import differences, made_here, told
 from harness.lab.reference.making import make_reference

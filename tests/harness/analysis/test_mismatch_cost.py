@@ -8,9 +8,9 @@ from harness.commands.from_options import with_values
 from harness.commands.stress import command
 from harness.common.errors import InputError
 from harness.config.options import checked
-from harness.grid.asked import request_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
+from harness.grid.request import request_of
 from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
 from harness.running.open import open_looks
 from harness.running.resolve import resolve_run_config

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from harness.closedloop import worker
-from harness.closedloop.episode import drive
-from harness.closedloop.handover import HandOver
+from harness.closedloop.episode import run_episode
+from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, STOPPED, DriveRequest, plan_drives
 from harness.commands.actions.make_drives import make_drives
 from harness.common.errors import InputError, RunError
@@ -42,7 +42,7 @@ def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_
     with worker.opened(cell) as traffic:
         at = next(worker._episodes(traffic, cell))
         for run in cell.runs:
-            tables[run.variant] = worker.in_fork(lambda run=run: drive(traffic, at, run)).tables
+            tables[run.variant] = worker.in_fork(lambda run=run: run_episode(traffic, at, run)).tables
     whole = tables["truth"][runfolder.TRUTH]
     assert whole["step"].max() > LAST_TRACKED
     for name, other in tables.items():
@@ -167,9 +167,9 @@ def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traff
 def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_the_way():
     cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=STOPPED, flow=20.0)).cells[0]
     with worker.opened(cell) as traffic:
-        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == STOPPED)
+        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, EpisodeStart) and at.kind == STOPPED)
         run = next(run for run in cell.runs if run.kind == STOPPED)
-        truth = worker.in_fork(lambda: drive(traffic, at, run)).tables[runfolder.TRUTH]
+        truth = worker.in_fork(lambda: run_episode(traffic, at, run)).tables[runfolder.TRUTH]
     its = truth[truth["vehicle_id"] == "broken_ahead"]
     assert its["step"].min() == LAST_TRACKED + 1
     assert its["speed_mps"].max() == 0.0
@@ -186,13 +186,13 @@ def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_th
 def test_a_dark_leader_is_detected_in_a_third_of_the_scans_and_brakes_to_a_stop():
     cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=DARK, density=30.0)).cells[0]
     with worker.opened(cell) as traffic:
-        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, HandOver) and at.kind == DARK)
+        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, EpisodeStart) and at.kind == DARK)
         run = next(run for run in cell.runs if run.kind == DARK)
-        drove = worker.in_fork(lambda: drive(traffic, at, run))
-    truth, detections, leader = drove.tables[runfolder.TRUTH], drove.tables[runfolder.DETECTIONS], at.provoked
+        result = worker.in_fork(lambda: run_episode(traffic, at, run))
+    truth, detections, leader = result.tables[runfolder.TRUTH], result.tables[runfolder.DETECTIONS], at.provoked
     its = truth[truth["vehicle_id"] == leader]
     seen = detections["step"][detections["truth_id"] == leader].nunique()
     assert its["visible_fraction"][its["step"] <= LAST_TRACKED].min() > 0.7
     assert its["speed_mps"].min() == 0.0
     assert 0.2 < seen / len(its) < 0.5
-    assert drove.table["drive"]["collided_percent"] == 0.0
+    assert result.table["drive"]["collided_percent"] == 0.0

@@ -9,7 +9,7 @@ from harness.decisions.belief import believe
 from harness.decisions.crossings import crossings_of
 from harness.decisions.yielding import (
     MARGIN_S,
-    Course,
+    EgoPath,
     room_before,
     unseen_in_conflict,
     who_conflicts,
@@ -28,7 +28,7 @@ CELLS = cells_of(Road(lanes=(), graph=GRAPH))[0]
 
 
 def course(front_m=20.0, speed=LIMIT_MPS, on=STRAIGHT_ON):
-    return Course(on, front_m - 0.5 * LENGTH_M, speed, LENGTH_M)
+    return EgoPath(on, front_m - 0.5 * LENGTH_M, speed, LENGTH_M)
 
 
 def from_west(away_m, speed=LIMIT_MPS, **columns):

@@ -10,10 +10,10 @@ from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.config.options import checked
 from harness.grid import grid as planning
-from harness.grid.asked import request_of
 from harness.grid.cells import PlannedRun, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
+from harness.grid.request import request_of
 from tests.harness.stand_ins import echo_tracker
 
 

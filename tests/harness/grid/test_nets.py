@@ -13,9 +13,9 @@ from harness.analysis.tables import as_markdown
 from harness.api import Grid, compare
 from harness.commands.app import run_command_line
 from harness.config.options import checked
-from harness.grid.asked import request_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
+from harness.grid.request import request_of
 from harness.grid.stress import run_stress
 from harness.grid.worker import Finished, work_on_cell
 from harness.report.folderpage import folder_page

@@ -9,8 +9,8 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.config.options import declared
-from harness.grid.asked import request_of
 from harness.grid.options import GridOptions
+from harness.grid.request import request_of
 from harness.truth.recorded.formats import files_of, network_of, recognise
 from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
 from tests.harness.truth.recorded.layouts import (

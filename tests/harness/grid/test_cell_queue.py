@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from harness.grid.cell_queue import CellQueue
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.waiting import WaitingCells
 
 
 def cells(seeds: int = 2, ranges: str = "50,60,70"):
@@ -13,14 +13,14 @@ def cells(seeds: int = 2, ranges: str = "50,60,70"):
     return plan_grid(GridRequest(densities="30", seeds=str(seeds), vary=(f"sensor.range_m={ranges}",))).cells
 
 
-def taken(waiting: WaitingCells, traffic) -> tuple[int, float]:
+def taken(waiting: CellQueue, traffic) -> tuple[int, float]:
     config = waiting.take(traffic).config
     return config.seed, config.sensor.overrides["range_m"]
 
 
 def test_each_worker_stays_with_the_traffic_that_it_began():
     grid = cells()
-    waiting = WaitingCells(grid)
+    waiting = CellQueue(grid)
     first, second = waiting.take(None), waiting.take(None)
     assert (first.config.seed, second.config.seed) == (0, 1)
     assert [taken(waiting, second.traffic) for _ in range(2)] == [(1, 60.0), (1, 70.0)]
@@ -29,14 +29,14 @@ def test_each_worker_stays_with_the_traffic_that_it_began():
 
 
 def test_a_worker_whose_traffic_is_done_helps_with_what_others_began():
-    waiting = WaitingCells(cells(seeds=1))
+    waiting = CellQueue(cells(seeds=1))
     waiting.take(None)
     assert taken(waiting, None) == (0, 60.0)
 
 
 def test_cells_of_traffic_of_their_own_are_taken_in_their_order():
     grid = plan_grid(GridRequest(densities="20,40", seeds="2")).cells
-    waiting, last, order = WaitingCells(grid), None, []
+    waiting, last, order = CellQueue(grid), None, []
     while waiting:
         cell = waiting.take(last)
         last = cell.traffic
@@ -45,7 +45,7 @@ def test_cells_of_traffic_of_their_own_are_taken_in_their_order():
 
 
 def test_a_cell_whose_worker_died_comes_first_again():
-    waiting = WaitingCells(cells(seeds=1))
+    waiting = CellQueue(cells(seeds=1))
     cell = waiting.take(None)
     waiting.put_back(cell)
     assert waiting.take(cell.traffic) == cell
@@ -53,4 +53,4 @@ def test_a_cell_whose_worker_died_comes_first_again():
 
 def test_where_no_cell_waits_none_can_be_taken():
     with pytest.raises(ValueError, match="empty"):
-        WaitingCells([]).take(None)
+        CellQueue([]).take(None)

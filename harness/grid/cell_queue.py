@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from harness.grid.cells import Cell, CellTraffic
 
 
-class WaitingCells:
+class CellQueue:
     """Hands out cells so that a worker meets the traffic again that it remembers, wherever that can be."""
 
     def __init__(self, cells: Iterable[Cell]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.closedloop.beliefs import believed_by_each
-from harness.closedloop.handover import _free_ways, _hidden_second_leader, hand_overs
+from harness.closedloop.episode_start import _free_ways, _hidden_second_leader, episode_starts
 from harness.closedloop.plan import BRAKE, CROSS, FREE
 from harness.sensor.profiles import sensor_settings
 from mmpf.map.road import Road, highway
@@ -62,7 +62,7 @@ def test_one_that_comes_to_a_signal_soon_stands_is_unknown_or_on_no_edge_of_its_
 def test_the_hand_over_tells_the_way_and_kinds_without_a_candidate_come_alone():
     traffic = Standing(GRAPH, [20.0], [ON])
     rng = np.random.default_rng(3)
-    found = list(hand_overs(traffic, (FREE, BRAKE, CROSS), SENSOR, rng))
+    found = list(episode_starts(traffic, (FREE, BRAKE, CROSS), SENSOR, rng))
     assert [each if isinstance(each, str) else each.kind for each in found] == [FREE, BRAKE, CROSS]
     assert [GRAPH.name[lane] for lane in found[0].route] == ["in_0", ":j_0", "on_0", "last_0"]
     assert found[1:] == [BRAKE, CROSS]

@@ -44,7 +44,7 @@ SLOWEST_MPS = 3.0
 
 
 @dataclass(frozen=True)
-class HandOver:
+class EpisodeStart:
     """A moment at which the ego's driver takes over from SUMO's.
 
     Attributes:
@@ -53,7 +53,7 @@ class HandOver:
         provoked: Name of the vehicle that is provoked; empty for none.
         candidates: How many cars could have been the ego.
         looked_through: How many of them were looked at until one fitted, over all moments.
-        frames: The tracking seconds, the last frame is the hand-over's.
+        frames: The tracking seconds, the last frame is the start's.
         way: The lanes that it is to drive on a network without a main road; None on one with.
         seen_before: Whether the vehicle that it must let pass had been in sight, or never had; None where it is no such
             episode.
@@ -76,17 +76,17 @@ class HandOver:
         return () if self.way is None else self.way.lanes
 
 
-def hand_overs(
+def episode_starts(
     traffic: Traffic,
     kinds: Sequence[str],
     settings: SensorSettings,
     rng: np.random.Generator,
     flow_mps: float | None = None,
-) -> Iterator[HandOver | str]:
-    """Yield a hand-over of each kind while the traffic stands at it, in order of time; a kind alone if none is found.
+) -> Iterator[EpisodeStart | str]:
+    """Yield a start of each kind while the traffic stands at it, in order of time; a kind alone if none is found.
 
     Args:
-        traffic: The traffic; it goes on between hand-overs.
+        traffic: The traffic; it goes on between starts of episodes.
         kinds: Kinds of episodes, each once.
         settings: The sensor.
         rng: Decides between candidates. Each kind has the same draws whichever others are asked for.
@@ -123,8 +123,8 @@ def _find(
     settings: SensorSettings,
     rng: np.random.Generator,
     flow_mps: float | None,
-) -> HandOver:
-    """Look for an ego at the present moment; the hand-over's is empty if there is none."""
+) -> EpisodeStart:
+    """Look for an ego at the present moment; the start's is empty if there is none."""
     now = traffic.frames[-1]
     ways = {} if traffic.network.plane is None else _ways(traffic) if kind == CROSS else _free_ways(traffic)
     rows = _eligible(traffic) if traffic.network.plane is None else np.array(list(ways), dtype=np.int64)
@@ -138,7 +138,7 @@ def _find(
         if kind == FREE or about.provoked:
             ego = str(now.vehicle_id[row])
             frames = tuple(with_ego(frame, ego, step, traffic.step_s) for step, frame in enumerate(traffic.frames))
-            return HandOver(
+            return EpisodeStart(
                 kind=kind,
                 ego=ego,
                 provoked=about.provoked,
@@ -149,12 +149,12 @@ def _find(
                 seen_before=about.seen_before,
                 stands=about.stands,
             )
-    return HandOver(kind, "", "", len(rows), len(rows), ())
+    return EpisodeStart(kind, "", "", len(rows), len(rows), ())
 
 
 @dataclass(frozen=True)
 class _Concerned:
-    """Whom a provocation of a car would concern; see ``HandOver``."""
+    """Whom a provocation of a car would concern; see ``EpisodeStart``."""
 
     provoked: str = ""
     seen_before: bool | None = None
