@@ -240,7 +240,11 @@ class RunConfig(_Strict):
     def title(self) -> str:
         """Return what is run in a few words."""
         traffic, tracker = self.traffic, self.tracker
-        demand = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
+        demand = (
+            f"{traffic.density:g} veh/km/lane"
+            if traffic.density is not None
+            else traffic.demand and f"demand {traffic.demand}"
+        )
         if traffic.recording is not None and self.replay is not None:
             road = "" if traffic.net == "recording" else f" on {traffic.net}"
             where = f"recording {Path(self.replay).stem}{road}, seen from vehicle {traffic.recording.ego}"

@@ -27,7 +27,7 @@ from harness.storage.tables import floats
 from mmpf.map.road import Road
 from mmpf.scan import EgoPose
 
-HALF_WINDOW_M = 27.0
+HALF_WINDOW_M, HALF_WIDTH_M = 27.0, 1.0
 MARGIN_M = 1.2
 LIGHT_PURPLE, UNSEEN_SUBJECT = "#c9a3b5", "#f7cfb8"
 DRIVING_RIGHT, NORTH_UP = "driving direction →", "north is up"
@@ -75,6 +75,9 @@ def draw_moment(axes: Axes, run: RecordedRun, subject: Subject, step: int) -> st
     low, high = across(run.road)
     if run.road.graph is not None:
         low, high = middle + low, middle + high
+    else:  # beside the main lanes, for example on a ramp, the picture goes along
+        aside = min(middle - HALF_WIDTH_M - low, 0.0) + max(middle + HALF_WIDTH_M - high, 0.0)
+        low, high = low + aside, high + aside
     axes.set(xlim=(-HALF_WINDOW_M, HALF_WINDOW_M), ylim=(low - MARGIN_M, high + MARGIN_M), xticks=[], yticks=[])
     axes.set_facecolor(OUT_OF_SIGHT)
     axes.spines[:].set_color("#bbbbbb")
@@ -109,6 +112,8 @@ def _draw_ground(axes: Axes, run: RecordedRun, pose: EgoPose, detections: pd.Dat
             PolyCollection(list(outlines), facecolor=colour, edgecolor="none", zorder=height), autolim=False
         )
     draw_network(axes, run.road, centre)
+    for outline in run.ramps:
+        axes.plot(outline[:, 0] - centre, outline[:, 1], color="#9a9a9a", lw=0.8, zorder=2)
     lines = {(side, lane.start_m, lane.end_m) for lane in run.road.lanes for side in (lane.right_m, lane.left_m)}
     for side, start, end in lines:
         visible = np.clip([start - centre, end - centre], -HALF_WINDOW_M, HALF_WINDOW_M)

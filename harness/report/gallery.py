@@ -96,15 +96,15 @@ class OcclusionEvent:
 
     def sentence(self) -> str:
         """Return what happened, in words."""
-        kept = f"track {self.track_id}" if self.track_id >= 0 else "no track"
+        kept = f"track {self.track_id}"
         ends = {
-            "lost": f"{kept} was given up before it could be put back on the vehicle",
-            "hijacked": f"{kept} sat on another vehicle afterwards",
-            "survived": f"{kept} lived on, but not on this vehicle",
+            "lost": f"its {kept} was deleted" if self.track_id >= 0 else "it had no track before",
+            "hijacked": f"its {kept} was on another vehicle afterwards",
+            "survived": f"its {kept} lived on, but not on this vehicle",
             "same_id": f"{kept} followed it again afterwards",
         }
         error = f", at most {self.largest_error_m:.1f} m off while hidden" if np.isfinite(self.largest_error_m) else ""
-        return f"{self.vehicle_id}, unseen for {self.duration_s:.1f} s: {ends[self.outcome]}{error}."
+        return f"{self.vehicle_id}, hidden for {self.duration_s:.1f} s: {ends[self.outcome]}{error}."
 
     @property
     def subject(self) -> Subject:
@@ -190,7 +190,7 @@ def _moments(run: RecordedRun, event: OcclusionEvent) -> list[tuple[int, str]]:
     chosen = [(event.from_step, f"last seen, {start_s:.1f} s")]
     for share in (1.0 / 3.0, 2.0 / 3.0):
         step = nearest(start_s + share * (end_s - start_s))
-        chosen.append((step, f"unseen for {at[step] - start_s:.1f} s"))
+        chosen.append((step, f"hidden for {at[step] - start_s:.1f} s"))
     chosen.append((event.to_step, f"seen again, {end_s:.1f} s"))
     chosen.append((nearest(judged_s), f"{judged_s - end_s:.1f} s later"))
     return chosen

@@ -21,9 +21,10 @@ from harness.report.decisiongallery import draw_decisions, worst_brakings
 from harness.report.figures import OVER_TIME
 from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.html_tables import error_table, hidden_table, mot_table
+from harness.report.key_figures import key_figures
 from harness.report.replay_data import Beside, replay_data
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
-from harness.report.sentences import decision_summary, headlines, summary_sentences
+from harness.report.sentences import decision_summary, setting_sentence, summary_sentences
 from harness.report.strips import strips_in
 from harness.report.vehicles import vehicle_table
 from harness.report.withheld_gallery import withheld_words
@@ -118,12 +119,13 @@ def run_page(run: RecordedRun) -> str:
     inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
         "run.html.j2",
-        title=f"Tracking run: {run.config.title()}",
+        title=run.config.title(),
         seed=run.config.seed,
         duration=shown,
         version=version("mmpf-harness"),
         sentences=summary_sentences(run.metrics),
-        headlines=headlines(run.metrics),
+        setting=setting_sentence(run.metrics),
+        figures_table=key_figures(run),
         strips=_strips(run),
         decisions=decision_summary(run.metrics),
         decision_strips=_decision_strips(run),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,15 @@ BEYOND_RANGE_M = 40.0
 MOST_BYTES = 6_000_000
 NO_ERROR_CM = 65_535
 FAR_M = 1e5
+OF_VEHICLES = {
+    "lon_m": ("lon", 1.0), "lat_m": ("lat", 1.0), "heading_rad": ("heading", 1e4), "speed_mps": ("speed", 10.0),
+    "visible_fraction": ("visible", 100.0),
+}  # fmt: skip
+OF_TRACKS = {
+    "lon_m": ("lon", 1.0), "lat_m": ("lat", 1.0), "std_lon_m": ("std_lon", 100.0), "std_lat_m": ("std_lat", 100.0),
+}  # fmt: skip
+"""Columns that the picture needs: their packed names and factors."""
+UNPLOTTED = ("time_s", "length_m", "width_m", "window_start_m", "window_end_m")
 OF_TRACKER = ("error", "track", "outcome")
 """What of the truth's columns a tracker decides."""
 
@@ -76,6 +86,7 @@ def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any
         "unseen": _unseen(run, steps),
         "events": _events(run.events, steps, names),
         "outcomes": ["", *OUTCOMES],
+        "plots": _plots(run),
     }
     if beside is not None:
         of_truth = _truth(kept_truth, beside.run.errors, codes, steps)
@@ -109,7 +120,7 @@ def _away_from_ego(table: pd.DataFrame, truth: pd.DataFrame, column: str) -> Flo
 
 def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
     particles = 0 if run.particles is None else len(run.particles)
-    return 27 * len(truth) + 12 * len(run.detections) + 17 * len(run.tracks) + 4 * particles
+    return 35 * len(truth) + 12 * len(run.detections) + 37 * len(run.tracks) + 4 * particles
 
 
 def _road(run: RecordedRun, reach_m: float) -> dict[str, Any]:
@@ -123,6 +134,7 @@ def _road(run: RecordedRun, reach_m: float) -> dict[str, Any]:
         "lanes": [[ln.right_m, ln.left_m, finite(ln.start_m), finite(ln.end_m)] for ln in run.road.lanes],
         "reference_xy": [list(point) for point in run.road.reference_xy],
         "reference_start_m": run.road.reference_start_m,
+        "ramps": [np.round(outline, 1).tolist() for outline in run.ramps],
     }
 
 
@@ -176,7 +188,7 @@ def _truth(truth: pd.DataFrame, errors: pd.DataFrame, codes: npt.NDArray[np.intp
         vehicle=("vehicle", "u2", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
         heading=("heading_rad", "i2", 1e4), speed=("speed_mps", "i2", 10.0), state=("state", "u1", 1.0),
         visible=("visible_fraction", "u1", 100.0), ego=("is_ego", "u1", 1.0), error=("error_cm", "u2", 1.0),
-        track=("track", "i4", 1.0), outcome=("outcome", "u1", 1.0),
+        track=("track", "i4", 1.0), outcome=("outcome", "u1", 1.0), **_others(truth, OF_VEHICLES),
     )  # fmt: skip
 
 
@@ -201,7 +213,25 @@ def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
         columns, steps,
         id=("track_id", "i4", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
         std_lon=("std_lon_m", "u2", 100.0), std_lat=("std_lat_m", "u2", 100.0), state=("state", "u1", 1.0),
+        **_others(tracks, OF_TRACKS),
     )  # fmt: skip
+
+
+def _others(table: pd.DataFrame, known: Mapping[str, Any]) -> dict[str, tuple[str, str, float]]:
+    """Return how the columns of numbers are packed that nothing but a plot over time shows, for ``_rows``."""
+    names = [str(name) for name in table if table[name].dtype.kind == "f"]
+    return {name: (name, "f4", 1.0) for name in names if name not in known and name not in UNPLOTTED}
+
+
+def _plots(run: RecordedRun) -> list[tuple[str, str, str, float]]:
+    """Return what may be plotted over time: its name, ``truth`` or ``tracks``, the packed column and its factor."""
+    plots = [("distance to its track, m", "truth", "error", 100.0)]
+    for whose, table, packed, known in (
+        ("vehicle", "truth", run.truth, OF_VEHICLES), ("its track", "tracks", run.tracks, OF_TRACKS),
+    ):  # fmt: skip
+        named = known | {name: (name, factor) for name, (_, _, factor) in _others(packed, known).items()}
+        plots += [(f"{whose}: {name}", table, key, factor) for name, (key, factor) in named.items()]
+    return plots
 
 
 def _particles(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:

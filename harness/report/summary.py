@@ -119,8 +119,8 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
 def _lines(metrics: Mapping[str, Any]) -> Text:
     occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
     events = (
-        f"Occlusions: {number(occlusion['events'], 0)}; survived {number(occlusion['survived'], 0)}, "
-        f"hijacked {number(occlusion['hijacked'], 0)}, lost {number(occlusion['lost'], 0)}"
+        f"Occlusions: {number(occlusion['events'], 0)}; same track afterwards {number(occlusion['same_id'], 0)}, lost "
+        f"{number(occlusion['lost'], 0)}, track on another vehicle {number(occlusion['hijacked'], 0)}"
     )
     road = (
         f"Traffic: {number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "

@@ -55,7 +55,7 @@ class Withheld:
     def sentence(self) -> str:
         """Return what happened, in words."""
         kind = "two-wheeler" if self.length_m <= TWO_WHEELER_M else "lorry" if self.length_m >= LORRY_M else "car"
-        before = "had a track before that" if self.dropped else "was never reported"
+        before = "had a track before that" if self.dropped else "never had a track"
         return (
             f"A {kind} in plain view at {self.closest_m:.0f} m had no track for {self.without_track_s:.1f} s; it was "
             f"detected in {self.detected_percent:.0f} % of scans. It is {self.vehicle_id}, and {before}."
@@ -76,7 +76,7 @@ class Withheld:
 def withheld_words(metrics: Mapping[str, Any]) -> str:
     """Return how many vehicles were withheld and how many tracks dropped, in words; empty where there were none."""
     table = metrics.get(NAME) or {}
-    counts = ((table.get("never_reported") or 0, "never reported"), (table.get("dropped") or 0, "dropped"))
+    counts = ((table.get("never_reported") or 0, "never got a track"), (table.get("dropped") or 0, "lost it"))
     return " and ".join(f"{count} {what}" for count, what in counts if count)
 
 

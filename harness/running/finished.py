@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+import shapely
 
 from harness.common.errors import InputError
 from harness.common.isolation import isolated
@@ -28,6 +29,8 @@ from harness.storage.schema import TABLES
 from harness.storage.tables import floats
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
+
+RAMP_HALF_WIDTH_M, SMALLEST_RAMP_M2, FAR_M = 1.83, 20.0, 1e5
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,31 @@ class RecordedRun:
         """Time between two steps; 0.1 of a run of a single one."""
         times = self.truth["time_s"].unique()
         return float(np.median(np.diff(times))) if len(times) > 1 else 0.1
+
+    @cached_property
+    def ramps(self) -> list[FloatArray]:
+        """Return the ground beside the main lanes on which vehicles drive, such as ramps.
+
+        Returns:
+            Outlines in the road frame, each of shape (n, 2); none in the plane, where every lane is known.
+        """
+        if self.road.graph is not None:
+            return []
+        rows = self.truth[self.road.lane_index_at(floats(self.truth, "lon_m"), floats(self.truth, "lat_m")) < 0]
+        rows = rows.sort_values(["vehicle_id", "step"], kind="stable")
+        places, vehicle = rows[["lon_m", "lat_m"]].to_numpy(), rows["vehicle_id"].astype(object).to_numpy()
+        cuts = np.flatnonzero((vehicle[1:] != vehicle[:-1]) | (np.diff(rows["step"].to_numpy()) > 1)) + 1
+        paths = [shapely.LineString(path) for path in np.split(places, cuts) if len(path) > 1]
+        ends = [np.clip((lane.start_m, lane.end_m), -FAR_M, FAR_M) for lane in self.road.lanes]
+        main = [
+            shapely.box(start, lane.right_m, end, lane.left_m)
+            for (start, end), lane in zip(ends, self.road.lanes, strict=True)
+        ]
+        driven = shapely.simplify(shapely.union_all(shapely.buffer(paths, RAMP_HALF_WIDTH_M)), 0.1)
+        beside = shapely.difference(driven, shapely.union_all(main))
+        return [
+            shapely.get_coordinates(part.exterior) for part in shapely.get_parts(beside) if part.area > SMALLEST_RAMP_M2
+        ]
 
     def in_plane(self, table: pd.DataFrame) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return x, y and heading of a table's rows in the plane; what has no heading points along the road."""

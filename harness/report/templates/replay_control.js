@@ -189,6 +189,11 @@ function listenToControls() {
   element("further").addEventListener("click", () => zoom(0.8));
   element("fit").addEventListener("click", fit);
   element("full").addEventListener("click", toggleFullScreen);
+  data.plots.forEach(([name], number) => element("plot").add(new Option(name, String(number))));
+  element("plot").addEventListener("change", (event) => {
+    view.plot = Number(event.target.value);
+    follow(view.followed);
+  });
   element("follow").addEventListener("change", (event) => follow(Number(event.target.value)));
   if (data.marks) listenToDifferences();
   for (const box of document.querySelectorAll("#replay input[data-layer]")) {

@@ -8,11 +8,19 @@ function courseOf(vehicle, data) {
   for (let step = 0; step < steps; step++) {
     const row = rowOf(vehicle, step);
     if (row < 0) continue;
-    const error = data.truth.error[row];
     points.push({ step, time: data.time_s[step], state: data.truth.state[row], visible: data.truth.visible[row],
-      error: error === NO_ERROR ? NaN : error / 100 });
+      value: plotted(row, step, data) });
   }
   return points;
+}
+
+/* The chosen column of a vehicle, or of the track that is on it. */
+function plotted(row, step, data) {
+  const [, table, key, factor] = data.plots[view.plot], t = data[table];
+  if (key === "error" && t.error[row] === NO_ERROR) return NaN;
+  if (table === "truth") return t[key][row] / factor;
+  const [begin, end] = range(t, step), found = t.id.subarray(begin, end).indexOf(data.truth.track[row]);
+  return found < 0 || data.truth.track[row] < 0 ? NaN : t[key][begin + found] / factor;
 }
 
 function drawChart() {
@@ -22,7 +30,7 @@ function drawChart() {
   const left = 46, right = width - 10, errorTop = 18, errorBottom = height * 0.6, seenTop = height * 0.6 + 26;
   const seenBottom = height - 24, from = course[0].time, to = Math.max(course[course.length - 1].time, from + stepS);
   const x = (time) => left + ((time - from) / (to - from)) * (right - left);
-  const most = niceCeiling(Math.max(1, ...courses.flat().map((p) => p.error || 0)));
+  const [least, most] = spanOf(courses.flat().map((point) => point.value).filter((value) => !Number.isNaN(value)));
   chartSpan = { left, right, from, to };
   for (const { state, points } of stretches(course)) {
     if (state > HIDDEN) continue;
@@ -44,15 +52,15 @@ function drawChart() {
     pen.beginPath();
     let pending = true;
     for (const point of each) {
-      if (Number.isNaN(point.error)) { pending = true; continue; }
-      const y = errorBottom - (point.error / most) * (errorBottom - errorTop);
+      if (Number.isNaN(point.value)) { pending = true; continue; }
+      const y = errorBottom - ((point.value - least) / (most - least)) * (errorBottom - errorTop);
       if (pending) pen.moveTo(x(point.time), y); else pen.lineTo(x(point.time), y);
       pending = false;
     }
     pen.stroke();
     pen.setLineDash([]);
   });
-  drawChartFrame(pen, { left, right, errorTop, errorBottom, seenTop, seenBottom, most, from, to, x });
+  drawChartFrame(pen, { left, right, errorTop, errorBottom, seenTop, seenBottom, least, most, from, to, x });
 }
 
 let chartSpan = null;
@@ -73,11 +81,11 @@ function drawChartFrame(pen, at) {
   pen.fillStyle = "#333333";
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
-  pen.fillText(`distance to its track, m${panes.length > 1 ? " (a: black; b: blue, dashed)" : ""}`, at.left, at.errorTop - 5);
+  pen.fillText(`${data.plots[view.plot][0]}${panes.length > 1 ? " (a: black; b: blue, dashed)" : ""}`, at.left, at.errorTop - 5);
   pen.fillText("visible part, %", at.left, at.seenTop - 5);
   pen.textAlign = "right";
   pen.fillText(String(at.most), at.left - 6, at.errorTop + 8);
-  pen.fillText("0", at.left - 6, at.errorBottom);
+  pen.fillText(String(at.least), at.left - 6, at.errorBottom);
   pen.fillText("100", at.left - 6, at.seenTop + 8);
   pen.fillText("0", at.left - 6, at.seenBottom);
   pen.strokeStyle = "#888888";
@@ -94,7 +102,19 @@ function drawChartFrame(pen, at) {
   pen.fillRect(at.x(now) - 1, at.errorTop, 2, at.seenBottom - at.errorTop);
 }
 
+/* A span of round numbers around values: from zero, unless all are far from it. */
+function spanOf(values) {
+  if (!values.length) return [0, 1];
+  const low = values.reduce((a, b) => Math.min(a, b)), high = values.reduce((a, b) => Math.max(a, b));
+  if (low >= 0 && low <= 0.5 * high) return [0, niceCeiling(high)];
+  if (low < 0 && high <= 0) return [-niceCeiling(-low), 0];
+  if (low < 0 && high < 40 * -low && -low < 40 * high) return [-niceCeiling(-low), niceCeiling(high)];
+  const unit = niceCeiling(Math.max(high - low, 1e-3)) / 10, round = (value) => Number((unit * value).toFixed(3));
+  return [round(Math.floor(low / unit)), round(Math.floor(high / unit) + 1)];
+}
+
 function niceCeiling(value) {
+  if (value <= 0) return 1;
   const unit = 10 ** Math.floor(Math.log10(value));
   return unit * [1, 2, 5, 10].find((factor) => factor * unit >= value);
 }

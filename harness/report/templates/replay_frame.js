@@ -15,7 +15,7 @@ const STATES = ["visible", "partly hidden", "hidden", "out of range"];
 const GREEN = "#009E73", ORANGE = "#E69F00", VERMILION = "#D55E00", PURPLE = "#882255";
 const MARK = "#F0E442", SKY = "#56B4E9";
 const OUT_OF_SIGHT = "#efece6", SEEN = "#ffffff", SHADOW = "#d3d3d3";
-const UNSEEN_WIDTH_M = 2.4;
+const UNSEEN_WIDTH_M = 2.4, TRAIL_S = 2, ARROW_S = 1, TRAIL = "#6b6b6b";
 const STATE_COLOURS = [GREEN, ORANGE, VERMILION, "#9a9a9a"];
 const ELLIPSE_SCALE = 2.4477; // a two-dimensional normal distribution holds 95 % within so many deviations
 const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2;
@@ -23,9 +23,9 @@ const steps = data.time_s.length;
 const stepS = steps > 1 ? (data.time_s[steps - 1] - data.time_s[0]) / (steps - 1) : 0.1;
 const road = openRoad(data.road);
 if (road.lines) document.querySelectorAll(".road").forEach((each) => each.classList.add("square"));
-const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, across: 0, until: Infinity, followed: -1, clock: 0, left: 0 };
+const view = { step: 0, playing: false, speed: 1, scale: 0, pan: 0, across: 0, until: Infinity, followed: -1, clock: 0, left: 0, plot: 0 };
 const shown = { vehicles: true, shadows: true, detections: true, tracks: true, tentative: false, numbers: true,
-  unseen: true, particles: false };
+  unseen: true, particles: false, trails: true, arrows: true };
 
 function unpack(value) {
   if (Array.isArray(value) || value === null || typeof value !== "object") return value;
@@ -54,7 +54,7 @@ function openRoad(fields) {
   };
   const middle = fields.lanes.reduce((sum, lane) => sum + lane[0] + lane[1], 0) / (2 * fields.lanes.length);
   return {
-    lanes: fields.lanes, middle, straight: headings.length === 1, lines: fields.lines, walls: fields.walls || [],
+    lanes: fields.lanes, ramps: fields.ramps || [], middle, straight: headings.length === 1, lines: fields.lines, walls: fields.walls || [],
     width: Math.max(...fields.lanes.map((l) => l[1])) - Math.min(...fields.lanes.map((l) => l[0])),
     heading: (lon) => headings[segment(lon)],
     plane: (lon, lat) => {
@@ -67,7 +67,9 @@ function openRoad(fields) {
 function makeCamera(pane = panes[0]) {
   const row = rowOf(view.followed, view.step), ego = egoRow(view.step);
   const lon = data.truth.lon[row >= 0 ? row : ego] + view.pan;
-  const middle = road.lines ? data.truth.lat[row >= 0 ? row : ego] : road.middle;
+  const lat = data.truth.lat[row >= 0 ? row : ego], half = pane.canvas.clientHeight / (2 * view.scale) - 4;
+  // Along one road the picture stays in its middle as long as that leaves the vehicle in sight.
+  const middle = road.lines ? lat : Math.max(Math.min(road.middle, lat + Math.max(half, 0)), lat - Math.max(half, 0));
   const [cx, cy] = road.plane(lon, middle + view.across), turn = road.heading(lon);
   const cos = Math.cos(turn), sin = Math.sin(turn);
   const width = pane.canvas.clientWidth, height = pane.canvas.clientHeight, scale = view.scale;

@@ -40,9 +40,11 @@ function drawPane(pane, side) {
   if (shown.unseen && pane.data.unseen) drawUnseen(pen, camera);
   drawLaneLines(pen, camera);
   drawMarks(pen, camera, marks);
+  if (shown.trails) drawTrails(pen, camera);
   if (shown.vehicles) drawVehicles(pen, camera);
   if (shown.particles && pane.data.particles) drawParticles(pen, camera);
   if (shown.detections) drawDetections(pen, camera);
+  if (shown.tracks && shown.arrows) drawArrows(pen, camera);
   if (shown.tracks) drawTracks(pen, camera);
   drawFollowed(pen, camera);
   nameMarks(pen, camera, marks);
@@ -87,6 +89,10 @@ function clipToRoad(pen, camera) {
   for (const line of road.lines || []) {
     const [left, right] = ribbon(camera, line, 1.2);
     [...left, ...right.reverse()].forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.closePath();
+  }
+  for (const ramp of road.ramps) {
+    ramp.forEach(([lon, lat], k) => (k ? pen.lineTo(...camera.at(lon, lat)) : pen.moveTo(...camera.at(lon, lat))));
     pen.closePath();
   }
   for (const lane of road.lanes) {
@@ -166,6 +172,10 @@ function drawLaneLines(pen, camera) {
   pen.strokeStyle = "#8c8c8c";
   pen.lineWidth = 1;
   if (road.lines) return drawNetwork(pen, camera);
+  for (const ramp of road.ramps) {
+    outline(pen, ramp.map(([lon, lat]) => camera.at(lon, lat)));
+    pen.stroke();
+  }
   const sides = new Map();
   for (const lane of road.lanes) for (const lat of [lane[0], lane[1]]) sides.set(`${lat}/${lane[2]}`, [lane, lat]);
   const cuts = [...new Set(road.lanes.flatMap((lane) => [lane[2], lane[3]]))].sort((a, b) => a - b);
@@ -230,6 +240,67 @@ function drawVehicles(pen, camera) {
   }
   const ego = egoRow(view.step), [x, y] = camera.at(data.truth.lon[ego], data.truth.lat[ego]);
   if (camera.scale > 5.5) write(pen, "ego", x, y + 4, "#ffffff", "", "11px");
+}
+
+const isShown = (t, k) => !t.id || shown.tentative || t.state[k] !== TENTATIVE;
+const isNear = (camera, t, k) => Math.abs(t.lon[k] - camera.lon) <= camera.reach + 10;
+
+/* Where vehicles and tracks were in the last seconds. */
+function drawTrails(pen, camera) {
+  const paths = new Map();
+  for (let step = Math.max(0, view.step - Math.round(TRAIL_S / stepS)); step <= view.step; step++) {
+    if (data.episode[step] !== data.episode[view.step]) continue;
+    for (const [on, t, names, colour] of [[shown.vehicles, data.truth, data.truth.vehicle, TRAIL],
+      [shown.tracks, camera.data.tracks, camera.data.tracks.id, PURPLE]]) {
+      const [begin, end] = range(t, step);
+      for (let k = begin; on && k < end; k++) {
+        if (!isShown(t, k) || !isNear(camera, t, k)) continue;
+        const key = colour + names[k];
+        if (!paths.has(key)) paths.set(key, { colour, points: [] });
+        paths.get(key).points.push(camera.at(t.lon[k], t.lat[k]));
+      }
+    }
+  }
+  pen.globalAlpha = 0.45;
+  pen.lineWidth = 1.5;
+  for (const { colour, points } of paths.values()) {
+    pen.strokeStyle = colour;
+    pen.beginPath();
+    points.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.stroke();
+  }
+  pen.globalAlpha = 1;
+}
+
+/* Each arrow ends where the track is in a second if it goes on like this. */
+function drawArrows(pen, camera) {
+  const before = Math.max(0, view.step - Math.round(0.5 / stepS));
+  const t = camera.data.tracks, [begin, end] = range(t, view.step);
+  pen.strokeStyle = PURPLE;
+  pen.lineWidth = 1.2;
+  for (let k = begin; k < end; k++) {
+    const long = t.speed_mps[k] * ARROW_S * camera.scale;
+    if (!isShown(t, k) || !isNear(camera, t, k) || long < 6) continue;
+    let heading = Math.atan2(t.lat_speed_mps[k], Math.max(t.speed_mps[k], 1));
+    if (road.lines) { // the table does not tell which way a track points: it goes on as it went
+      const [first, last] = range(t, before), was = t.id.subarray(first, last).indexOf(t.id[k]);
+      if (was < 0) continue;
+      heading = Math.atan2(t.lat[k] - t.lat[first + was], t.lon[k] - t.lon[first + was]);
+    }
+    drawArrow(pen, ...camera.at(t.lon[k], t.lat[k]), road.heading(t.lon[k]) + heading - camera.turn, long);
+  }
+}
+
+function drawArrow(pen, x, y, turn, long) {
+  const toX = x + long * Math.cos(turn), toY = y - long * Math.sin(turn);
+  pen.beginPath();
+  pen.moveTo(x, y);
+  pen.lineTo(toX, toY);
+  for (const side of [2.7, -2.7]) {
+    pen.moveTo(toX, toY);
+    pen.lineTo(toX + 6 * Math.cos(turn + side), toY - 6 * Math.sin(turn + side));
+  }
+  pen.stroke();
 }
 
 function drawParticles(pen, camera) {

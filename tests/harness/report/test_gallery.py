@@ -59,7 +59,7 @@ def test_the_strip_tells_the_story_of_a_lost_track(run):
     assert (lost.vehicle_id, lost.outcome, lost.from_step, lost.to_step) == ("far", "lost", LAST_SEEN, SEEN_AGAIN)
     panels = strip_figure(run, lost).axes
     assert [panel.get_title() for panel in panels] == [
-        "last seen, 2.0 s", "unseen for 0.7 s", "unseen for 1.3 s", "seen again, 4.0 s", "0.5 s later",
+        "last seen, 2.0 s", "hidden for 0.7 s", "hidden for 1.3 s", "seen again, 4.0 s", "0.5 s later",
     ]  # fmt: skip
     assert [panel.get_xlabel() for panel in panels] == [
         "track 2: 0.1 m off", "track 2: 3.0 m off", "track 2 is gone", "track 2 is gone", "track 2 is gone",

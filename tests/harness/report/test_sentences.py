@@ -1,8 +1,16 @@
+import numpy as np
 import pytest
 
-from harness.report.sentences import headlines, summary_sentences
+from harness.report.key_figures import coasting_errors_m, key_figures
+from harness.report.sentences import setting_sentence, summary_sentences
+from harness.running.finished import read_recorded_run
 from harness.scoring.metrics.registry import completed
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
+
+
+@pytest.fixture
+def run(tmp_path):
+    return read_recorded_run(write_recorded_scene(tmp_path / "run"))
 
 
 @pytest.fixture
@@ -10,48 +18,62 @@ def metrics(tmp_path):
     return metrics_of(write_recorded_scene(tmp_path / "run"))
 
 
-def test_the_summary_counts_what_became_of_the_hidden_vehicles(metrics):
+def test_the_summary_counts_what_became_of_the_hidden_vehicles_and_judges_no_handful(metrics):
     text = " ".join(summary_sentences(metrics))
-    assert (
-        "came back once: none on the same track, 1 had lost it, none found it on another vehicle and none on nothing"
-        in text
-    )
+    assert "seen again once: 1 had lost it" in text
+    assert "too few to tell a rate (n = 1)" in text
+    metrics["occlusion"] |= {"events": 9, "lost": 3, "untracked": 2, "same_id": 5, "survived": 5, "hijacked": 1}
+    text = " ".join(summary_sentences(metrics))
+    assert "9 times: 5 had the same track, 1 had lost it, 2 had no track before, 1 had their track on another" in text
+    assert "too few" not in text.partition("9 times")[2].partition(".")[0]
 
 
 @pytest.mark.parametrize(
     ("in_view", "hidden", "words"),
     [
-        (
-            95.0,
-            80.0,
-            "95 % of cases for vehicles in view (about right) and in 80 % of cases for hidden ones (too small",
-        ),
-        (99.0, 95.0, "99 % of cases for vehicles in view (too large"),
-        (92.0, 92.0, "92 % of cases for vehicles in view (too small, it is surer than it should be) and in 92 % of"),
-        (95.0, None, "95 % of cases for vehicles in view (about right)."),
+        (95.0, 80.0, "95 % for visible vehicles (about right), 80 % for hidden ones (the tracker is surer"),
+        (99.0, 95.0, "99 % for visible vehicles (the tracker is less sure than it could be)"),
+        (95.0, None, "95 % for visible vehicles (about right)."),
     ],
 )
-def test_intervals_are_judged_for_vehicles_in_view_and_hidden_ones_apart(metrics, in_view, hidden, words):
-    metrics["calibration"]["visible"]["coverage95"]["lon"] = in_view
-    metrics["calibration"]["hidden"]["coverage95"]["lon"] = hidden
+def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(metrics, in_view, hidden, words):
+    for state, share in (("visible", in_view), ("hidden", hidden)):
+        metrics["calibration"][state] |= {"n": 1000, "coverage95": {"lon": share}}
     assert words in " ".join(summary_sentences(metrics))
+    metrics["calibration"]["visible"]["n"] = 4
+    assert "too few samples of visible vehicles to tell (n = 4)" in " ".join(summary_sentences(metrics))
 
 
-def test_slower_than_real_time_is_told_as_such(metrics):
-    metrics["timing"]["realtime_factor"] = 0.5
-    assert "2.0 times slower than real time" in summary_sentences(metrics)[-1]
+def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected(run):
+    found = coasting_errors_m(run)
+    expected = []
+    truth = {(row.step, row.vehicle_id): row for row in run.truth.itertuples()}
+    for row in run.errors.itertuples():
+        if row.state == "hidden":
+            begun, now = (
+                truth[row.step - round(row.seconds_hidden / run.step_s), row.vehicle_id],
+                truth[row.step, row.vehicle_id],
+            )
+            ahead = begun.lon_m + begun.speed_mps * row.seconds_hidden - now.lon_m
+            aside = begun.lat_m + begun.lat_speed_mps * row.seconds_hidden - now.lat_m
+            expected.append(min(10.0, (ahead**2 + aside**2) ** 0.5))
+    assert expected
+    np.testing.assert_allclose(found, expected)
 
 
-def test_headlines_bear_the_metrics_numbers_and_intervals(metrics):
-    metrics["mae"]["hidden"] |= {"position_m": 3.219, "position_m_ci95": [2.402, 4.056]}
-    by_label = {headline.label: headline for headline in headlines(metrics)}
-    assert by_label["Error, hidden"].value == "3.22 m"
-    assert by_label["Error, hidden"].interval == "2.40 to 4.06 m"
-    assert by_label["Same track after hiding"].value == "0 of 1"
+def test_key_figures_bear_the_metrics_numbers_and_intervals(run):
+    run.metrics["hidden"] |= {"hidden_cost_m": 3.219, "hidden_cost_m_ci95": [2.402, 4.056]}
+    table = str(key_figures(run))
+    assert "3.22 m<br><span class='interval-cell'>2.40 to 4.06 m" in table
+    assert "too few to tell, n = 1" in table
+    assert "m by constant velocity" in table
 
 
-def test_what_was_not_scored_is_left_out(metrics):
-    empty = completed({}) | {key: metrics[key] for key in ("run", "timing", "traffic")}
+def test_what_was_not_scored_is_left_out(run):
+    empty = completed({}) | {key: run.metrics[key] for key in ("run", "timing", "traffic")}
     empty["occlusion"]["events"] = 0
-    words = [*summary_sentences(empty), *(f"{headline.value} {headline.interval}" for headline in headlines(empty))]
-    assert not any("None" in text or "nan" in text for text in words)
+    run.metrics.clear()
+    run.metrics.update(empty)
+    text = " ".join([*summary_sentences(empty), setting_sentence(empty), str(key_figures(run))])
+    assert "None" not in text
+    assert "nan" not in text

@@ -44,10 +44,10 @@ def test_a_withheld_vehicle_stands_before_every_occlusion(run):
 @pytest.mark.parametrize(
     ("length_m", "dropped", "begins", "ends"),
     [
-        (4.5, False, "A car in", "It is v1, and was never reported."),
+        (4.5, False, "A car in", "It is v1, and never had a track."),
         (2.2, True, "A two-wheeler in", "It is v1, and had a track before that."),
-        (12.0, False, "A lorry in", "It is v1, and was never reported."),
-        (np.nan, False, "A car in", "It is v1, and was never reported."),
+        (12.0, False, "A lorry in", "It is v1, and never had a track."),
+        (np.nan, False, "A car in", "It is v1, and never had a track."),
     ],
 )
 def test_its_caption_is_a_plain_sentence(length_m, dropped, begins, ends):
@@ -81,15 +81,15 @@ def test_at_most_four_are_shown_the_worst_first(run):
 
 def test_the_page_says_how_many_there_are_and_shows_the_first(run):
     text = write_run_page(run.folder).read_text(encoding="utf-8")
-    assert "come first: 1 never reported." in text
+    assert "come first (1 never got a track)." in text
     first = text.index("A car in plain view at 15 m had no track for 4.1 s; it was detected in 36 % of scans.")
-    assert first < text.index("far, unseen for")
+    assert first < text.index("far, hidden for")
     assert (run.folder / "figures" / "gallery-2.png").is_file()
 
 
 @pytest.mark.parametrize(
     ("never", "dropped", "words"),
-    [(0, 0, ""), (2, 0, "2 never reported"), (0, 1, "1 dropped"), (3, 1, "3 never reported and 1 dropped")],
+    [(0, 0, ""), (2, 0, "2 never got a track"), (0, 1, "1 lost it"), (3, 1, "3 never got a track and 1 lost it")],
 )
 def test_both_kinds_are_counted_in_words(never, dropped, words):
     assert withheld_words({"in_plain_view": {"never_reported": never, "dropped": dropped}}) == words
@@ -100,7 +100,7 @@ def test_the_screen_the_page_and_the_summary_tell_recall_and_an_old_run_has_none
     known = run.metrics | {"in_plain_view": scores}
     old = {key: value for key, value in run.metrics.items() if key != "in_plain_view"}
     sentence = (
-        "had a track 97.2 % of the time (12 % for the worst tenth of them); 1 vehicle never had one, 2 tracks were"
+        "had a track 97.2 % of the time (12 % for the worst tenth of them). 1 vehicle never got a track, and 2 vehicles"
     )
     assert sentence in " ".join(summary_sentences(known))
     assert "97.2" in str(mot_table(known))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.report.sentences import summary_sentences
+from harness.report.sentences import setting_sentence
 from harness.report.summary import print_summary
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
@@ -74,7 +74,7 @@ def test_the_summary_names_the_recordings_file(recording, tmp_path, capsys):
     first = run(configured(write_commonroad(tmp_path / "scene.xml"), duration=0.5), out=tmp_path / "run")
     print_summary(first.metrics, first.folder)
     assert "scene.xml · " in capsys.readouterr().err
-    assert "the traffic of scene.xml for" in summary_sentences(first.metrics)[0]
+    assert "the traffic of scene.xml for" in setting_sentence(first.metrics)
     print_summary(run(configured(first.folder), out=tmp_path / "again").metrics, tmp_path)
     assert "a recording · " in capsys.readouterr().err
 

@@ -1,0 +1,123 @@
+"""The key figures of a run: each with its interval, what is perfect and what to compare it with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+from scipy.stats import binomtest
+
+from harness.report.html_tables import html_table
+from harness.report.sentences import FEWEST_EVENTS, FEWEST_SAMPLES, number
+from harness.running.finished import RecordedRun
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.storage.tables import floats
+from mmpf.numerics.arrays import FloatArray
+
+HEADINGS = ("", "this run", "perfect", "to compare with")
+STATE = ["lon_m", "lat_m", "speed_mps", "lat_speed_mps", "heading_rad"]
+
+Row = tuple[str, str, str, str, str, str]
+"""What, how it is to be read, the value, its interval, what is perfect, and what to compare it with."""
+
+
+def key_figures(run: RecordedRun) -> Markup:
+    """Return the table."""
+    rows: list[list[str | Markup]] = []
+    for name, note, value, interval, perfect, other in _rows(run.metrics, coasting_errors_m(run), run.step_s):
+        cells = [(name, note), (value, interval)]
+        two_lines = [Markup("{}<br><span class='interval-cell'>{}</span>").format(*cell) for cell in cells]
+        rows.append([*two_lines, perfect, other])
+    return html_table(HEADINGS, rows)
+
+
+def coasting_errors_m(run: RecordedRun) -> FloatArray:
+    """Return how far off hidden vehicles are predicted at constant velocity from where they were last detected.
+
+    Each prediction starts from the vehicle's true state at that step, and is never given up.
+
+    Returns:
+        Distances in metres at all steps at which a vehicle that was seen is hidden, at most the cut-off of the hidden
+        cost, shape (n,).
+    """
+    hidden = run.errors[(run.errors["state"].astype(object) == "hidden").to_numpy()]
+    since_s = floats(hidden, "seconds_hidden")
+    names = hidden["vehicle_id"].astype(object).to_numpy()
+    steps = hidden["step"].to_numpy(dtype=np.int64)
+    truth = run.truth.set_index([run.truth["step"], run.truth["vehicle_id"].astype(object)])[STATE]
+    begun = truth.reindex(pd.MultiIndex.from_arrays([steps - np.rint(since_s / run.step_s).astype(np.int64), names]))
+    now = truth.reindex(pd.MultiIndex.from_arrays([steps, names]))
+    ahead, aside = floats(begun, "speed_mps"), floats(begun, "lat_speed_mps")
+    if run.road.graph is not None:
+        heading = floats(begun, "heading_rad")
+        ahead, aside = ahead * np.cos(heading), ahead * np.sin(heading)
+    off_m = np.hypot(
+        floats(begun, "lon_m") + ahead * since_s - floats(now, "lon_m"),
+        floats(begun, "lat_m") + aside * since_s - floats(now, "lat_m"),
+    )
+    known: FloatArray = off_m[np.isfinite(off_m)]
+    return np.minimum(known, ScoringSettings().follow_cutoff_m)
+
+
+def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> list[Row]:
+    mae, mot, hidden = metrics["mae"], metrics["mot"], metrics.get("hidden") or {}
+    plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
+    occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
+    events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
+    coasting = f"{coasting_m.mean():.2f} m by constant velocity from the true last state" if len(coasting_m) else ""
+    coverage = metrics["calibration"]
+    samples = coverage.get("n") or 0
+    within = number(coverage["coverage95"]["lon"], 0, " %")
+    sensor = f"{np.hypot(noise['lon_m'], noise['lat_m']):.2f} m: detections" if noise.get("n") else ""
+    return [
+        (
+            "Position error of hidden vehicles", "all that were seen before; 10 m where no track follows",
+            number(hidden.get("hidden_cost_m"), 2, " m"), _between(hidden.get("hidden_cost_m_ci95"), " m"), "0 m",
+            coasting,
+        ),
+        (
+            "Same track after an occlusion", "hidden for half a second or longer, then seen again",
+            f"{kept} of {events}" if events else "no case",
+            _share(kept, events) if events >= FEWEST_EVENTS else f"too few to tell, n = {events}", "all", "",
+        ),
+        (
+            "False tracks out of sight", "tracks that follow no vehicle, per scan",
+            number(hidden.get("false_hidden_tracks_per_scan"), 2), "", "0", "",
+        ),
+        (
+            "Vehicles in plain view with a track", "within 60 m, share of the time",
+            number(plain.get("recall"), 1, " %"), "", "100 %", "",
+        ),
+        (
+            "Position error of visible vehicles", "while a track follows them",
+            number(mae["visible"].get("position_m"), 2, " m"), _between(mae["visible"].get("position_m_ci95"), " m"),
+            "0 m", sensor,
+        ),
+        ("HOTA of vehicles in sight", "finds, and keeps identities", number(mot["hota"], 1, " %"), "", "100 %", ""),
+        (
+            "Identity switches in sight", "a vehicle's track is replaced by another", number(mot["id_switches"], 0),
+            f"{number(mot.get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute", "0", "",
+        ),
+        (
+            "True position within the track's 95 % interval", "along the road, all vehicles",
+            within if samples >= FEWEST_SAMPLES else f"too few to tell, n = {samples}", "", "95 %",
+            "below: the tracker is too sure",
+        ),
+        (
+            "Computing time of a step", "median, on the machine named below", number(step_ms["p50"], 0, " ms"),
+            f"99 % within {number(step_ms['p99'], 0, ' ms')}", "", f"{1000.0 * step_s:.0f} ms: real time",
+        ),
+    ]  # fmt: skip
+
+
+def _share(successes: int, trials: int) -> str:
+    """Return the 95 % interval of a share (Wilson 1927)."""
+    interval = binomtest(successes, trials).proportion_ci(method="wilson")
+    return f"{100 * interval.low:.0f} to {100 * interval.high:.0f} %"
+
+
+def _between(interval: Sequence[float] | None, unit: str) -> str:
+    return f"{interval[0]:.2f} to {interval[1]:.2f}{unit}" if interval else ""
