@@ -17,20 +17,13 @@ from harness.running.finished import read_recorded_run
 from harness.scoring.driving.asked import Driven
 from harness.scoring.score import score_run
 from harness.storage import run_folder as runfolder
-from harness.storage.checks import rows_of
 from harness.storage.tables import write_table
-from tests.harness.recorded_scene import write_recorded_scene
+from tests.harness.recorded_scene import rewrite, write_recorded_scene
 
 BRAKING = {
     "kind": "missed", "episode": 0, "from_step": 30, "to_step": 39, "step": 35, "duration_s": 1.0, "truth_mps2": -4.0,
     "tracks_mps2": 0.5, "vehicle_id": "far", "visibility": "hidden", "unseen_s": 1.5, "track_id": -1, "fate": "lost",
 }  # fmt: skip
-
-
-def rewrite(folder, name, table):
-    write_table(table, folder / name)
-    manifest = json.loads((folder / runfolder.MANIFEST).read_text())
-    (folder / runfolder.MANIFEST).write_text(json.dumps(manifest | {"rows": rows_of(folder)}))
 
 
 @pytest.fixture

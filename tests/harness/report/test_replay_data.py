@@ -8,7 +8,7 @@ import pytest
 from harness.report import replay_data as module
 from harness.report.replay_data import NO_ERROR_CM, pack, replay_data
 from harness.running.finished import read_recorded_run
-from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, write_recorded_scene
+from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, rewrite, write_recorded_scene
 
 
 @pytest.fixture
@@ -103,3 +103,16 @@ def test_expected_unseen_vehicles_stand_at_the_shown_step_after_them(run):
     assert unpacked(packed["expected"]).tolist() == [250]
     assert unpacked(packed["to_lon"]).tolist() == [35.0]
     assert replay_data(replace(run, unseen=None))["unseen"] is None
+
+
+def test_ramps_are_the_ground_beside_the_main_lanes_on_which_vehicles_drive(tmp_path):
+    folder = write_recorded_scene(tmp_path / "run")
+    truth = pd.read_parquet(folder / "truth.parquet")
+    truth.loc[truth["vehicle_id"] == "near", "lat_m"] = -30.0
+    rewrite(folder, "truth.parquet", truth)
+    run = read_recorded_run(folder)
+    (outline,) = run.ramps
+    own = truth[truth["vehicle_id"] == "near"]
+    assert outline[:, 1].min() == pytest.approx(-31.83)
+    assert outline[:, 1].max() == pytest.approx(-28.17)
+    assert outline[:, 0].max() - outline[:, 0].min() == pytest.approx(own["lon_m"].max() - own["lon_m"].min() + 3.66)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 
+import pandas as pd
 import pytest
 
 from harness.report.folderpage import text_page
 from harness.report.page import write_run_page
-from tests.harness.recorded_scene import GIVEN_UP, STEPS, write_recorded_scene
+from tests.harness.recorded_scene import GIVEN_UP, STEPS, rewrite, write_recorded_scene
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium import webdriver  # noqa: E402
@@ -226,3 +227,39 @@ def test_the_table_of_vehicles_sorts_and_leads_to_a_vehicles_worst_moment(page):
     page.find_element(By.LINK_TEXT, "far").click()
     WebDriverWait(page, 10).until(lambda page: asked(page, "followed") == "far")
     assert asked(page, "step") == GIVEN_UP
+
+
+@pytest.fixture(scope="module")
+def beside_the_road(tmp_path_factory) -> str:
+    """Return the page of the scene in which *near* drives 30 m to the right of the main lanes."""
+    folder = write_recorded_scene(tmp_path_factory.mktemp("ramp") / "run")
+    truth = pd.read_parquet(folder / "truth.parquet")
+    truth.loc[truth["vehicle_id"] == "near", "lat_m"] = -30.0
+    rewrite(folder, "truth.parquet", truth)
+    return write_run_page(folder).as_uri()
+
+
+def test_the_camera_follows_a_vehicle_off_the_main_lanes_whose_ramp_is_drawn(browser, beside_the_road):
+    browser.set_window_size(*DESK)
+    browser.get("about:blank")
+    browser.get(f"{beside_the_road}#t=1&vehicle=ego")
+    assert "near" not in asked(browser, "positions")
+    Select(browser.find_element(By.ID, "follow")).select_by_visible_text("near")
+    assert "near" in asked(browser, "positions")
+    assert (
+        len(browser.execute_script("return JSON.parse(document.getElementById('replay-data').textContent).road.ramps"))
+        == 1
+    )
+
+
+def test_any_column_of_a_vehicle_or_its_track_can_be_plotted(page):
+    Select(page.find_element(By.ID, "follow")).select_by_visible_text("far")
+    plot = Select(page.find_element(By.ID, "plot"))
+    names = [option.text for option in plot.options]
+    assert {"vehicle: accel_mps2", "its track: speed_mps", "its track: existence"} <= set(names)
+    drawn = set()
+    for name in names:
+        plot.select_by_visible_text(name)
+        drawn.add(page.execute_script("return document.getElementById('chart').toDataURL()"))
+    assert len(drawn) == len(names)
+    assert console(page) == []
