@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from harness.lab.windows.car_following import Following
 from mmpf.motion.learned.features import SMALLEST_GAP_M, log_headway
+from mmpf.motion.learned.follower import FURTHEST_LEADER_M
 from mmpf.motion.learned.residual import (
     FITTED_STEP_S,
     IDM_RANGE_MPS2,
@@ -34,8 +35,10 @@ LEARNING_RATE, WARM_UP = 0.015, 30
 SCORED_STEPS = np.array([5, 10, 15, 20, 30, 40, 50, 65, 80, 100])
 """Steps that are scored, and how much: errors of position grow with about this power of time, those of speed less."""
 POSITION_WEIGHT, SPEED_WEIGHT = (SCORED_STEPS * 0.1) ** -1.3, 0.3 * (SCORED_STEPS * 0.1) ** -0.5
-# Behind half of the leaders the gap is taken for another one, since a tracker does not know it exactly either.
-WRONG_GAPS, WRONG_GAP_M = 0.5, 2.0
+# A tracker does not know leaders exactly, and some not at all: half of them are taken for somewhat different ones, and
+# some are left out.
+WRONG_SHARE, WRONG_GAP_M, WRONG_SPEED_MPS, WRONG_ACCEL_MPS2 = 0.5, 2.0, 0.5, 0.5
+UNKNOWN_SHARE = 0.2
 RANGE_QUANTILES = (0.0005, 0.9995)
 DT = FITTED_STEP_S
 
@@ -50,6 +53,7 @@ class Rollouts:
     Attributes:
         speed_mps: Their speeds at the start, shape (b * p,).
         accel_mps2: Their accelerations, shape (b * p,).
+        led: Whether their leaders are known, shape (b * p,).
         leader_m: The leaders' rear ends ahead of the followers' fronts at the start, shape (steps, b * p).
         leader_speed_mps: Their speeds, likewise.
         leader_accel_mps2: Their accelerations, likewise.
@@ -60,6 +64,7 @@ class Rollouts:
 
     speed_mps: Array
     accel_mps2: Array
+    led: npt.NDArray[np.bool_]
     leader_m: Array
     leader_speed_mps: Array
     leader_accel_mps2: Array
@@ -68,23 +73,23 @@ class Rollouts:
     true_speed_mps: Array
 
 
-def fit_residual(led: Following, seed: int, say: Callable[[str], None], iterations: int = ITERATIONS) -> Network:
+def fit_residual(windows: Following, seed: int, say: Callable[[str], None], iterations: int = ITERATIONS) -> Network:
     """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015).
 
     Args:
-        led: Windows of 10 s with leaders.
+        windows: Windows of 10 s with and without leaders.
         seed: Seed of the first weights, the choice of windows and the noise.
         say: Told the score now and then.
         iterations: Steps of the search.
     """
     rng = np.random.default_rng(seed)
-    scaling = _scaling(led)
+    scaling = _scaling(windows.take(np.flatnonzero(windows.has_leader)))
     weights = first_weights(rng, HIDDEN_UNITS)
     slope, square = ({name: np.zeros_like(w) for name, w in weights.items()} for _ in range(2))
     smoothed = 0.0
     for step in range(1, iterations + 1):
-        chosen = rng.choice(len(led), size=min(WINDOWS, len(led)), replace=False)
-        score, gradient = score_and_gradient(weights, scaling, rollouts_of(led, chosen, PARTICLES, rng))
+        chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
+        score, gradient = score_and_gradient(weights, scaling, rollouts_of(windows, chosen, PARTICLES, rng))
         smoothed = score if step == 1 else 0.98 * smoothed + 0.02 * score
         if step % 200 == 0 or step == iterations:
             say(f"{step} of {iterations} steps, score {smoothed:.3f}")
@@ -119,23 +124,28 @@ def _scaling(led: Following) -> Network:
     return Network(*(part.astype(np.float32) for part in parts), *[np.zeros(1, dtype=np.float32)] * 7)
 
 
-def rollouts_of(led: Following, chosen: IntArray, particles: int, rng: np.random.Generator) -> Rollouts:
-    """Return rollouts of the windows ``chosen``, half of them with gaps that are not the true ones."""
+def rollouts_of(windows: Following, chosen: IntArray, particles: int, rng: np.random.Generator) -> Rollouts:
+    """Return rollouts of the windows ``chosen``, many of them with leaders that are not quite the true ones."""
 
     def particles_of(column: FloatArray) -> Array:
         return np.repeat(np.ascontiguousarray(column.T, dtype=np.float32), particles, axis=-1)
 
-    here = led.take(chosen)
-    ahead = here.gap_m + here.lon_m - here.lon_m[:, :1]
-    spread = WRONG_GAP_M * (rng.random(len(chosen)) < WRONG_GAPS) * np.exp(0.5 * rng.standard_normal(len(chosen)))
-    wrong = np.maximum(spread * rng.standard_normal(len(chosen)), -0.5 * ahead[:, 0])
+    here = windows.take(chosen)
+    led = here.has_leader & (rng.random(len(chosen)) >= UNKNOWN_SHARE)
+    ahead = np.nan_to_num(here.gap_m + here.lon_m - here.lon_m[:, :1])
+    spread = (rng.random(len(chosen)) < WRONG_SHARE) * np.exp(0.5 * rng.standard_normal(len(chosen)))
+    gap, speed, accel = spread * rng.standard_normal((3, len(chosen)))
+    leader_m = ahead + np.maximum(WRONG_GAP_M * gap, -0.5 * np.maximum(ahead[:, 0], 0.0))[:, None]
+    leader_speed = np.nan_to_num(here.leader_speed_mps) + WRONG_SPEED_MPS * speed[:, None]
+    leader_accel = np.nan_to_num(here.leader_accel_mps2) + WRONG_ACCEL_MPS2 * accel[:, None]
     noise = rng.standard_normal((ahead.shape[1], len(TIME_SCALES_S), len(chosen) * particles), dtype=np.float32)
     return Rollouts(
         speed_mps=particles_of(here.speed_mps[:, 0]),
         accel_mps2=particles_of(here.accel_mps2[:, 0]),
-        leader_m=particles_of(ahead + wrong[:, None]),
-        leader_speed_mps=particles_of(here.leader_speed_mps),
-        leader_accel_mps2=particles_of(np.clip(here.leader_accel_mps2, *STRONGEST_LEADER_MPS2)),
+        led=np.repeat(led, particles),
+        leader_m=particles_of(leader_m),
+        leader_speed_mps=particles_of(leader_speed),
+        leader_accel_mps2=particles_of(np.clip(leader_accel, *STRONGEST_LEADER_MPS2)),
         noise=noise,
         true_m=(here.lon_m - here.lon_m[:, :1]).T,
         true_speed_mps=here.speed_mps.T,
@@ -208,7 +218,7 @@ def _softsign(x: Array) -> tuple[Array, Array]:
     return x / beyond, 1.0 / beyond**2
 
 
-def _usual(gap: Array, speed: Array, leader_speed: Array) -> tuple[Array, Array, Array]:
+def _usual(gap: Array, speed: Array, leader_speed: Array, led: npt.NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Return what the usual driver does by IDM, and its slopes by gap and speed."""
     driver = USUAL_DRIVER
     braking = 2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2)
@@ -218,7 +228,7 @@ def _usual(gap: Array, speed: Array, leader_speed: Array) -> tuple[Array, Array,
     accel = driver.max_accel_mps2 * (1.0 - free - (wanted / gap) ** 2)
     low, high = IDM_RANGE_MPS2
     counts = (accel > low) & (accel < high)
-    more = np.where(dynamic > 0.0, driver.time_headway_s + (2.0 * speed - leader_speed) / braking, 0.0)
+    more = np.where(dynamic > 0.0, driver.time_headway_s + led * (2.0 * speed - leader_speed) / braking, 0.0)
     by_speed = -driver.max_accel_mps2 * (4.0 * speed**3 / driver.desired_speed_mps**4 + 2.0 * wanted / gap**2 * more)
     by_gap = 2.0 * driver.max_accel_mps2 * wanted**2 / gap**3
     return np.clip(accel, low, high), counts * by_gap, counts * by_speed
@@ -230,21 +240,25 @@ def _roll(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[Array
     speed, accel = rollouts.speed_mps, rollouts.accel_mps2
     place, noise = np.zeros_like(speed), rollouts.noise[0]
     places, speeds, tape = [place], [speed], []
+    led = rollouts.led
     headway = log_headway(np.asarray(rollouts.leader_m[0], dtype=np.float64), np.asarray(speed, dtype=np.float64))
+    headway = np.where(led, headway, scaling.mean[-1])
     low, high, mean, scale = (part[:, None] for part in scaling[:4])
     lasts = np.exp(-DT / np.array(TIME_SCALES_S))[:, None]
     for step in range(len(rollouts.leader_m) - 1):
-        distance = rollouts.leader_m[step] - place
-        gap, leader_speed = np.maximum(distance, SMALLEST_GAP_M), rollouts.leader_speed_mps[step]
-        seen = np.stack([np.log(gap), speed, accel, speed - leader_speed, rollouts.leader_accel_mps2[step], headway])
+        distance = np.where(led, rollouts.leader_m[step] - place, FURTHEST_LEADER_M)
+        gap, leader_speed = np.maximum(distance, SMALLEST_GAP_M), np.where(led, rollouts.leader_speed_mps[step], speed)
+        leader_accel = np.where(led, rollouts.leader_accel_mps2[step], 0.0)
+        seen = np.stack([np.log(gap), speed, accel, speed - leader_speed, leader_accel, headway])
         inputs = np.concatenate([(np.clip(seen, low, high) - mean) / scale, noise]).astype(speed.dtype)
         first = _softsign(weights["w1"].T @ inputs + weights["b1"][:, None])
         second = _softsign(weights["w2"].T @ first[0] + weights["b2"][:, None])
-        usual, by_gap, by_speed = _usual(gap, speed, leader_speed)
+        usual, by_gap, by_speed = _usual(gap, speed, leader_speed, led)
         pull = usual + weights["w3"] @ second[0] + weights["b3"][0] - accel
         next_speed = speed + DT * (accel + lag * pull)
-        moves, near = next_speed > 0.0, distance > SMALLEST_GAP_M
+        moves, near = next_speed > 0.0, (distance > SMALLEST_GAP_M) & led
         within = (seen > low) & (seen < high)
+        within[3] &= led
         tape.append(_Kept(inputs, within, first, second, pull, moves, near / gap, near * by_gap, by_speed))
         next_speed = np.where(moves, next_speed, 0.0).astype(speed.dtype)
         accel = np.where(moves, accel + lag * pull, 0.0).astype(speed.dtype)

@@ -22,9 +22,10 @@ from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, witho
 from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
+KINEMATIC, IDM = ("cvm", "cam", "csav", "csaa"), ("idm", "idm-fitted", "idm-adaptive")
 MODELS = {
-    LANE_KEEPING: ("residual", "gmm", "gmm-short", "idm", "idm-fitted", "idm-adaptive", "cvm", "cam", "csav", "csaa"),
-    LANE_CHANGE: ("gmm", "gmm-lane-change", "cvm", "cam", "csav", "csaa"),
+    LANE_KEEPING: ("residual", "gmm", "empirical", "gmm-short", *IDM, *KINEMATIC),
+    LANE_CHANGE: ("gmm", "gmm-lane-change", *KINEMATIC),
 }
 OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
 

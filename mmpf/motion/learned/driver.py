@@ -23,7 +23,7 @@ from mmpf.motion.gmm.model_file import (
     mixture_from_arrays,
     save_arrays,
 )
-from mmpf.motion.learned import residual
+from mmpf.motion.learned import empirical, residual
 from mmpf.motion.learned.follower import Follower, MixtureFollower, follows
 from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
@@ -133,7 +133,10 @@ class LearnedDriver:
         """Sample the states one step later; see ``MotionModel.propagate``."""
         next_latents = self._with_drivers(state, latents, surroundings, dt_s, rng)
         leader = surroundings.leader
-        followers = np.flatnonzero(follows(leader) & (next_latents[INTENTION] == 0.0))
+        followed = follows(leader)
+        if self.model.follower.drives_alone:
+            followed |= np.isinf(surroundings.road_speed_mps)
+        followers = np.flatnonzero(followed & (next_latents[INTENTION] == 0.0))
         after = np.empty_like(state)
         drivers = next_latents[FOLLOWER:]
         sampled = self.model.follower.accelerations(state, drivers, leader, followers, dt_s, rng)
@@ -233,6 +236,12 @@ def residual_driver() -> LearnedDriver:
     """Return the driver that follows by IDM and a network; see ``mmpf.motion.learned.residual``."""
     with committed_file(residual.CASE) as path:
         return with_follower(residual.load_residual(path), residual.CASE)
+
+
+def empirical_driver() -> LearnedDriver:
+    """Return the driver that draws from recorded accelerations; see ``mmpf.motion.learned.empirical``."""
+    with committed_file(empirical.CASE) as path:
+        return with_follower(empirical.load_empirical(path), empirical.CASE)
 
 
 def with_follower(follower: Follower, name: str) -> LearnedDriver:

@@ -21,10 +21,13 @@ class Follower(Protocol):
 
     Attributes:
         latent_size: Rows that it keeps of each particle's driver.
+        drives_alone: Whether it also drives particles without a leader, where no map says how fast.
     """
 
     @property
     def latent_size(self) -> int: ...  # noqa: D102
+    @property
+    def drives_alone(self) -> bool: ...  # noqa: D102
 
     def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
         """Draw the drivers of the particles ``index``, with or without leaders: rows of shape (latent_size, k)."""
@@ -39,13 +42,13 @@ class Follower(Protocol):
         dt_s: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Draw the accelerations of the particles ``index``, all of which follow, until the next step, shape (k,).
+        """Draw the accelerations of the particles ``index`` until the next step, shape (k,).
 
         Args:
             state: States of all n particles, shape (6, n).
             drivers: Their drivers, shape (latent_size, n); may be rewritten.
             leader: Their leaders.
-            index: Particles that follow, shape (k,).
+            index: Particles that follow, and those without a leader if it ``drives_alone``, shape (k,).
             dt_s: Length of the step.
             rng: Source of randomness.
         """
@@ -89,6 +92,7 @@ class MixtureFollower:
     habit: ScaledGmm
     accel_bias_mps2: float
     latent_size: ClassVar[int] = 2
+    drives_alone: ClassVar[bool] = False
 
     def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
         """Draw habit and deviation; see ``Follower``."""

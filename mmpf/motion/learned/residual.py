@@ -16,7 +16,7 @@ import numpy as np
 from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.idm import IdmParameters
 from mmpf.motion.learned.features import SITUATION_SIZE, log_headway
-from mmpf.motion.learned.follower import follows, seen_by, situations
+from mmpf.motion.learned.follower import FURTHEST_LEADER_M, follows, seen_by, situations
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
@@ -77,6 +77,7 @@ class ResidualFollower:
 
     network: Network
     latent_size: ClassVar[int] = 1 + len(TIME_SCALES_S)
+    drives_alone: ClassVar[bool] = True
 
     def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
         """Take the present headway, the usual one without a leader, and draw the noise; see ``Follower``."""
@@ -95,6 +96,8 @@ class ResidualFollower:
     ) -> FloatArray:
         """Return what the network makes of the situation and let the noise go on; see ``Follower``."""
         seen = seen_by(index, state, leader, INPUTS)
+        alone = ~follows(leader)[index]
+        seen[0, alone], seen[3, alone], seen[4, alone] = np.log(FURTHEST_LEADER_M), 0.0, 0.0
         np.clip(seen[SITUATION_SIZE - 1], *STRONGEST_LEADER_MPS2, out=seen[SITUATION_SIZE - 1])
         seen[SITUATION_SIZE:] = drivers[:, index]
         accel = np.empty(len(index))
