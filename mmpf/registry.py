@@ -164,7 +164,9 @@ class Registry(Generic[T]):
     def _loaded(self, point: EntryPoint, remark: str) -> T:
         try:
             entry = point.load()
-        except Exception as error:
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
             problem = f"{type(error).__name__}: {error}"
             raise UnknownNameError(f"can't import the {self.kind} {point.value!r} ({problem}), {remark}") from None
         if not callable(entry):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, MutableSequence, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -16,7 +17,7 @@ from harness.running.memory import keep_freed_memory
 from harness.running.recorder import ColumnRecorder
 from harness.sensor.observation import Look
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
-from harness.trackers.wellformed import fault_of
+from harness.trackers.wellformed import blamed_on, described, fault_of, is_own
 from harness.truth.frame import OPEN
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
@@ -102,13 +103,19 @@ class _EpisodeTrackers:
     def step(self, look: Look) -> Tracks:
         """Give the tracker one scan and make its identities unique over the run."""
         scan = self._told(look)
-        tracks = step_tracker(self.tracker, scan, look.observation.truth_id)
+        tracks = self._stepped(self.tracker, scan, look)
         self._check(tracks, scan)
         if not len(tracks):
             return tracks
         unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
         self.first_free_id = max(self.first_free_id, int(unique.track_id.max()) + 1)
         return unique
+
+    def _stepped(self, tracker: AnyTracker, scan: Scan, look: Look) -> Tracks:
+        # What is recorded and scored is not in the hands of others.
+        own = scan if is_own(tracker) else deepcopy(scan)
+        with blamed_on(tracker, f"at {scan.time_s:g} s"):
+            return step_tracker(tracker, own, look.observation.truth_id)
 
     def _told(self, look: Look) -> Scan:
         """Return what the tracker is told of a look."""
@@ -121,7 +128,7 @@ class _EpisodeTrackers:
         fault = fault_of(tracks)
         if fault is not None:
             raise RunError(
-                f"the tracker {type(self.tracker).__name__} returned at {scan.time_s:g} s what can't be scored: "
+                f"the tracker {described(self.tracker)} returned at {scan.time_s:g} s what can't be scored: "
                 f"{fault}; check_tracker tells more (docs/plug-in-a-tracker.md)"
             )
 
@@ -135,7 +142,7 @@ class _EpisodeTrackers:
         for step in range(3):
             told = self._told(look)
             scan = replace(told, time_s=told.time_s + step * self.looks.step_s)
-            tracks = step_tracker(rehearsal, scan, look.observation.truth_id)
+            tracks = self._stepped(rehearsal, scan, look)
             if fault_of(tracks) is not None:
                 return  # told of the first step that counts
 

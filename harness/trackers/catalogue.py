@@ -6,6 +6,7 @@ import difflib
 import inspect
 import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
 from functools import cache, partial
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pydantic import ValidationError
 from harness.common.error_text import first_problem, what_it_raised
 from harness.common.errors import InputError
 from harness.common.named import check_made, named, without_method
+from harness.common.signals import told_to_end
 from harness.trackers import program
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
 from mmpf.options.base import Settings, fields_of
@@ -115,19 +117,21 @@ def build_tracker(
     else:
         factory = maker
     _check_signature(maker, factory)
+    own = isinstance(maker, str) and maker in _BUILT_IN
     try:
-        tracker = factory(setting, options)
+        # What is recorded and scored is not in the hands of others.
+        tracker = factory(setting if own else deepcopy(setting), options)
+        check_made(trackers, "tracker", _name_of(maker), tracker)
     except ValidationError as error:
         raise InputError(_first_option_error(str(maker), error)) from None
     except (InputError, ValueError, TypeError, UnknownNameError):
         raise
-    except Exception as error:
-        if isinstance(maker, str) and maker in _BUILT_IN:
+    except BaseException as error:
+        if own or isinstance(error, KeyboardInterrupt) or told_to_end():
             raise
         raise InputError(
             f"`tracker` {_name_of(maker)}: it can't be built ({what_it_raised(error)}); mend it"
         ) from error
-    check_made(trackers, "tracker", _name_of(maker), tracker)
     return tracker
 
 

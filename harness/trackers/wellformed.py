@@ -1,12 +1,69 @@
-"""Whether what a tracker returned can be worked with at all."""
+"""Trackers from elsewhere: what they raise is told in one line, and what they return is looked at before it counts."""
 
 from __future__ import annotations
 
+import inspect
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 
-from mmpf.tracks import Tracks
+from harness.common.error_text import what_it_raised
+from harness.common.errors import RunError
+from harness.common.exit_codes import INTERNAL
+from harness.common.signals import told_to_end
+from mmpf.tracks import TRACK_STATES, Tracks
+
+MOST_TRACKS = 10_000
+FARTHEST, FASTEST = 1e7, 1e4
+# Smallest and largest value of each column; deviations are above the smallest.
+BOUNDS = {
+    "track_id": (0, 2**53), "lon_m": (-FARTHEST, FARTHEST), "lat_m": (-FARTHEST, FARTHEST),
+    "speed_mps": (-FASTEST, FASTEST), "lat_speed_mps": (-FASTEST, FASTEST), "accel_mps2": (-FARTHEST, FARTHEST),
+    "std_lon_m": (0.0, FARTHEST), "std_lat_m": (0.0, FARTHEST), "std_speed_mps": (0.0, FARTHEST),
+    "existence": (0.0, 1.0), "state": (0, len(TRACK_STATES) - 1),
+}  # fmt: skip
+
+
+MAY_BE_UNKNOWN = frozenset({"speed_mps", "lat_speed_mps", "accel_mps2", "std_speed_mps"})
+
+
+@contextmanager
+def blamed_on(tracker: object, when: str) -> Iterator[None]:
+    """Turn whatever a tracker raises, to leave the program too, into an error that names it, and end forks of its.
+
+    Raises:
+        RunError: It raised something.
+    """
+    owner = os.getpid()
+    try:
+        yield
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt | RunError) or told_to_end():
+            raise
+        raise RunError(f"the tracker {described(tracker)} failed {when}: {what_it_raised(error)}") from error
+    finally:
+        if os.getpid() != owner:
+            sys.stderr.write(f"the tracker {described(tracker)} has forked this process {when}; the copy ends here\n")
+            sys.stderr.flush()
+            os._exit(INTERNAL)
+
+
+def described(tracker: object) -> str:
+    """Return a tracker's class, and where that is written."""
+    kind = type(tracker)
+    with suppress(OSError, TypeError):
+        return f"{kind.__name__} ({Path(inspect.getfile(kind)).name} line {inspect.getsourcelines(kind)[1]})"
+    return kind.__name__
+
+
+def is_own(tracker: object) -> bool:
+    """Return whether a tracker comes with this project."""
+    return type(tracker).__module__.partition(".")[0] in ("harness", "mmpf")
 
 
 def fault_of(tracks: object) -> str | None:
@@ -15,17 +72,25 @@ def fault_of(tracks: object) -> str | None:
         return f"step returned {type(tracks).__name__}, not Tracks"
     wanted = np.shape(tracks.track_id)
     for column in fields(Tracks):
-        fault = _fault_of_column(getattr(tracks, column.name), wanted, is_place=column.name in {"lon_m", "lat_m"})
+        fault = _fault_of_column(column.name, getattr(tracks, column.name), wanted)
         if fault is not None:
             return f"{column.name} {fault}"
+    if len(tracks) > MOST_TRACKS:
+        return f"there are {len(tracks)} tracks; {MOST_TRACKS} are the most"
     return "two tracks have one identity" if len(np.unique(tracks.track_id)) < len(tracks) else None
 
 
-def _fault_of_column(values: object, wanted: tuple[int, ...], *, is_place: bool) -> str | None:
+def _fault_of_column(name: str, values: object, wanted: tuple[int, ...]) -> str | None:
     if not isinstance(values, np.ndarray):
         return f"is {type(values).__name__}, not an array"
     if values.shape != wanted or values.ndim != 1:
         return f"has shape {values.shape}, track_id {wanted}; both must be (m,)"
-    if values.dtype.kind not in "fiu":
-        return f"is {values.dtype}, not numbers"
-    return "holds a value that is not finite" if is_place and not np.isfinite(values).all() else None
+    if values.dtype.kind not in "fiu" or (name == "track_id" and values.dtype.kind == "f"):
+        return f"is {values.dtype}, not {'whole ' * (name == 'track_id')}numbers"
+    low, high = BOUNDS[name]
+    right = (values > low if name.startswith("std_") else values >= low) & (values <= high)
+    if name in MAY_BE_UNKNOWN:
+        right |= np.isnan(values)
+    if right.all():
+        return None
+    return f"holds {values[~right][0]:g}; it must be {'above ' * name.startswith('std_')}{low:g} to {high:g}"

@@ -71,7 +71,7 @@ AT_FIFTH = {
     "has a word too few": (r"say('tracks 5 1\n1 2 3 confirmed'); continue", "not the 11 words of a track"),
     "has an unknown state": (rf"say('tracks 5 1\n{TRACK[:-9]}sure'); continue", "not the 11 words of a track"),
     "has a word for a number": (rf"say('tracks 5 1\n{TRACK.replace('2', 'two')}'); continue", "not made of numbers"),
-    "has a place that is nan": (rf"say('tracks 5 1\n{TRACK.replace('2', 'nan')}'); continue", "not finite"),
+    "has a place that is nan": (rf"say('tracks 5 1\n{TRACK.replace('2', 'nan')}'); continue", "holds nan"),
     "has an identity twice": (rf"say('tracks 5 2\n{TRACK}\n{TRACK}'); continue", "two tracks have one identity"),
     "answers another scan": (r"say('tracks 4 0'); continue", "'tracks 4 0', not tracks 5 and how many"),
     "says what is wrong": (r"say('error no licence left'); continue", "it says 'no licence left'"),
@@ -161,7 +161,7 @@ def test_a_program_that_does_not_end_is_killed_with_what_it_started(tmp_path):
 def test_a_config_file_does_not_start_a_program(tmp_path):
     file = tmp_path / "config.toml"
     file.write_text('[tracker]\nname = "exec:touch gotcha"\n')
-    with pytest.raises(InputError, match="it would be run; if you trust it"):
+    with pytest.raises(InputError, match="using that runs code; if you trust it"):
         resolve_run_config(file)
 
 

@@ -1,0 +1,105 @@
+"""Whatever a tracker from elsewhere does is one line that names it, and what is recorded is not in its hands."""
+
+from __future__ import annotations
+
+import sys
+
+import pandas as pd
+import pytest
+
+from harness.commands.app import run_command_line
+from tests.harness.recorded_scene import write_recorded_scene
+
+TRACKS = "replace(Tracks.none(), **{n: np.ones(1, k) for n, k in COLUMNS})"
+MODULE = """
+import os, sys
+from dataclasses import fields, replace
+import numpy as np
+from mmpf.tracks import Tracks
+COLUMNS = [(f.name, "i8" if f.name == "track_id" else "i1" if f.name == "state" else "f8") for f in fields(Tracks)]
+def one(**columns):
+    return replace({tracks}, **{{n: np.array([v], dtype=np.asarray(v).dtype) for n, v in columns.items()}})
+class Bad:
+    def step(self, scan):
+        {step}
+        return one()
+def make(setting, options):
+    {make}
+    return Bad()
+"""
+STEPS = {
+    "sys.exit(0)": "SystemExit: 0",
+    "raise BaseException('out')": "BaseException: out",
+    "raise GeneratorExit": "GeneratorExit",
+    "raise BrokenPipeError": "BrokenPipeError",
+    "raise MemoryError": "MemoryError",
+    "if os.fork() == 0: return one()": "",
+    "return one(lon_m=1e308)": "lon_m holds 1e+308",
+    "return one(existence=2.0)": "existence holds 2; it must be 0 to 1",
+    "return one(existence=-1.0)": "existence holds -1",
+    "return one(std_lon_m=-1.0)": "std_lon_m holds -1; it must be above 0",
+    "return one(std_lat_m=0.0)": "std_lat_m holds 0",
+    "return one(std_speed_mps=-3.0)": "std_speed_mps holds -3",
+    "return one(track_id=-5)": "track_id holds -5",
+    "return one(track_id=1.5)": "track_id is float64, not whole numbers",
+    "return one(state=np.int8(7))": "state holds 7",
+    "return Tracks(*(np.arange(300_000, dtype=k) for _, k in COLUMNS))": "",
+    "return replace(one(), **{n: np.ones(20_000, k) for n, k in COLUMNS})": "there are 20000 tracks",
+}
+
+
+@pytest.fixture
+def scene(tmp_path_factory):
+    return write_recorded_scene(tmp_path_factory.mktemp("scenes") / "scene")
+
+
+def run_with(folder, scene, monkeypatch, step="pass", make="pass"):
+    (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make=make))
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.delitem(sys.modules, "bad", raising=False)
+    words = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
+    return run_command_line(words)
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, tmp_path, scene, monkeypatch, capfd):
+    code = run_with(tmp_path, scene, monkeypatch, step)
+    lines = capfd.readouterr().err.splitlines()
+    assert all("Bad (bad.py line 9)" in line for line in lines)
+    assert STEPS[step] in lines[0]
+    if "fork" in step:
+        assert code == 0
+        assert "has forked this process at 0 s" in lines[0]
+    else:
+        assert (code, len(lines)) == (3, 1)
+    assert not list(tmp_path.glob(".out*"))
+
+
+@pytest.mark.parametrize("make", ["sys.exit(0)", "raise BaseException", "raise KeyError('x')", "return None"])
+def test_what_a_factory_does_is_one_line(make, tmp_path, scene, monkeypatch, capfd):
+    assert run_with(tmp_path, scene, monkeypatch, make=make) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("error: --tracker bad:make: ")
+
+
+def test_a_module_that_leaves_the_program_when_it_is_imported_is_one_line(tmp_path, scene, monkeypatch, capfd):
+    assert run_with(tmp_path, scene, monkeypatch, make="pass\nsys.exit(0)\ndef other():\n    pass") == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "can't import the tracker 'bad:make' (SystemExit: 0)" in line
+
+
+def test_a_step_that_can_not_be_had_is_one_line(tmp_path, scene, monkeypatch, capfd):
+    made = "return type('Prop', (), {'step': property(lambda self: 1 / 0)})()"
+    assert run_with(tmp_path, scene, monkeypatch, make=made) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "ZeroDivisionError" in line
+
+
+def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(tmp_path, scene, monkeypatch):
+    write = "d = scan.detections; d.lon_m.flags.writeable = True; d.lon_m[:] = 5.0"
+    before = pd.read_parquet(scene / "detections.parquet")
+    make = "object.__setattr__(setting.road, 'section_m', (0.0, 1.0))"
+    assert run_with(tmp_path, scene, monkeypatch, write, make) == 0
+    after = pd.read_parquet(tmp_path / "out" / "detections.parquet")
+    assert after["lon_m"].tolist() == before["lon_m"].tolist()
+    assert (scene / "road.json").read_text() == (tmp_path / "out" / "road.json").read_text()
