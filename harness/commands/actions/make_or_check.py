@@ -16,7 +16,7 @@ import typer
 
 from harness.commands.from_options import typer_command, with_values
 from harness.common.exit_codes import DONE, WORSE
-from harness.config.options import checked
+from harness.config.options import checked, declared
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.lab.reference.catalogue import FOLDER, Reference, reference_named, references
@@ -65,36 +65,26 @@ def make_or_check(options: Mapping[str, Any]) -> int:
 
 def _execute(words: list[str], out: Path, workers: int | None, quiet: bool, root: Path) -> None:
     """Run another command of this program so that it writes into ``out``, which it takes up again where it can."""
-    called = _command_of(words[0])
-    known = {flag for parameter in called.params for flag in parameter.opts}
+    known = declared(_table_of(words[0]))
     added = ["--out", str(out)]
-    if "--resume" in known and out.exists():
-        added.append("--resume")
-    if "--workers" in known:
-        added += ["--workers", str(workers or os.cpu_count() or 1)]
-    if quiet and "--quiet" in known:
-        added.append("--quiet")
+    added += ["--resume"] if "resume" in known and out.exists() else []
+    added += ["--workers", str(workers or os.cpu_count() or 1)] if "workers" in known else []
+    added += ["--quiet"] if quiet and "quiet" in known else []
+    called, typed = _typed(words[0], [*words[1:], *added])
     with chdir(root):
-        called(
-            args=_typed(words[0], [*words[1:], *added]),
-            prog_name=f"python -m harness {words[0]}",
-            standalone_mode=False,
-        )
+        called(args=typed, prog_name=f"python -m harness {words[0]}", standalone_mode=False)
 
 
-def _command_of(name: str) -> Any:  # noqa: ANN401
+def _typed(name: str, words: Sequence[str]) -> tuple[Any, list[str]]:
+    """Return a command, and its words with the values of options that were typed without one."""
+    function = importlib.import_module(f"harness.commands.{name}").command
     application = typer.Typer(add_completion=False)
-    application.command()(typer_command(_function_of(name)))
-    return typer.main.get_command(application)
+    application.command()(typer_command(function))
+    return typer.main.get_command(application), with_values(function, words)
 
 
-def _typed(name: str, words: Sequence[str]) -> list[str]:
-    """Return a command's words, with the values of options that were typed without one."""
-    return with_values(_function_of(name), words)
-
-
-def _function_of(name: str) -> Any:  # noqa: ANN401
-    return importlib.import_module(f"harness.commands.{name}").command
+def _table_of(name: str) -> Any:  # noqa: ANN401
+    return importlib.import_module(f"harness.commands.{name}").Options
 
 
 def _list(root: Path) -> None:
@@ -121,7 +111,8 @@ def made_as_listed(reference: Reference, folder: Path) -> bool:
     if reference.words[0] != "stress":
         return True
 
-    context = _command_of("stress").make_context("stress", _typed("stress", reference.words[1:]))
+    called, typed = _typed("stress", reference.words[1:])
+    context = called.make_context("stress", typed)
     own = {name: value for name, value in context.params.items() if name in GridOptions.__annotations__}
     asked = json.loads(json.dumps(asdict(request_of(checked(GridOptions, own, "stress")))))
     made = json.loads((folder / "grid.json").read_text(encoding="utf-8"))

@@ -82,16 +82,24 @@ def told(found: list[Difference], committed: Path) -> str:
     """Return the differences in a paragraph, the first few of them, and on which machine the committed was made."""
     more = f"\n  and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
     lines = "\n".join(f"  {each}" for each in found[:MOST_TOLD])
-    return f"{len(found)} values differ from {committed}{_made_on(committed)}:\n{lines}{more}"
+    made = _manifest(committed)
+    on = f" (made on {made['machine'].get('processor')}, of {made.get('git_revision')})" if made else ""
+    return f"{len(found)} values differ from {committed}{on}:\n{lines}{more}"
 
 
 def made_here(folder: Path) -> bool:
     """Return whether a reference was made on a processor of this machine's kind."""
+    made = _manifest(folder)
+    return bool(made and made["machine"].get("kind") == processor_kind())
+
+
+def _manifest(folder: Path) -> dict[str, Any] | None:
+    """Return a folder's manifest; None where it is missing or tells no machine."""
     try:
-        manifest = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
-        return bool(manifest["machine"]["kind"] == processor_kind())
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
+        found = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and isinstance(found.get("machine"), dict) else None
 
 
 def processor_kind() -> str:
@@ -103,14 +111,6 @@ def processor_kind() -> str:
     told = {line.partition(":")[0].strip(): line.partition(":")[2].strip() for line in reversed(lines)}
     able = " ".join(sorted((told.get("flags") or told.get("Features") or "").split()))
     return hashlib.sha256(f"{told.get('model name')} {platform.machine()} {able}".encode()).hexdigest()[:16]
-
-
-def _made_on(folder: Path) -> str:
-    try:
-        manifest = json.loads((folder / runfolder.MANIFEST).read_text(encoding="utf-8"))
-        return f" (made on {manifest['machine']['processor']}, of {manifest['git_revision']})"
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""
 
 
 def _read(path: Path) -> dict[str, Any]:
