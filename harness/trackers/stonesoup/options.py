@@ -5,48 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field
-
-from harness.trackers.doubtful import DoubtfulOptions
 from harness.trackers.stonesoup.stitching import StitchingOptions
-from mmpf.options.base import Positive, Probability, Settings, in_unit
+from harness.trackers.track_options import TrackOptions
+from mmpf.options.base import Positive, Probability, in_unit
 
 
-class KalmanOptions(Settings):
-    """Settings that all of Stone Soup's trackers share: how vehicles move, and how tracks begin."""
+class KalmanOptions(TrackOptions):
+    """Settings that all of Stone Soup's trackers share."""
 
     motion: Literal["cv", "ca"] = "cv"
     """Nearly constant velocity or nearly constant acceleration, longitudinally."""
     lon_noise: Annotated[Positive, in_unit("m²/s³ (cv), m²/s⁵ (ca)")] = 1.0
     """Power spectral density of the longitudinal acceleration (cv) or jerk (ca)."""
-    lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
-    """Power spectral density of the lateral acceleration."""
-    noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
-    """Standard deviation of the measurement noise in relation to what detections report; more than one where errors
-    repeat themselves from scan to scan.
-    """
-    gate_std: Positive = 3.9
-    """A detection counts for a track within this many standard deviations."""
-    confirm_detections: Annotated[int, Field(ge=1)] = 3
-    """Detections before a track is confirmed."""
-    held_unseen_s: Positive = 0.35
-    """An unconfirmed track ends when unseen for longer."""
-    range_margin_m: Annotated[float, Field(ge=0.0)] = 4.0
-    """A track this far beyond the sensor's range ends."""
-    birth_speed_std_mps: Positive = 10.0
-    """Spread of a new track's speed around the ego's, where speed is not measured."""
-    birth_lat_speed_std_mps: Positive = 1.0
-    """Spread of a new track's lateral speed."""
     birth_accel_std_mps2: Positive = 1.0
     """Spread of a new track's acceleration (ca)."""
-    hidden_after_s: Positive = 0.5
-    """Unseen for longer, a track is reported as hidden, which is for pictures alone."""
     coarse_gate: bool = False
     """Whether detections far outside a track's gate are left out before Stone Soup computes distances to them. The
     Kalman trackers' tracks stay the same, in about half the time; off, they run as Stone Soup ships them.
     """
-    doubtful: DoubtfulOptions = DoubtfulOptions()
-    """When a track that stands amid moving traffic is reported as tentative only."""
 
     @property
     def layout(self) -> StateLayout:

@@ -1,0 +1,39 @@
+"""Settings that trackers of Kalman filters share: how vehicles move, and how tracks begin and are reported."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from harness.trackers.doubtful import DoubtfulOptions
+from mmpf.options.base import NotNegative, Positive, Settings, in_unit
+
+
+class TrackOptions(Settings):
+    """Settings of a tracker of Kalman filters."""
+
+    lon_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
+    """Power spectral density of the longitudinal acceleration."""
+    lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
+    """Power spectral density of the lateral acceleration."""
+    noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
+    """Standard deviation of the measurement noise in relation to what detections report; more than one where errors
+    repeat themselves from scan to scan.
+    """
+    gate_std: Positive = 3.9
+    """A detection counts for a track within this many standard deviations."""
+    confirm_detections: Annotated[int, Field(ge=1)] = 3
+    """Detections before a track is confirmed."""
+    held_unseen_s: Positive = 0.35
+    """An unconfirmed track ends when unseen for longer."""
+    range_margin_m: NotNegative = 4.0
+    """A track this far beyond the sensor's range ends."""
+    birth_speed_std_mps: Positive = 10.0
+    """Spread of a new track's speed around the ego's, where speed is not measured."""
+    birth_lat_speed_std_mps: Positive = 1.0
+    """Spread of a new track's lateral speed."""
+    hidden_after_s: Positive = 0.5
+    """Unseen for longer, a track is reported as hidden, which is for pictures alone."""
+    doubtful: DoubtfulOptions = DoubtfulOptions()
+    """When a track that stands amid moving traffic is reported as tentative only."""
