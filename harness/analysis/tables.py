@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
-from rich.console import Console, Group
-from rich.table import Table
-from rich.text import Text
-
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curves import (
     BREAK_PERCENT,
@@ -17,7 +13,7 @@ from harness.analysis.curves import (
     curve_quantities,
     told_quantities,
 )
-from harness.common.markdown import markdown_table
+from harness.common.markdown import markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import NET
 
@@ -89,21 +85,14 @@ def print_result(
     title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str], place: str
 ) -> None:
     """Print the same in short on stderr."""
-    parts: list[Table | Text] = [Text(f"\n{title}", style="bold")]
+    lines = [f"# {title}", ""]
     for axis in dict.fromkeys(point.axis for point in points):
-        name = NAMES.get(axis, axis)
-        table = Table(title=f"Means over seeds, by {name}", box=None, title_justify="left", padding=(0, 2, 0, 0))
-        table.add_column("tracker", no_wrap=True)
-        table.add_column(name.rpartition(".")[2], no_wrap=axis == NET, justify="left" if axis == NET else "right")
-        shown = _drawn(points)
-        for quantity in shown:
-            table.add_column(quantity.heading or quantity.label, justify="right")
-        for row in _rows(points, axis, shown, False):
-            table.add_row(*row[:-1])
-        parts.append(table)
-    parts += [Text(break_sentence(entry)) for entry in broken]
-    parts += [Text(f"failed: {failure}", style="red") for failure in failures[:10]]
-    Console(stderr=True, highlight=False).print(Group(*parts, Text(f"Results: {place}", style="bold")))
+        name, shown = NAMES.get(axis, axis), _drawn(points)
+        headings = ["tracker", name.rpartition(".")[2], *(quantity.heading or quantity.label for quantity in shown)]
+        rows = [row[:-1] for row in _rows(points, axis, shown, False)]
+        lines += [f"Means over seeds, by {name}:", "", *markdown_table(headings, rows), ""]
+    lines += [f"- {line}" for line in (*map(break_sentence, broken), *(f"failed: {each}" for each in failures[:10]))]
+    show_markdown("\n".join([*lines, "", f"Results: {place}"]), on_stderr=True)
 
 
 DEFINITION = (
@@ -115,7 +104,7 @@ DEFINITION = (
 def break_sentence(entry: Break) -> str:
     """Return in words where a tracker breaks."""
     if entry.held_to is None:
-        return f"{entry.label}: too few occlusions to tell"
+        return f"{entry.label}: too few occlusions to tell where it breaks"
     if entry.density is None:
         return f"{entry.label}: holds up to {entry.held_to:g} veh/km/lane, the highest tested with enough occlusions"
     where = f"{entry.label}: breaks at {'or below ' if entry.at_lowest else ''}{entry.density:.0f} veh/km/lane"
@@ -126,14 +115,16 @@ def break_sentence(entry: Break) -> str:
 
 
 HIDDEN_NOTE = (
-    "All hidden vehicles that were once seen, 10 m where nobody follows, and the tracks that follow nobody "
+    "Hidden vehicles that were seen before, 10 m where no track follows, and hidden tracks that follow no vehicle "
     "(docs/scores.md):"
 )
 FOLLOWED_NOTE = (
-    "Errors while followed, each beside the share of vehicle-steps that it is over; and on the vehicle-steps that both "
-    f"the tracker and coasting ({COASTING_TRACKER}, told the true association) follow:"
+    "Errors while followed, each with the share of vehicle-steps that it is over; then on the vehicle-steps that both "
+    f"the tracker and coasting at constant velocity ({COASTING_TRACKER}, told the true association) follow:"
 )
 REST_NOTE = "Identities, sets and time:"
+TRUST_NOTE = "Stated and observed uncertainty:"
+DECISION_NOTE = "Decisions of a driver who relies on the tracks:"
 MANOEUVRE_NOTE = "By what vehicles do (docs/scores.md):"
 CAUSE_NOTE = "By what hides vehicles, other vehicles or walls of buildings (docs/scores.md):"
 ROUTE_NOTE = (
@@ -144,6 +135,8 @@ PLAIN_NOTE = "Vehicles in plain view within 60 m, detected or not: do they have 
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
     **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),
+    **dict.fromkeys(("calibration", "existence_calibration", "never_seen"), TRUST_NOTE),
+    "decisions": DECISION_NOTE,
     "manoeuvre": MANOEUVRE_NOTE,
     "hidden_by": CAUSE_NOTE,
     "in_plain_view": PLAIN_NOTE,

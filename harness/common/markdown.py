@@ -45,18 +45,21 @@ def _tables(lines: Sequence[str], width: int) -> Iterator[Table]:
     """Yield a Markdown table as as many tables side by side as the width needs; each begins with the first column."""
     rows = [[_cell(cell) for cell in line.strip("| ").split(" | ")] for line in lines if not line.startswith("| ---")]
     names, *columns = list(zip(*rows, strict=True))
-    room = width - min(max(map(_width, names)), WIDEST_NAME) - 2
+    name_width = min(max(map(_width, names)), WIDEST_NAME)
+    room = width - name_width - 3
     while columns:
         taken, used = 0, 0
         while taken < len(columns) and (used + _column_width(columns[taken]) <= room or not taken):
             used += _column_width(columns[taken])
             taken += 1
         part, columns = columns[:taken], columns[taken:]
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 2, 0, 0))
-        table.add_column(names[0], overflow="fold", max_width=WIDEST_NAME)
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table.add_column(names[0], overflow="fold", width=name_width)
         for heading, *cells in part:
             is_text = any(cell[:1].isalpha() for cell in cells)
-            table.add_column(heading, justify="left" if is_text else "right", overflow="fold")
+            table.add_column(
+                heading, justify="left" if is_text else "right", width=_column_width((heading, *cells)) - 2
+            )
         for row in list(zip(names, *part, strict=True))[1:]:
             table.add_row(*row)
         yield table

@@ -23,7 +23,7 @@ LINEAR_PERCENT = 3.0
 TICKS = [-1000, -300, -100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100, 300, 1000]
 LEAST_SHOWN, MOST_SHOWN = 5.0, 2000.0
 ZERO_PLAIN = "datum.value == 0 ? '0' : format(datum.value, '+,d')"
-ROW_PX, FRAME_PX = 22, 60
+ROW_PX, FRAME_PX = 36, 60
 NOTE = (
     "Difference of b from a as a share of a's value, turned so that better is to the right, with 95 % intervals. The "
     "grey band is the tolerance: b is no worse where its whole interval stays to the right of the band's left edge. "
@@ -76,9 +76,17 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
         "type": "quantitative",
         "title": "b worse  ←  change in % of a  →  b better",
         "scale": {"type": "symlog", "constant": LINEAR_PERCENT, "domain": [-reach, reach], "nice": False},
-        "axis": {"values": [tick for tick in TICKS if abs(tick) <= reach], "labelExpr": ZERO_PLAIN},
+        "axis": {
+            "values": [tick for tick in TICKS if abs(tick) <= reach],
+            "labelExpr": ZERO_PLAIN,
+            "labelOverlap": True,
+        },
     }
-    axis: Spec = {"title": None, "labelLimit": 320, "grid": False, "ticks": False, "domain": False}
+    # Names stand above their rows, so that the plot keeps its width on a small screen.
+    axis: Spec = {
+        "title": None, "labelLimit": 0, "grid": False, "ticks": False, "domain": False, "labelAlign": "left",
+        "labelPadding": -4, "labelOffset": -11,
+    }  # fmt: skip
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}
     tooltip = told(
@@ -87,7 +95,7 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
     )  # fmt: skip
     return [
         {
-            "mark": {"type": "bar", "height": {"band": 0.9}, "color": "var(--line)", "tooltip": None},
+            "mark": {"type": "bar", "height": {"band": 0.4}, "color": "var(--line)", "tooltip": None},
             "encoding": {"y": y, "x": {**x, "field": "below"}, "x2": {"field": "tolerance"}},
         },
         {"data": {"values": [{}]}, "mark": {"type": "rule"}, "encoding": {"x": {**x, "datum": 0}}},

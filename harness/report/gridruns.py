@@ -52,6 +52,7 @@ class RunsOfGrid:
     """What leads from a grid's page to its runs.
 
     Attributes:
+        about: What was run, in words.
         metric: What the overview shows, with its unit.
         overview: One row a tracker, one column a setting; each value leads to its cell.
         cells: The cells, in the order of the overview's links.
@@ -60,6 +61,7 @@ class RunsOfGrid:
             has none.
     """
 
+    about: str
     metric: str
     overview: Markup
     cells: tuple[CellOfRuns, ...]
@@ -102,12 +104,25 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
     has_curves = not grid.is_replay and not any(run.mismatch for run in grid.runs)
     return RunsOfGrid(
+        about=_about(grid),
         metric=shown[0].label,
         overview=html_table(["tracker", *settings], overview),
         cells=tuple(cells),
         left_out=len(placed) - len(listed),
         charts=grid_charts(table, grid.axes, cell_of) if has_curves else {},
     )
+
+
+def _about(grid: Grid) -> str:
+    """Return in a sentence which trackers were run on what."""
+    configs = [run.config for run in grid.runs]
+    trackers = ", ".join(dict.fromkeys(_tracker(run) for run in grid.runs))
+    settings = "; ".join(dict.fromkeys(_setting(run, several_nets=True) for run in grid.runs))
+    seeds = sorted({config.seed for config in configs})
+    durations = "; ".join(dict.fromkeys(f"{config.traffic.duration_s:g} s" for config in configs))
+    sensors = ", ".join(dict.fromkeys(config.sensor.profile for config in configs))
+    shown = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
+    return f"{trackers}, each on {settings}; {shown}, {durations} each, sensor {sensors}."
 
 
 def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:

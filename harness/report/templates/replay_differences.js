@@ -72,7 +72,7 @@ function describeDifferences() {
     const [lone, switched, worse] = [0, 1, 2].map(names);
     if (lone.length) told.push(`${other} alone follows ${lone.join(", ")}`);
     if (switched.length) told.push(`${name} switches the identity of ${switched.join(", ")}`);
-    if (worse.length) told.push(`${name} is over 1 m farther off ${worse.join(", ")}`);
+    if (worse.length) told.push(`${name} is over 1 m farther from ${worse.join(", ")}`);
   }
   line.setAttribute("aria-live", view.playing ? "off" : "polite");
   line.textContent = told.length ? `Here ${told.join("; ")}.` : "Here the two do not differ.";

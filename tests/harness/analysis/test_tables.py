@@ -120,7 +120,7 @@ def test_without_breaks_and_failures_there_are_no_headings_for_them():
 @pytest.mark.parametrize(
     ("entry", "sentence"),
     [
-        (Break("a", None, None, None, False), "a: too few occlusions to tell"),
+        (Break("a", None, None, None, False), "a: too few occlusions to tell where it breaks"),
         (HELD, "mmpf: holds up to 40 veh/km/lane, the highest tested with enough occlusions"),
         (Break("a", 33.6, None, 45.0, False), "a: breaks at 34 veh/km/lane"),
         (Break("a", 20.0, None, 45.0, True), "a: breaks at or below 20 veh/km/lane"),
@@ -157,16 +157,12 @@ def test_the_screen_shows_means_breaks_the_first_ten_failures_and_where_the_rest
     print_result("Title", made, [HELD], [f"seed {k}" for k in range(12)], "results/x")
     out, err = capsys.readouterr()
     assert out == ""
-    lines = [line.rstrip() for line in err.splitlines()]
-    assert lines[0] == ""
-    assert lines[1:3] == ["Title", "Means over seeds, by sensor.range_m"]
-    assert lines[3].split()[:2] == ["tracker", "range_m"]
-    for quantity in curve_quantities():
-        assert (quantity.heading or quantity.label) in lines[3]
-    for line, label, value in zip(lines[4:8], ("mmpf", "mmpf", "jpda", "jpda"), (20.0, 45.0) * 2, strict=True):
+    table = [line.split() for line in err.splitlines() if line.split()[:1] in (["mmpf"], ["jpda"])]
+    for words, label, value in zip(table, ("mmpf", "mmpf", "jpda", "jpda"), (20.0, 45.0) * 2, strict=True):
         of = {point.metric: point.mean for point in made if (point.label, point.value) == (label, value)}
         means = [f"{of[each.key]:.{each.decimals}f}" for each in curve_quantities()]
-        assert line.split() == [label, f"{value:g}", *means]
-    assert lines[8] == break_sentence(HELD)
-    assert lines[9:19] == [f"failed: seed {k}" for k in range(10)]
-    assert lines[19:] == ["Results: results/x"]
+        assert words == [label, f"{value:g}", *means]
+    assert all(f"failed: seed {k}" in err for k in range(10))
+    assert "seed 10" not in err
+    assert break_sentence(HELD) in err
+    assert "Results: results/x" in err
