@@ -82,8 +82,7 @@ def _point_to_them(_app: Sphinx, page: str, source: list[str]) -> None:
     """Let links that are right in the repository be right in the site; of collisions no replays are kept."""
     if page.startswith("reference-results/"):
         source[0] = re.sub(r"\[look\]\(kept/[^)]*\)", "-", source[0])
-    if "/" not in page:
-        source[0] = source[0].replace("](../results/reference/", "](reference-results/")
+    source[0] = source[0].replace("](../../results/reference/", "](../reference-results/")
 
 
 def setup(app: Sphinx) -> None:

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/networks.md from the network files: ``python networks/pictures.py [FOLDER]``."""
+"""Draw the pictures of docs/how-to/network.md from the network files: ``python networks/pictures.py [FOLDER]``."""
 
 from __future__ import annotations
 

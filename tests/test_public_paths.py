@@ -17,8 +17,10 @@ import mmpf
 ROOT = Path(__file__).parents[1]
 PAGES = (
     ROOT / "README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "api").glob("*.md")),
+    *sorted(
+        page for page in (ROOT / "docs").glob("*/*.md") if page.parent.name not in ("_build", "gallery", "reference")
+    ),
+    *sorted((ROOT / "docs" / "reference").glob("python-*.md")),
     *sorted((ROOT / "docs" / "examples").glob("*.py")),
     ROOT / "tests" / "plugin_example" / "plugin_example.py",
 )

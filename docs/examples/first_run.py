@@ -25,7 +25,7 @@ run = harness.run(net="us101", density=45, seed=3, duration=5.0, tracker="mmpf",
 # ``run.metrics`` has every number of ``metrics.json`` under a dotted name. HOTA says how well vehicles *in sight* are
 # told apart and followed, 100 % being perfect; the errors are mean absolute errors along the road, in metres, by how
 # much of the vehicle the sensor could see. A hidden vehicle is judged by the track that held it when it was last seen.
-# What each name means: :doc:`/scores`.
+# What each name means: :doc:`/explanation/scores`.
 
 names = ["mot.hota", "mot.id_switches", "mae.visible.lon_m", "mae.partial.lon_m", "mae.hidden.lon_m"]
 run.metrics.loc[names]

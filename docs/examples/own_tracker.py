@@ -119,4 +119,4 @@ left.legend(frameon=False)
 plt.show()
 
 # %%
-# What a tracker has to promise, and a set of checks for it: :doc:`/plug-in-a-tracker`.
+# What a tracker has to promise, and a set of checks for it: :doc:`/how-to/tracker`.

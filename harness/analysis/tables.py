@@ -116,7 +116,7 @@ def break_sentence(entry: Break) -> str:
 
 HIDDEN_NOTE = (
     "Hidden vehicles that were seen before, 10 m where no track follows, and hidden tracks that follow no vehicle "
-    "(docs/scores.md):"
+    "(docs/explanation/scores.md):"
 )
 FOLLOWED_NOTE = (
     "Errors while followed, each with the share of vehicle-steps that it is over; then on the vehicle-steps that both "
@@ -125,13 +125,13 @@ FOLLOWED_NOTE = (
 REST_NOTE = "Identities, sets and time:"
 TRUST_NOTE = "Stated and observed uncertainty:"
 DECISION_NOTE = "Decisions of a driver who relies on the tracks:"
-MANOEUVRE_NOTE = "By what vehicles do (docs/scores.md):"
-CAUSE_NOTE = "By what hides vehicles, other vehicles or walls of buildings (docs/scores.md):"
+MANOEUVRE_NOTE = "By what vehicles do (docs/explanation/scores.md):"
+CAUSE_NOTE = "By what hides vehicles, other vehicles or walls of buildings (docs/explanation/scores.md):"
 ROUTE_NOTE = (
     "Vehicles that turned while hidden for 2 s or more: is their track on the way that they drove, when they are seen "
     "again and just before?"
 )
-PLAIN_NOTE = "Vehicles in plain view within 60 m, detected or not: do they have a track (docs/scores.md)?"
+PLAIN_NOTE = "Vehicles in plain view within 60 m, detected or not: do they have a track (docs/explanation/scores.md)?"
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
     **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),

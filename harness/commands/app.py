@@ -93,7 +93,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
         Exit code, one of ``harness.common.exit_codes.MEANINGS``.
     """
     called = next((word for word in arguments if not word.startswith("-")), None)
-    group = get_group(_application(called))
+    group = get_group(application(called))
     with ends_like_ctrl_c():
         return _outcome(group, arguments, called)
 
@@ -178,7 +178,7 @@ def _of_the_program(error: BaseException) -> str:
     )
 
 
-def _application(called: str | None) -> typer.Typer:
+def application(called: str | None) -> typer.Typer:
     """Build the application with only the called command loaded."""
     application = typer.Typer(
         help=OVERVIEW,

@@ -149,14 +149,14 @@ def print_settings(rows: Sequence[Setting]) -> None:
     """Print settings on stdout: for each group its path and kind, and below it a line for each setting."""
     console = Console(highlight=False)
     console.width = min(console.width, WIDEST) if console.is_terminal else WIDEST
-    cells = [(_name(row.key), _default(row), row.unit) for row in rows]
+    cells = [(_name(row.key), default_text(row), row.unit) for row in rows]
     name, default, unit = (max(len(cell) for cell in column) for column in zip(*cells, strict=True))
     for (kind, group), members in groupby(rows, key=lambda row: (row.kind, _group(row.key))):
         table = Table.grid(padding=(0, 2, 0, 0))
         for width in (name, default, min(unit, WIDEST_UNIT), None):
             table.add_column(width=width, overflow="fold")
         for row in members:
-            table.add_row(_name(row.key), _default(row), row.unit, row.meaning)
+            table.add_row(_name(row.key), default_text(row), row.unit, row.meaning)
         heading = Text.assemble((group or "at the top", "bold"), f"  {kind}")
         console.print(Group(heading, Padding(table, (0, 0, 1, 2), expand=False)))
 
@@ -171,7 +171,8 @@ def _name(key: str) -> str:
     return key[len(_group(key)) :].lstrip(".=")
 
 
-def _default(row: Setting) -> str:
+def default_text(row: Setting) -> str:
+    """Return a default as people read it; ``-`` for none."""
     if row.default is None:
         return "" if "=" in row.key else "-"
     if isinstance(row.default, bool):

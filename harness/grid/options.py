@@ -62,7 +62,7 @@ class GridOptions(TypedDict, total=False):
         str | Sequence[str] | bool | None,
         Option(
             "Every run in worlds that are not as believed: A,B,C, all, or none named for the usual ones; one table of "
-            "what each costs. See docs/comparing.md.",
+            "what each costs. See docs/explanation/statistics.md.",
             panel=GRID,
             metavar="[WORLDS]",
             alone=USUAL,

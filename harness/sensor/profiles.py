@@ -137,7 +137,7 @@ def lidar() -> SensorSettings:
 
 @sensor_profiles.register("lidar-real")
 def lidar_real() -> SensorSettings:
-    """Return a lidar fitted to real detections: docs/lidar-real.md says to which, how, and how well it fits.
+    """Return a lidar fitted to real detections: docs/explanation/sensor.md says to which, how, and how well it fits.
 
     Detection by visible fraction and range, runs of misses, lives of false objects and errors of boxes are those of
     PointRCNN on ten sequences of KITTI tracking and of PointPillars on 32 of V2V4Real, which these networks were partly

@@ -296,7 +296,7 @@ TABLES: dict[str, Table] = {
     ),
     "runs.parquet": Table(
         "A row for each run of a grid; every other column is a setting that was varied, or a number of `metrics.json` "
-        "by its [key](scores.md#keys-of-metricsjson).",
+        "by its [key](metrics.md).",
         (
             *RUN_IDENTITY, *RUN_OUTCOME,
             _text("replay", "file name of the recording", absent="the traffic is simulated"),

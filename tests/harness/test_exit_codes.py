@@ -15,7 +15,9 @@ ROOT = Path(__file__).parents[2]
 
 def table() -> dict[int, str]:
     """Return the table of the documentation."""
-    rows = re.findall(r"^\| (\d+) \| (.+) \|$", (ROOT / "docs" / "exit-codes.md").read_text(), re.MULTILINE)
+    rows = re.findall(
+        r"^\| (\d+) \| (.+) \|$", (ROOT / "docs" / "reference" / "exit-codes.md").read_text(), re.MULTILINE
+    )
     return {int(code): meaning for code, meaning in rows}
 
 

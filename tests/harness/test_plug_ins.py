@@ -349,7 +349,7 @@ def test_plug_ins_work_on_dask(example, tmp_path, monkeypatch):
 
 
 def test_the_reader_of_the_documentation_reads_what_it_says(tmp_path, monkeypatch):
-    page = (Path(__file__).parents[2] / "docs" / "recorded-traffic.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "recording.md").read_text()
     code = page.partition("## A format of your own")[2].partition("```python\n")[2].partition("```")[0]
     (tmp_path / "documented_reader.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)

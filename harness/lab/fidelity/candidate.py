@@ -290,7 +290,7 @@ def _profile_places(network: Network) -> list[float]:
 
 
 COMMENT = """\
-Made by `python -m harness calibrate --write`; the procedure is in docs/traffic.md.
+Made by `python -m harness calibrate --write`; the procedure is in docs/explanation/traffic.md.
 It takes the place of what network.toml says about drivers and about demands of these names."""
 
 

@@ -2,11 +2,11 @@
 
     python -m harness.lab.fit.detectability_fit --kitti KITTI
 
-The folder is laid out as docs/evidence.md says; nothing of it is kept. Each labelled vehicle counts over its frames
-that nobody covers (level 0 of KITTI's labels), within 60 m, if they are ten or more; misses in runs of a second and
-longer are left out of them, which the sensor makes by other settings. The law of the detected frames is beta-binomial,
-fitted by maximum likelihood: the mean and the spread of its beta distribution are the sensor's ``detectability_mean``
-and ``detectability_spread``, with a share of 1 and a least factor of 0.
+The folder is laid out as docs/how-to/recording.md says; nothing of it is kept. Each labelled vehicle counts over its
+frames that nobody covers (level 0 of KITTI's labels), within 60 m, if they are ten or more; misses in runs of a second
+and longer are left out of them, which the sensor makes by other settings. The law of the detected frames is
+beta-binomial, fitted by maximum likelihood: the mean and the spread of its beta distribution are the sensor's
+``detectability_mean`` and ``detectability_spread``, with a share of 1 and a least factor of 0.
 """
 
 from __future__ import annotations
@@ -97,7 +97,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="python -m harness.lab.fit.detectability_fit",
         description="Fit sensor.detectability_* to detections on record.",
     )
-    parser.add_argument("--kitti", type=Path, required=True, help="KITTI tracking, laid out as docs/evidence.md says")
+    parser.add_argument(
+        "--kitti", type=Path, required=True, help="KITTI tracking; docs/how-to/recording.md shows the folder"
+    )
     chosen = parser.parse_args(arguments)
     try:
         drives = [drive.scored_above(KITTI_LEAST_SCORE) for drive in read_kitti(chosen.kitti)]

@@ -29,7 +29,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 MISSED, PHANTOM = range(2)
 NONE, LOST, DISPLACED, HIJACKED, GHOST = range(5)
 MISSED_FATES, PHANTOM_FATES = (NONE, LOST, DISPLACED, HIJACKED), (DISPLACED, HIJACKED, GHOST)
-"""What the track to blame, or that of the vehicle to blame, did; ``docs/decisions.md`` tells them apart."""
+"""What the track to blame, or that of the vehicle to blame, did; ``docs/explanation/driving.md`` tells them apart."""
 
 
 @dataclass(frozen=True)

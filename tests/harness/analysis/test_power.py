@@ -67,12 +67,12 @@ def test_five_percent_more_hidden_cost_is_called_worse_where_nothing_else_change
 
 
 def test_five_percent_more_hidden_cost_is_called_worse_in_nine_of_ten_though_random_numbers_fall_otherwise():
-    """In 97 of 100 as the baseline was when docs/comparing.md was written; another one moves that by a few."""
+    """In 97 of 100 with the baseline of revision 108b5b1; another one moves that by a few."""
     assert called_worse(1.05, scattered=True) >= 90
 
 
 def test_a_regression_of_the_noisier_model_alone_needs_several_times_the_suite():
-    """At the suite's size it is found in 31 of 100, at three times that in 91; docs/comparing.md says so."""
+    """At the suite's size it is found in 31 of 100, at three times that in 91."""
     only = ("gmm",)
     assert called_worse(1.05, True, 1, only) < 50
     assert called_worse(1.05, True, 4, only) >= 90

@@ -8,7 +8,7 @@ from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 
-PAGE = Path(__file__).parents[3] / "docs" / "sensor.md"
+PAGE = Path(__file__).parents[3] / "docs" / "explanation" / "sensor.md"
 
 
 def test_the_profiles_exist_and_explain_their_figures():

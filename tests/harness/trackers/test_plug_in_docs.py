@@ -14,7 +14,7 @@ from harness.trackers.conformance.checks import check_tracker
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR
 from harness.trackers.protocol import TrackerSetting
 
-PAGE = Path(__file__).parents[3] / "docs" / "plug-in-a-tracker.md"
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "tracker.md"
 
 
 def code_blocks() -> list[str]:

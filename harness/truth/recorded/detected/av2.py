@@ -73,7 +73,7 @@ def _annotations(log: Path) -> Path:
 def _logs(path: Path) -> list[Path]:
     logs = argoverse_logs(path) if path.is_dir() else [path.parent]
     if not logs:
-        raise InputError(f"`replay`: {path} has no LOG/{ANNOTATIONS}; docs/evidence.md shows the folder")
+        raise InputError(f"`replay`: {path} has no LOG/{ANNOTATIONS}; docs/how-to/recording.md shows the folder")
     return logs
 
 

@@ -68,7 +68,7 @@ def label_files(path: Path) -> tuple[Path, list[Path]]:
     root = path.parent if path.name == LABELS else path
     labels = sorted((root / LABELS).glob("*.txt"))
     if not labels:
-        raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/evidence.md shows the folder")
+        raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/how-to/recording.md shows the folder")
     return root, labels
 
 

@@ -1,0 +1,51 @@
+"""The pages of the documentation: those that list what the code declares are current, and every example is valid."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+CURRENT = ("tables.md", "exit-codes.md")
+MOST_WORDS = 18_000
+GENERATED = "<!-- Written by .ci/reference_pages.py. -->"
+
+
+def pages() -> list[Path]:
+    made = {"_build", "gallery", "reference-results"}
+    return sorted(page for page in DOCS.rglob("*.md") if not made & set(page.relative_to(DOCS).parts))
+
+
+def script():
+    spec = importlib.util.spec_from_file_location("reference_pages", ROOT / ".ci" / "reference_pages.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", CURRENT)
+def test_a_page_that_is_written_from_the_code_is_current(name):
+    page = (DOCS / "reference" / name).read_text(encoding="utf-8")
+    assert page == script().PAGES[name](), "run python .ci/reference_pages.py"
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *pages()], ids=lambda page: page.name)
+def test_links_between_pages_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        if "gallery" not in link:
+            assert (page.parent / link).exists(), link
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+def test_python_examples_compile(page):
+    for code in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
+        compile(code, str(page), "exec")
+
+
+def test_hand_written_pages_stay_short():
+    texts = (page.read_text(encoding="utf-8") for page in pages())
+    assert sum(len(text.split()) for text in texts if GENERATED not in text) <= MOST_WORDS
