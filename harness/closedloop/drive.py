@@ -14,6 +14,7 @@ from harness.closedloop.figure import drive_charts
 from harness.closedloop.plan import TRACKED_S, DriveRequest, PlannedDrive, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.common.charts import draw_charts
+from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.grid.cells import Cell, Grid
@@ -124,7 +125,10 @@ def _check(grid: Grid, user: Telling) -> None:
     Raises:
         InputError: Something is wrong.
     """
-    check_grid(grid, user.tell)
+    try:
+        check_grid(grid, user.tell)
+    except InputError as error:
+        raise InputError(str(error).replace("`tracker`", "`perception`")) from error.__cause__
 
 
 def _check_road(request: DriveRequest, grid: Grid) -> None:

@@ -18,13 +18,14 @@ class DriveOptions(TypedDict, total=False):
     density: shared.Density
     demand: shared.Demand
     broken_down: shared.BrokenDown
-    beliefs: Annotated[
+    perception: Annotated[
         str,
         Option(
             "What the ego drives by: truth, detections, driverstate (a human's perception), trackers as in 'stress'. "
             "The truth is added where it is missing.",
             panel=DRIVES,
             default="truth,mmpf,detections",
+            earlier="--beliefs",
         ),
     ]
     episodes: Annotated[

@@ -126,7 +126,7 @@ def plan_drives(request: DriveRequest) -> Grid:
     Raises:
         InputError: A list is wrong, or a name is unknown.
     """
-    beliefs = names(request.beliefs, "beliefs", BELIEFS_EXAMPLE)
+    beliefs = names(request.beliefs, "perception", BELIEFS_EXAMPLE)
     kinds = names(request.provoke, "provoke", ",".join(PROVOKED))
     for kind in kinds:
         if kind not in PROVOKED:
@@ -179,7 +179,7 @@ def request_of(values: Mapping[str, Any]) -> DriveRequest:
     """Return what checked options ask for."""
     return with_truth(
         DriveRequest(
-            beliefs=values["beliefs"],
+            beliefs=values["perception"],
             episodes=values["episodes"],
             seed=values["seed"],
             net=str(values["net"] or "us101"),
@@ -221,6 +221,6 @@ def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, Ru
     try:
         configs = {run.variant: run.config for run in plan_grid(grid).runs}
     except InputError as error:
-        told = str(error).replace("`trackers`", "`beliefs`").replace("`densities`", "`density`")
+        told = str(error).replace("`trackers`", "`perception`").replace("`densities`", "`density`")
         raise InputError(told) from None
     return {belief: configs[STAND_IN if belief in WITHOUT_TRACKER else belief] for belief in beliefs}

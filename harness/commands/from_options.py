@@ -38,17 +38,21 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
 
 
 def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> list[str]:
-    """Return what was typed, with a value after each option that may be typed without one.
+    """Return what was typed, with a value after each option that may be typed without one, and names of today.
 
     Args:
         command: As ``typer_command`` takes it.
         arguments: What was typed.
     """
     table = get_type_hints(command).get("options")
-    options = {} if table is None else {name: entry.option for name, entry in declared(table).items()}
-    alone = {f"--{name.replace('_', '-')}": option.alone for name, option in options.items() if option.alone}
+    entries = {} if table is None else declared(table)
+    options = {f"--{name.replace('_', '-')}": entry.option for name, entry in entries.items()}
+    alone = {flag: option.alone for flag, option in options.items() if option.alone}
+    today = {option.earlier: flag for flag, option in options.items() if option.earlier}
     completed: list[str] = []
-    for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
+    for typed, after in zip(arguments, [*arguments[1:], "--"], strict=True):
+        flag, equals, value = typed.partition("=")
+        word = today.get(flag, flag) + equals + value
         completed.append(word)
         if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))

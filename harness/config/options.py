@@ -40,6 +40,7 @@ class Option:
         most: Largest value.
         is_argument: Whether its value is typed without its name.
         alone: Value where its name is typed without one; None if it needs one.
+        earlier: How it was typed before, which still works and is not shown.
     """
 
     help: str
@@ -52,6 +53,7 @@ class Option:
     most: float | None = None
     is_argument: bool = False
     alone: str | None = None
+    earlier: str | None = None
 
 
 # Options that several commands have.

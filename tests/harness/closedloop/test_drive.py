@@ -20,7 +20,7 @@ from harness.storage.run_folder import read_table
 from mmpf.registry import UnknownNameError
 
 LAST_TRACKED = 50
-SMALL = {"density": 15.0, "beliefs": "truth,detections", "episodes": 2, "seed": 100, "workers": 1}
+SMALL = {"density": 15.0, "perception": "truth,detections", "episodes": 2, "seed": 100, "workers": 1}
 
 
 class Reckless:
@@ -110,7 +110,7 @@ def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row()
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"beliefs": "truth,nosuch"}, "nosuch"),
+        ({"perception": "truth,nosuch"}, "nosuch"),
         ({"driver": "nosuch"}, "`driver` nosuch"),
         ({"net": "nowhere"}, "nowhere"),
         ({"density": 500.0}, "`density`"),
@@ -124,7 +124,7 @@ def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row()
     ],
 )
 def test_wrong_input_is_one_line_that_names_the_option_and_leaves_nothing(tmp_path, options, said):
-    given = {"beliefs": "truth", "out": tmp_path / "out"} | options
+    given = {"perception": "truth", "out": tmp_path / "out"} | options
     with pytest.raises((InputError, UnknownNameError), match=said) as error:
         make_drives(given, "test", quiet=True)
     assert "\n" not in str(error.value)
@@ -135,9 +135,9 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("x")
     with pytest.raises(InputError, match="`out`"):
-        make_drives({"out": tmp_path / "mine", "resume": True, "beliefs": "truth"}, "test", quiet=True)
+        make_drives({"out": tmp_path / "mine", "resume": True, "perception": "truth"}, "test", quiet=True)
     with pytest.raises(InputError, match="`out`"):
-        make_drives({"out": tmp_path / "mine", "beliefs": "truth"}, "test", quiet=True)
+        make_drives({"out": tmp_path / "mine", "perception": "truth"}, "test", quiet=True)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import pytest
 
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, DriveRequest, plan_drives, with_truth
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 
 
@@ -78,12 +79,19 @@ def test_the_truth_is_added_where_it_is_missing():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"beliefs": "truth,"}, "`beliefs`"),
+        ({"beliefs": "truth,"}, "`perception`"),
         ({"provoke": "fog"}, "`provoke` fog"),
         ({"density": 500.0}, "`density`"),
-        ({"beliefs": "truth,mmpf+nonsense"}, "`beliefs`"),
+        ({"beliefs": "truth,mmpf+nonsense"}, "`perception`"),
     ],
 )
 def test_wrong_lists_are_told_by_their_option(changes, said):
     with pytest.raises(InputError, match=said):
         plan_drives(request(**changes))
+
+
+@pytest.mark.parametrize("flag", ["--perception", "--beliefs"])
+def test_the_earlier_name_of_an_option_still_works(flag, tmp_path, capsys):
+    for words in ([flag, "truth,nosuch"], [f"{flag}=truth,nosuch"]):
+        assert run_command_line(["drive", *words, "--out", str(tmp_path / "out")]) == 2
+        assert "--perception nosuch" in capsys.readouterr().err
