@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from harness.closedloop.figure import drive_charts
-from harness.closedloop.plan import TRACKED_S, DriveRequest, PlannedDrive, plan_drives
+from harness.closedloop.plan import CROSS, TRACKED_S, DriveRequest, PlannedDrive, plan_drives
 from harness.closedloop.summary import as_markdown, as_values, scores
 from harness.common.charts import draw_charts
 from harness.common.errors import InputError
@@ -132,11 +132,14 @@ def _check(grid: Grid, user: Telling) -> None:
 
 
 def _check_road(request: DriveRequest, grid: Grid) -> None:
-    """Find a road on which nothing can be made to flow at a speed, or to stand in the way.
+    """Find a road on which nothing can be made to flow at a speed, to stand in the way, or to cross.
 
     Raises:
-        InputError: It is no main road.
+        InputError: It is no main road, or a main road without crossings.
     """
+    crosses = any(isinstance(run, PlannedDrive) and run.kind == CROSS for run in grid.runs)
+    if crosses and load_network(request.net).corridor is not None:
+        raise InputError(f"`provoke` cross: {request.net} has no crossings; name another `net`, such as priority")
     if any(isinstance(run, PlannedDrive) and run.flow_mps is not None for run in grid.runs):
         _ = load_network(request.net).main_road
 

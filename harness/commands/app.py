@@ -36,6 +36,7 @@ AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM)
 """What the system refuses through no fault of the command."""
 TRACEBACK = "HARNESS_TRACEBACK"
+LONGEST_LINE = 1200
 
 
 # What the overview tells of each command, under a heading.
@@ -227,6 +228,8 @@ def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
 
 def _complain(message: str, exit_code: int) -> int:
     line = " ".join(message.split())
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
     ended = exit_code in (exit_codes.HANGUP, exit_codes.INTERRUPTED, exit_codes.TERMINATED)
     # Nobody may be there to read it any more.
     with suppress(OSError):

@@ -49,6 +49,7 @@ class Options(TypedDict):
         Path | None,
         Option("Write them as a page to this file, two runs on the same detections side by side."),
     ]
+    force: Annotated[bool, Option("Replace any file that --markdown or --html names.", default=False)]
     json: shared.Json
     quiet: shared.Quiet
 

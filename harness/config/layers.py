@@ -90,9 +90,12 @@ def _table_of_settings(settings: Sequence[str]) -> Table:
 def _toml_value(text: str) -> object:
     """Read a value as TOML would; what is no TOML value is a plain word."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        read = tomllib.loads(f"value = {text}")
     except (tomllib.TOMLDecodeError, RecursionError, ValueError):
         return text
+    if len(read) > 1:
+        raise InputError(f"`settings`: {text[:60]!r} sets more than one thing; give `settings` once for each")
+    return read["value"]
 
 
 def _put(table: Table, parts: Sequence[str], value: object) -> None:

@@ -41,7 +41,7 @@ class RecordingConfig(_Strict):
     """Name of the file's format."""
     ego: Annotated[str, Field(min_length=1)] = "auto"
     """Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn."""
-    start_s: Annotated[float, Field(ge=0.0)] = 0.0
+    start_s: Annotated[float, Field(ge=0.0, le=1e8)] = 0.0
     """Where in the recording the run begins, seconds after its first row."""
     least_score: float | None = Field(default=None, json_schema_extra={"unit": "the detector's score"})
     """Of a recording that brings its own detections those with a lower score are left out; as the format has it if not
@@ -106,17 +106,17 @@ class SensorConfig(_Strict):
 class BeliefsConfig(_Strict):
     """What trackers are told of sensor and road; where nothing is set, the fair data sheet and the map."""
 
-    detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+    detection_probability: Annotated[float, Field(ge=1e-3, le=1.0)] | None = None
     """Probability of detecting a vehicle in plain view."""
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] | None = None
     """Expected number of false detections a scan."""
-    noise_factor: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    noise_factor: Annotated[float, Field(ge=1e-3, le=100.0)] | None = None
     """Factor on every deviation that detections report, before any tracker sees them; 1 if not set."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """Visible fraction from which a vehicle is in plain view."""
     hidden_fraction: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
     """Visible fraction below which a vehicle gives no detection."""
-    range_m: Annotated[float, Field(gt=0.0)] | None = None
+    range_m: Annotated[float, Field(ge=1.0, le=1e4)] | None = None
     """Distance beyond which nothing is detected."""
     map: Literal["one-lane", "none"] | None = None
     """The lanes that trackers know: ``none``, or of a main road ``one-lane`` as wide as all of them; all if not set."""

@@ -15,8 +15,8 @@ from pydantic import ConfigDict, Field, model_validator
 
 from mmpf.options.base import WithoutTruthValues
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=1e-6, le=1e7)]
+NotNegative = Annotated[float, Field(ge=0.0, le=1e7)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 Share = Annotated[float, Field(ge=0.0, le=0.9)]
 
@@ -96,7 +96,7 @@ class SensorSettings(WithoutTruthValues):
     """Error along the line of sight in proportion to the distance."""
     std_bearing_deg: NotNegative = 0.1
     """Error of the bearing."""
-    hidden_noise_factor: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 3.0
+    hidden_noise_factor: Annotated[float, Field(ge=1.0, le=1e4)] = 3.0
     """Factor on all position errors at the edge of being hidden; it falls linearly to one at plain view."""
     bias_share: Probability = 0.0
     """Share of the variance of position and size errors that drifts, vehicle by vehicle; the rest is new in each

@@ -106,6 +106,8 @@ def plan_grid(request: GridRequest) -> Grid:
     places = _traffic_points(request)
     seeds = seed_values(request.seeds)
     axes = _axes(request.vary)
+    if twice := axes.keys() & {word.partition("=")[0].strip() for word in request.settings}:
+        raise InputError(f"`vary` {min(twice)}: `settings` sets it too; leave one of them out")
     variants = _variants(request)
     mismatches = _mismatches(request)
     sizes = (len(places), len(seeds), len(mismatches), *(len(values) for values in axes.values()), len(variants))

@@ -98,6 +98,8 @@ def _recorded(path: Path, config: RunConfig) -> Looks:
         check_map(recording.format)
     if brings_detections(recording.format):
         return _given(path, config, recording)
+    if recording.least_score is not None:
+        raise InputError(f"`traffic.recording.least_score`: {recording.format} brings no detections; leave it out")
     sensor = _sensor(config)
     truth = open_recorded_traffic(
         path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s

@@ -10,6 +10,8 @@ from pydantic.fields import FieldInfo
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+LARGEST = 1e100
+"""Of finite numbers; the squares of larger ones are none."""
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -42,6 +44,10 @@ class WithoutTruthValues(BaseModel):
         annotation = cls.model_fields[str(info.field_name)].annotation
         if isinstance(value, bool) and _is_number(annotation):
             raise ValueError("input should be a number")
+        if isinstance(value, int | float) and LARGEST < abs(value) < float("inf"):
+            raise ValueError(f"no number is as large; {LARGEST:g} is the largest, and inf is none at all")
+        if isinstance(value, float) and _is_whole(annotation):
+            raise ValueError("input should be a whole number without a point")
         # Python reads 1_0 as 10; nobody who writes it in quotes or as an option means that.
         if isinstance(value, str) and "_" in value and _is_number(annotation):
             raise ValueError("input should be a number")
@@ -52,6 +58,11 @@ def _is_number(annotation: object) -> bool:
     """Return whether a type is a number, or one of several of which none is a truth value."""
     kinds = get_args(annotation) or (annotation,)
     return bool not in kinds and any(kind in (int, float) or (get_args(kind) and _is_number(kind)) for kind in kinds)
+
+
+def _is_whole(annotation: object) -> bool:
+    kinds = get_args(annotation) or (annotation,)
+    return int in kinds and float not in kinds
 
 
 class Settings(WithoutTruthValues):

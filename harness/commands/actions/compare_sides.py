@@ -20,6 +20,8 @@ from harness.common.files import write_text
 from harness.config.lists import names
 from harness.lab.suite import BASELINE, keep_as_baseline, run_suite
 
+MARK = "<!-- written by harness compare -->"
+
 
 def compare_sides(options: Mapping[str, Any]) -> int:
     """Compare what the options name.
@@ -31,6 +33,8 @@ def compare_sides(options: Mapping[str, Any]) -> int:
         InputError: The options or the folders do not make two sides that can be compared.
         RunError: A run of the suite failed.
     """
+    for parameter in () if options["force"] else ("markdown", "html"):
+        _check_free(options[parameter], parameter)
     sides = _sides(options)
     if sides is None:
         return 0
@@ -55,9 +59,19 @@ def _rules(options: Mapping[str, Any]) -> Rules:
     return Rules(options["tolerance"], options["time_tolerance"], tuple(primary))
 
 
+def _check_free(path: Path | None, parameter: str) -> None:
+    """Refuse to replace a file that no comparison has written.
+
+    Raises:
+        InputError: There is such a file.
+    """
+    if path is not None and path.is_file() and not path.read_bytes().endswith(f"{MARK}\n".encode()):
+        raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
+
+
 def _write(path: Path, text: str, parameter: str) -> None:
     try:
-        write_text(path, text)
+        write_text(path, f"{text.rstrip()}\n{MARK}\n")
     except OSError as error:
         raise InputError(f"`{parameter}`: can't write {path}: {error.strerror}; choose another file") from None
 

@@ -41,7 +41,9 @@ def fit_model(options: Mapping[str, Any]) -> None:
             *(case, options["components"], first, count, options["seed"], options["sweep"]),
             *(options["cache"], options["out"]),
         )
-        paths = train(plan, load_network(options["net"] or "us101"), say)
+        network = load_network(options["net"] or "us101")
+        _ = network.main_road  # which the cases are recorded along
+        paths = train(plan, network, say)
     if options["json"]:
         typer.echo(json.dumps({"models": [str(path) for path in paths]}))
     else:

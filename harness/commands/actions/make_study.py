@@ -67,6 +67,8 @@ def make_study_of(options: Mapping[str, Any]) -> None:
         told = _make_transfer(plan, load_network(net), folder, say, quiet)
     else:
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
+        if options["models"] is not None and not chosen:
+            raise InputError(f"`models` {options['models']}: it names no model; for example `models` gmm,cvm")
         cases = published.StudyPlan(
             case,
             chosen,

@@ -37,7 +37,10 @@ BEHAVIOUR = frozenset(
     }
 )
 PLAIN_VALUE = re.compile(r"[A-Za-z0-9_.:+-]{1,40}")
-LARGEST_SCALE = 20.0
+LIMITS_OF_BEHAVIOUR = {
+    "scale": (0.0, 20.0), "lateral-resolution": (0.05, 10.0), "default.emergencydecel": (0.0, 50.0),
+    "default.speeddev": (0.0, 2.0), "lanechange.duration": (0.0, 60.0), "collision.mingap-factor": (-1.0, 100.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -115,15 +118,16 @@ def _behaviour(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
         if not PLAIN_VALUE.fullmatch(value):
             raise InputError(f"`net` {path}: {name} is {value[:40]!r}; give a plain number or word")
         taken.append((name, value))
-    scale = dict(taken).get("scale")
-    if scale is not None and not _within(scale, LARGEST_SCALE):
-        raise InputError(f"`net` {path}: scale must be a number from 0 to {LARGEST_SCALE:g}")
+    for name, (least, most) in LIMITS_OF_BEHAVIOUR.items():
+        text = dict(taken).get(name)
+        if text is not None and not _within(text, least, most):
+            raise InputError(f"`net` {path}: {name} must be a number from {least:g} to {most:g}")
     return taken
 
 
-def _within(text: str, most: float) -> bool:
+def _within(text: str, least: float, most: float) -> bool:
     try:
-        return 0.0 <= number(text) <= most
+        return least <= number(text) <= most
     except ValueError:
         return False
 

@@ -74,7 +74,15 @@ def read_commonroad(path: Path) -> ReadTraffic:
         raise InputError(f"{path}: the scenario has no lanelets to take the road from")
     if not scenario.obstacles:
         raise InputError(f"{path}: the scenario has no vehicle with a trajectory")
+    for what, ids in (
+        ("lanelet", [each.name for each in scenario.lanelets]),
+        ("obstacle", [each.name for each in (*scenario.obstacles, *scenario.standing)]),
+    ):
+        if len(set(ids)) < len(ids):
+            raise InputError(f"{path}: {what} {max(ids, key=ids.count)} is there twice; remove one")
     for obstacle in scenario.obstacles:
+        if np.any(obstacle.states[:, 0] % 1.0):
+            raise InputError(f"{path}: a time of obstacle {obstacle.name} is no whole number of steps; mend it")
         if np.any(np.diff(obstacle.states[:, 0]) <= 0.0):
             raise InputError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
     _check_times(scenario, path)

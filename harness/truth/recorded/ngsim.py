@@ -35,8 +35,10 @@ TEXT_COLUMNS = (
     *("v_Length", "v_Width", "v_Class", "v_Vel", "v_Acc", "Lane_ID", "Preceding", "Following"),
     *("Space_Headway", "Time_Headway"),
 )
+LAST = TEXT_COLUMNS[-1]
 FRAME_S = 0.1
 NAME_USED_AGAIN_MS = 60_000.0
+SITES = ("us101", "i80", "lankershim", "peachtree")
 
 Columns = dict[str, FloatArray]
 
@@ -77,10 +79,12 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
     try:
         with unpacked(path) as content:
             table = pd.read_csv(
-                content, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=list(COLUMNS), dtype=np.float64
+                content, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=[*COLUMNS, LAST], dtype=np.float64
             )
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
+    if table[LAST].isna().any():
+        raise InputError(f"{path}: row {1 + int(table[LAST].isna().to_numpy().argmax())} is cut off; mend or remove it")
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
 
 
@@ -126,7 +130,8 @@ def _text(path: Path) -> Iterator[TextIO]:
 def _of_one_site(columns: Columns, location: pa.ChunkedArray, path: Path, net: str) -> ReadTraffic:
     sites = _plain(location)
     known = sorted(set(sites.tolist()) - {"None"})
-    if len(known) < 2:
+    own_net = all(_letters(Path(net).name) != _letters(site) for site in SITES)
+    if not known or (len(known) == 1 and (own_net or _letters(known[0]) not in map(_letters, SITES))):
         return _traffic(columns, path, net, {})
     wanted = [site for site in known if _letters(site) == _letters(Path(net).name)]
     if not wanted:
@@ -152,7 +157,9 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
     road = load_network(net).road
     _check_clock(columns, path)
     identity = columns["Vehicle_ID"]
-    distinct, vehicle = np.unique(identity.astype(np.int64) if _whole(identity) else identity, return_inverse=True)
+    if not _whole(identity):
+        raise InputError(f"{path}: Vehicle_ID holds a value that is no whole number; mend or remove the row")
+    distinct, vehicle = np.unique(identity.astype(np.int64), return_inverse=True)
     names = distinct.astype(np.str_)
     length_m, width_m = columns["v_Length"] * FOOT_M, columns["v_Width"] * FOOT_M
     left_edge_m = max(lane.left_m for lane in road.lanes)
@@ -168,6 +175,8 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
         length_m=length_m,
         width_m=width_m,
     )
+    if not np.isfinite(rows.speed_mps).all():
+        raise InputError(f"{path}: v_Vel is missing in row {1 + int(np.isnan(rows.speed_mps).argmax())}; mend it")
     _check_places(rows, road, names, path, net)
     return ReadTraffic(road, names, rows, len(names) + sum(left_out.values()), left_out)
 

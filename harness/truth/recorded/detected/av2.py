@@ -18,7 +18,7 @@ import pyarrow.feather
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
-from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes
+from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.map.lane_graph import LaneGraph
@@ -94,6 +94,7 @@ def _read(log: Path, with_map: bool) -> Drive:
         raise InputError(f"{annotations}: a thing is twice at one moment")
     then = poses.loc[clock]
     rotation, shift = _rotations(log / POSES, then), then[PLACE].to_numpy(dtype=np.float64)
+    check_way(log / POSES, shift)
     origin = shift[0]
     shift = shift - origin
     step = np.searchsorted(clock, boxes[WHEN].to_numpy(dtype=np.int64)).astype(np.int64)
@@ -147,6 +148,8 @@ def _table(path: Path, columns: list[str]) -> pd.DataFrame:
     missing = [column for column in columns if column not in table]
     if missing:
         raise InputError(f"{path} lacks the columns {', '.join(missing)}")
+    if table[WHEN].dtype.kind not in "iu":
+        raise InputError(f"{path}: {WHEN} holds no whole numbers")
     numbers = [column for column in columns if column not in ("track_uuid", "category")]
     try:
         finite = np.isfinite(table[numbers].to_numpy(dtype=np.float64)).all()

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, numbers_of, words_of
+from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way, numbers_of, words_of
 from harness.truth.recorded.detected.recorded_drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
@@ -193,7 +193,9 @@ def read_poses(path: Path) -> CameraWay:
         raise InputError(f"{path} has {len(rows)} poses; give 1 to {MOST_STEPS}")
     pose = numbers_of(path, rows, 0, POSE_WORDS).reshape(-1, 3, 4)
     rotation, shift = pose[:, :, :3], pose[:, :, 3]
+    check_way(path, shift)
     off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    off = np.where(np.linalg.det(rotation) > 0.0, off, np.inf)  # a mirror is no turn
     if (off > MOST_OFF_RIGID).any():
         raise InputError(f"{path}: pose {int((off > MOST_OFF_RIGID).argmax())} is no rotation and shift")
     return CameraWay(rotation, shift)

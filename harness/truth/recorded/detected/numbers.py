@@ -11,7 +11,9 @@ from harness.common.untrusted_files import check_file, number
 from mmpf.numerics.arrays import FloatArray
 
 MOST_STEPS = 100_000
-FARTHEST_M = 1e5
+FARTHEST_M, FARTHEST_OF_ALL_M = 1e5, 1e8
+# In a tenth of a second, or of one or two that are missing.
+FARTHEST_STEP_M = 25.0
 SIZES_M = (0.05, 60.0)
 
 
@@ -54,6 +56,20 @@ def numbers_of(path: Path, rows: list[list[str]], first: int, last: int) -> Floa
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return values.reshape(-1, last - first)
+
+
+def check_way(path: Path, place: FloatArray) -> None:
+    """Refuse the way of a car, places of shape (n, 3) a tenth of a second apart, that no car drives.
+
+    Raises:
+        InputError: It lies too far away, or leaps.
+    """
+    if not (np.abs(place) <= FARTHEST_OF_ALL_M).all():
+        raise InputError(f"{path}: a pose is farther away than {FARTHEST_OF_ALL_M:g} m")
+    leap_m = np.hypot.reduce(np.diff(place, axis=0), axis=1)
+    if (leap_m > FARTHEST_STEP_M).any():
+        step = int(leap_m.argmax())
+        raise InputError(f"{path}: from pose {step} to the next it is {leap_m[step]:.0f} m; a car drives less")
 
 
 def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:
