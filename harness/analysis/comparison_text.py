@@ -26,7 +26,11 @@ def conclusion(comparison: Comparison) -> str:
     ]
     found = f"of {len(judged)} verdicts {', '.join(counts)}"
     if outcome == WORSE:
-        worse = ", ".join(f"{name_of(verdict.metric)}{_percent(verdict)}" for verdict in judged if verdict.regression)
+        worse = ", ".join(
+            f"{name_of(verdict.metric)}{f' ({verdict.breach})' if verdict.breach else _percent(verdict)}"
+            for verdict in judged
+            if verdict.regression
+        )
         return f"Worse: b is worse in {worse}; {found}."
     if outcome == UNDECIDED:
         return f"Undecided: {found}."
@@ -83,19 +87,19 @@ EXPLANATION = (
 
 
 def _screen_table(comparison: Comparison, label: str) -> Table:
-    """Return what fits 80 columns: all but p and the number of pairs."""
+    """Return what fits 80 columns: all but p and the difference in percent."""
     rows = []
     for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label):
-        name, a, b, _, interval, *_ = _cells(verdict)
-        word = verdict.verdict if verdict.verdict != UNTESTED else ""
-        rows.append((name.rpartition(",")[0] or name, a, b, _percent(verdict).strip(" ()"), interval, word))
-    table = Table(title=label, box=None, title_justify="left", padding=(0, 2, 0, 0))
-    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "b is")):
+        name, a, b, difference, interval, _, pairs, word = cells(verdict)
+        told = word if verdict.verdict != UNTESTED else ""
+        rows.append((name, a, b, difference.partition(" ")[0], interval, pairs, told))
+    table = Table(title=label, box=None, title_justify="left", padding=(0, 1, 0, 0))
+    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "pairs", "b is")):
         # Of what does not fit, names give way, never numbers.
         width = max((len(row[place]) for row in rows), default=0) if place else None
-        table.add_column(heading, justify="left" if place in (0, 5) else "right", no_wrap=True, min_width=width)
-    for *cells, word in rows:
-        table.add_row(*cells, Text(word, style=COLOURS.get(word, "")))
+        table.add_column(heading, justify="left" if place in (0, 6) else "right", no_wrap=place > 0, min_width=width)
+    for *others, word in rows:
+        table.add_row(*others, Text(word, style=COLOURS.get(word, "")))
     return table
 
 
@@ -140,11 +144,12 @@ def _why(why: Why, with_replay: bool) -> list[str]:
 
 
 def _marked_cells(verdict: Verdict) -> list[str]:
-    *cells, word = _cells(verdict)
-    return [*cells, f"**{word}**" if verdict.verdict in COLOURS else word]
+    *others, word = cells(verdict)
+    return [*others, f"**{word}**" if verdict.verdict in COLOURS else word]
 
 
-def _cells(verdict: Verdict) -> list[str]:
+def cells(verdict: Verdict) -> list[str]:
+    """Return a verdict's row below ``HEADINGS``."""
     quantity = quantity_of(verdict.metric)
     decimals = quantity.decimals + 1
     low, high = (_number(end, decimals, True) for end in verdict.ci95)

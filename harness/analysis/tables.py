@@ -31,7 +31,7 @@ def heading_of(axis: str) -> str:
 
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
-    lines = [f"# {title}", "", "Means over seeds with 95 % intervals over seeds.", ""]
+    lines = [f"# {title}", "", f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}", ""]
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [f"## {heading_of(axis)}", ""]
         for heading, columns in _themes({point.metric for point in points}):
@@ -88,13 +88,18 @@ def print_result(
     lines = [f"# {title}", ""]
     for axis in dict.fromkeys(point.axis for point in points):
         name, shown = NAMES.get(axis, axis), _drawn(points)
-        headings = ["tracker", name.rpartition(".")[2], *(quantity.heading or quantity.label for quantity in shown)]
-        rows = [row[:-1] for row in _rows(points, axis, shown, False)]
+        # In one column, which every part of a table that is wider than the screen begins with.
+        headings = [f"tracker, {name.rpartition('.')[2]}", *(each.heading or each.label for each in shown)]
+        rows = [[f"{row[0]}, {row[1]}", *row[2:-1]] for row in _rows(points, axis, shown, False)]
         lines += [f"Means over seeds, by {name}:", "", *markdown_table(headings, rows), ""]
     lines += [f"- {line}" for line in (*map(break_sentence, broken), *(f"failed: {each}" for each in failures[:10]))]
-    show_markdown("\n".join([*lines, "", f"Results: {place}"]), on_stderr=True)
+    show_markdown("\n".join([*lines, "", HOTA_NOTE, "", f"Results: {place}"]), on_stderr=True)
 
 
+HOTA_NOTE = (
+    "HOTA is by position (similarity falls to 0 at 4 m along the road and 2 m across), not by overlap of boxes: other "
+    "programs' numbers are others (docs/scores.md)."
+)
 DEFINITION = (
     f"A tracker breaks where, with growing density, fewer than {BREAK_PERCENT:g} % of the occluded vehicles have their "
     "old identity again half a second after they are seen again; pooled over seeds, interpolated between densities."

@@ -26,12 +26,15 @@ class Options(TypedDict):
     out: Annotated[Path, Option("Folder for the suite's runs.", default=Path("results/suite"))]
     resume: Annotated[bool, Option("Keep the suite's runs that --out holds.", default=False)]
     workers: shared.Workers
+    gate: Annotated[
+        Path | None, Option("TOML file of metrics with tolerances, floors and ceilings: see docs/comparing.md.")
+    ]
     tolerance: Annotated[
-        float, Option("Share of a's value by which b may be worse.", default=0.02, least=0.0, most=1.0)
+        float | None, Option("Share of a's value by which b may be worse. (default: 0.02)", least=0.0, most=1.0)
     ]
     time_tolerance: Annotated[
-        float,
-        Option("Likewise of the time of a step, judged within one stress test.", default=0.25, least=0.0, most=100.0),
+        float | None,
+        Option("Likewise of the time of a step, judged within one stress test. (default: 0.25)", least=0.0, most=100.0),
     ]
     primary: Annotated[
         str | None,
@@ -49,7 +52,10 @@ class Options(TypedDict):
         Path | None,
         Option("Write them as a page to this file, two runs on the same detections side by side."),
     ]
-    force: Annotated[bool, Option("Replace any file that --markdown or --html names.", default=False)]
+    junit: Annotated[Path | None, Option("Write a test case for each verdict to this file, as JUnit's XML.")]
+    summary: Annotated[Path | None, Option("Write what is judged, short enough for a comment, to this Markdown file.")]
+    pages: Annotated[str | None, Option("Address below which the folders' pages lie, for links in --summary.")]
+    force: Annotated[bool, Option("Replace files that are there, whoever wrote them.", default=False)]
     json: shared.Json
     quiet: shared.Quiet
 
@@ -72,6 +78,7 @@ def command(options: Options) -> int:
       python -m harness compare 'results/stress@mmpf cvm' 'results/stress@mmpf gmm'
       python -m harness compare --suite standard --markdown comment.md
       python -m harness compare --suite standard --record
+      python -m harness compare base head --gate gate.toml --junit gate.xml
     """
     from harness.commands.actions.compare_sides import compare_sides  # noqa: PLC0415
 

@@ -52,7 +52,7 @@ def config_from_table(table: Table) -> RunConfig:
         raise InputError(_first_problem(error)) from None
 
 
-def table_of_file(path: Path) -> Table:
+def table_of_file(path: Path, parameter: str = "config") -> Table:
     """Return what a TOML file holds, unchecked.
 
     Raises:
@@ -61,11 +61,11 @@ def table_of_file(path: Path) -> Table:
     try:
         return tomllib.loads(read_text(path, "config"))
     except RecursionError:
-        raise InputError(f"`config`: {path} is nested too deeply") from None
+        raise InputError(f"`{parameter}`: {path} is nested too deeply") from None
     except OSError as error:
-        raise InputError(f"`config`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
+        raise InputError(f"`{parameter}`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"`config`: {path} is not valid TOML: {error}") from None
+        raise InputError(f"`{parameter}`: {path} is not valid TOML: {error}") from None
 
 
 def _table_of_options(options: Mapping[str, object]) -> Table:

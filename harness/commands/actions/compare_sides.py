@@ -12,8 +12,9 @@ import typer
 
 from harness.analysis.compare import compare
 from harness.analysis.comparison_text import as_markdown, print_comparison
+from harness.analysis.gate_file import read_gate
+from harness.analysis.gate_text import as_junit, as_summary
 from harness.analysis.sources import Source, open_source
-from harness.analysis.verdicts import PRIMARY, Rules
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.common.files import write_text
@@ -21,6 +22,7 @@ from harness.config.lists import names
 from harness.lab.suite import BASELINE, keep_as_baseline, run_suite
 
 MARK = "<!-- written by harness compare -->"
+WRITTEN = ("markdown", "html", "junit", "summary")
 
 
 def compare_sides(options: Mapping[str, Any]) -> int:
@@ -33,12 +35,15 @@ def compare_sides(options: Mapping[str, Any]) -> int:
         InputError: The options or the folders do not make two sides that can be compared.
         RunError: A run of the suite failed.
     """
-    for parameter in () if options["force"] else ("markdown", "html"):
+    for parameter in () if options["force"] else WRITTEN:
         _check_free(options[parameter], parameter)
+    gate = read_gate(options["gate"])
+    primary = None if options["primary"] is None else tuple(names(options["primary"], "primary", "mot.hota"))
+    rules = gate.rules(options["tolerance"], options["time_tolerance"], primary)
     sides = _sides(options)
     if sides is None:
         return 0
-    comparison = compare(*sides, _rules(options), options["allow_different"])
+    comparison = compare(*sides, rules, options["allow_different"])
     if not options["quiet"]:
         print_comparison(comparison)
     markdown, html = options["markdown"], options["html"]
@@ -48,15 +53,14 @@ def compare_sides(options: Mapping[str, Any]) -> int:
         from harness.report.comparisonpage import comparison_page  # noqa: PLC0415  matplotlib is slow to import
 
         _write(html, comparison_page(comparison), "html")
+    if options["junit"] is not None:
+        _write(options["junit"], as_junit(comparison), "junit")
+    if options["summary"] is not None:
+        _write(options["summary"], as_summary(comparison, options["pages"]), "summary")
     if options["json"]:
         typer.echo(json.dumps(comparison.as_table(), indent=2))
-    undecided = DONE if options["allow_undecided"] else UNDECIDED
+    undecided = DONE if options["allow_undecided"] or gate.allow_undecided else UNDECIDED
     return {"worse": WORSE, "undecided": undecided}.get(comparison.outcome, DONE)
-
-
-def _rules(options: Mapping[str, Any]) -> Rules:
-    primary = PRIMARY if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
-    return Rules(options["tolerance"], options["time_tolerance"], tuple(primary))
 
 
 def _check_free(path: Path | None, parameter: str) -> None:
@@ -65,7 +69,8 @@ def _check_free(path: Path | None, parameter: str) -> None:
     Raises:
         InputError: There is such a file.
     """
-    if path is not None and path.is_file() and not path.read_bytes().endswith(f"{MARK}\n".encode()):
+    there = path.read_bytes() if path is not None and path.is_file() else b""
+    if there and not there.endswith(f"{MARK}\n".encode()):
         raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
 
 

@@ -156,12 +156,12 @@ def test_the_screen_shows_what_fits_eighty_columns_causes_notes_and_the_conclusi
     lines = [line.rstrip() for line in err.splitlines()]
     assert lines[:4] == ["", "a: old", "b: new", "mmpf cvm"]
     words = [line.split() for line in lines]
-    assert words[4] == ["metric", "a", "b", "b", "-", "a", "95", "%", "interval", "b", "is"]
-    row = ["80.00", "78.00", "-2.5", "%", "-3.25", "to", "-0.75"]
-    assert words[5] == ["HOTA", "in", "sight", *row, "undecided"]
-    assert words[6] == ["IDF1", "in", "sight", *row]
+    assert words[4] == ["metric", "a", "b", "b", "-", "a", "95", "%", "interval", "pairs", "b", "is"]
+    row = ["80.00", "78.00", "-2.00", "-3.25", "to", "-0.75", "12"]
+    assert words[5] == ["HOTA", "in", "sight,", "%", *row, "undecided"]
+    assert words[6] == ["IDF1", "in", "sight,", "%", *row]
     assert lines[7] == "jpda"
-    assert words[9] == ["HOTA", "in", "sight", *row, "no", "worse"]
+    assert words[9] == ["HOTA", "in", "sight,", "%", *row, "no", "worse"]
     assert lines[10] == "why"
     assert words[11] == [*" ".join(CAUSES).split(), "all"]
     assert words[12] == [*f"{KINDS[0]}, a".split(), "1", *["0"] * (len(CAUSES) - 1), "1"]

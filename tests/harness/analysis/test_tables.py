@@ -8,7 +8,7 @@ import pytest
 
 from harness.analysis import tables
 from harness.analysis.curves import Break, Point, curve_quantities, told_quantities
-from harness.analysis.tables import DEFINITION, as_markdown, break_sentence, print_result, value_cell
+from harness.analysis.tables import DEFINITION, HOTA_NOTE, as_markdown, break_sentence, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
 OF_SOME_ROADS = {quantity.key for quantity in told_quantities() if quantity.is_of_some_runs}
@@ -96,7 +96,7 @@ def test_the_page_has_its_title_axes_breaks_and_failures_in_this_order():
     assert lines[:5] == [
         "# Title",
         "",
-        "Means over seeds with 95 % intervals over seeds.",
+        f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}",
         "",
         "## Over density",
     ]
@@ -157,12 +157,24 @@ def test_the_screen_shows_means_breaks_the_first_ten_failures_and_where_the_rest
     print_result("Title", made, [HELD], [f"seed {k}" for k in range(12)], "results/x")
     out, err = capsys.readouterr()
     assert out == ""
-    table = [line.split() for line in err.splitlines() if line.split()[:1] in (["mmpf"], ["jpda"])]
+    table = [line.split() for line in err.splitlines() if line.split()[:1] in (["mmpf,"], ["jpda,"])]
     for words, label, value in zip(table, ("mmpf", "mmpf", "jpda", "jpda"), (20.0, 45.0) * 2, strict=True):
         of = {point.metric: point.mean for point in made if (point.label, point.value) == (label, value)}
         means = [f"{of[each.key]:.{each.decimals}f}" for each in curve_quantities()]
-        assert words == [label, f"{value:g}", *means]
+        assert words == [f"{label},", f"{value:g}", *means]
     assert all(f"failed: seed {k}" in err for k in range(10))
     assert "seed 10" not in err
     assert break_sentence(HELD) in err
     assert "Results: results/x" in err
+
+
+def test_on_eighty_columns_no_number_is_cut_and_the_trackers_stand_beside_each_part(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    made = points(labels=("my_kf:HungarianKalman", "mmpf gmm"))
+    print_result("Title", made, [], [], "results/x")
+    shown = capsys.readouterr().err
+    assert "…" not in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    decimals = {each.key: each.decimals for each in curve_quantities()}
+    means = [f"{point.mean:.{decimals[point.metric]}f}" for point in made if point.metric in decimals]
+    assert set(means) <= set(shown.split())
