@@ -37,7 +37,15 @@ TOLD = (
     *("hidden", "gospa_remembered", "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"),
     *("mae.by_seconds_hidden", "occlusion.survived", "occlusion.same_id", "occlusion.hijacked"),
     *("occlusion.short.same_id", "occlusion.long.same_id", "mot.hota", "mot.id_switches", "gospa", "in_plain_view"),
-    *("calibration", "existence_calibration", "manoeuvre", "decisions", "hidden_by", "unseen_turns"),
+    *(
+        "calibration",
+        "existence_calibration",
+        "manoeuvre",
+        "decisions",
+        "hidden_by",
+        "unseen_turns",
+        "pseudo_occlusion",
+    ),
     "never_seen.log_skill_percent",
 )
 IN_WORDS: dict[str, dict[str, Any]] = {

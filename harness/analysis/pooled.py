@@ -35,6 +35,11 @@ POOLED = {
     "gospa_remembered.mean": "gospa_remembered_m",
     "occlusion.same_id": "same_id",
     **{
+        f"pseudo_occlusion.{key}.{score}": f"{score}_hidden_on_purpose_{key}"
+        for key in ("1s", "2s", "3s", "5s")
+        for score in ("cost_m", "ratio", "same_id_percent", "ellipse90_percent")
+    },
+    **{
         f"gaps.{kind}.{score}": f"{name}_{kind}"
         for kind in ("all", "moving", "parked")
         for score, name in (

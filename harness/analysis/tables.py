@@ -137,6 +137,7 @@ ROUTE_NOTE = (
     "again and just before?"
 )
 PLAIN_NOTE = "Vehicles in plain view within 60 m, detected or not: do they have a track (docs/explanation/scores.md)?"
+PSEUDO_NOTE = "Vehicles hidden on purpose, when the time ends (docs/explanation/scores.md):"
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
     **dict.fromkeys(("mae", "against_coasting"), FOLLOWED_NOTE),
@@ -146,6 +147,7 @@ THEMES = {
     "hidden_by": CAUSE_NOTE,
     "in_plain_view": PLAIN_NOTE,
     "unseen_turns": ROUTE_NOTE,
+    "pseudo_occlusion": PSEUDO_NOTE,
 }
 BY_KIND = {MANOEUVRE_NOTE: ("vehicles", ", "), CAUSE_NOTE: ("behind", ", behind a ")}
 """Tables with a row for each kind, the second word of keys: the kinds' heading, and what precedes a kind in labels."""

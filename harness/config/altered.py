@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from harness.config.lists import numbers
 from harness.config.sensor import NotNegative, Positive, Probability, SensorSettings, Share
 from mmpf.options.base import WithoutTruthValues
 
 Count = Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "objects"})]
+
+
+def _times(value: object) -> object:
+    """Return the times of a list with commas, as the command line gives it."""
+    return numbers(value, "hide", "1,2,3,5") if isinstance(value, str) else value
+
+
 # Figures of false detections that are the sensor's own unless they are set here.
 FIGURES = (
     *("persistent_clutter_s", "persistent_clutter_probability", "persistent_clutter_moving"),
@@ -35,6 +43,12 @@ class AlteredSettings(WithoutTruthValues):
     """Share of each vehicle's time in bursts without any detection of it."""
     burst_s: Positive = 0.8
     """Mean length of such a burst."""
+    hide_s: Annotated[tuple[Annotated[float, Field(gt=0.0, le=60.0)], ...], BeforeValidator(_times)] = ()
+    """Times for which moving vehicles are hidden on purpose: their detections are withheld (pseudo-occlusion)."""
+    hide_after_s: Positive = 2.0
+    """Time in view, with no gap above half a second, after which a vehicle may be hidden."""
+    hide_share: Share = 0.3
+    """Largest share of the detected vehicles that is hidden at one time."""
     half_range_m: Positive | None = None
     """Distance at which half the detections of vehicles are kept, by a logistic curve; all at any distance if not set.
     """

@@ -77,6 +77,15 @@ BrokenDown = Annotated[
         metavar="N",
     ),
 ]
+Hide = Annotated[
+    str | list[float] | None,
+    Option(
+        "Hide moving vehicles on purpose, for so many seconds each after 2 s in view; no tracker is told.",
+        "altered.hide_s",
+        TRAFFIC,
+        metavar="1,2,3,5",
+    ),
+]
 Sensor = Annotated[
     str | None,
     Option(
@@ -136,6 +145,7 @@ class RunOptions(TypedDict, total=False):
             TRAFFIC,
         ),
     ]
+    hide: Hide
     gui: Annotated[
         bool,
         Option(

@@ -69,6 +69,7 @@ class GridOptions(TypedDict, total=False):
         ),
     ]
     broken_down: shared.BrokenDown
+    hide: shared.Hide
     duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
     sensor: shared.Sensor

@@ -38,6 +38,7 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
         sensor=options["sensor"],
         settings=(
             *setting_of("traffic.broken_down", options["broken_down"]),
+            *setting_of("altered.hide_s", options["hide"]),
             *setting_words(options["settings"]),
             *setting_of("traffic.recording.format", options["format"]),
         ),

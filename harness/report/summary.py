@@ -24,7 +24,7 @@ BESIDE = ("in_plain_view.recall", "in_plain_view.worst_tenth")
 REPORTED = (
     *("hidden", "mot", "gospa_remembered", *BESIDE, "in_plain_view.median_first_report_s"),
     *("in_plain_view.p90_first_report_s", "in_plain_view.stopped_recall", "calibration", "existence_calibration"),
-    *("manoeuvre", "decisions", "hidden_by", "unseen_turns", "never_seen.log_skill_percent"),
+    *("manoeuvre", "decisions", "hidden_by", "unseen_turns", "pseudo_occlusion", "never_seen.log_skill_percent"),
 )
 IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals": 0}}
 

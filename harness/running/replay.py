@@ -129,4 +129,5 @@ def _observation(
         in_range=truth["in_range"].to_numpy(dtype=bool),
         state=np.array([VISIBILITY_STATES.index(state) for state in truth["state"]], dtype=np.int8),
         behind_walls=floats(truth, "wall_fraction") if "wall_fraction" in truth else None,
+        pseudo_hidden_s=floats(truth, "pseudo_hidden_s") if "pseudo_hidden_s" in truth else None,
     )

@@ -16,13 +16,14 @@ from harness.config.altered import AlteredSettings
 from harness.config.sensor import SensorSettings
 from harness.sensor.detector import DECIMALS, detections_from
 from harness.sensor.memory import Chain, SensorMemory, next_state
-from harness.sensor.observation import Look, Observation
+from harness.sensor.observation import Look
+from harness.sensor.pseudo_occlusion import hidden_on_purpose
 from harness.sensor.returns import flashing_returns, standing_returns
 from harness.sensor.scene import Scene, box_axes, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, joined, taken
 from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan
 
 UNKNOWN_DIRECTION_RAD = float(np.pi)
@@ -40,11 +41,13 @@ def altered(
         road: The road.
         stream: Parent of the streams of all alterations.
     """
-    thins, bursts, far, dark, adds, ego = (np.random.default_rng(child) for child in stream.spawn(6))
+    thins, bursts, far, dark, adds, ego, hides = (np.random.default_rng(child) for child in stream.spawn(7))
     if settings.every_scan > 1:
         looks = some_scans(looks, settings.every_scan)
     if not settings.false_kept:
         looks = (_kept(look, look.observation.truth_id != "") for look in looks)
+    if settings.hide_s:
+        looks = hidden_on_purpose(looks, settings, hides)
     if settings.kept_probability < 1.0:
         looks = thinned(looks, settings.kept_probability, thins)
     if settings.dark_share > 0.0:
@@ -189,20 +192,7 @@ def _rounded(values: FloatArray) -> FloatArray:
 
 
 def _kept(look: Look, keep: BoolArray) -> Look:
-    """Return a look with some of its detections."""
-    if keep.all():
-        return look
-    index, seen = np.flatnonzero(keep), look.observation
-    return replace(look, observation=_taken(seen, index))
-
-
-def _taken(seen: Observation, index: IntArray) -> Observation:
-    return replace(
-        seen,
-        scan=replace(seen.scan, detections=taken(seen.scan.detections, index)),
-        truth_id=seen.truth_id[index],
-        detection_visible_fraction=seen.detection_visible_fraction[index],
-    )
+    return replace(look, observation=look.observation.with_detections(np.flatnonzero(keep)))
 
 
 def _like(made: Detections, others: Detections) -> Detections:

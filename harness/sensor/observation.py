@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from harness.truth.frame import Frame
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, taken
 from mmpf.scan import Scan, SensorModel
 
 
@@ -27,6 +27,8 @@ class Observation:
         in_range: Whether each vehicle's centre lies within the sensor's range, shape (n,).
         state: ``VISIBLE``, ``PARTIAL``, ``HIDDEN`` or ``OUT`` of range for each vehicle, shape (n,).
         behind_walls: Share of each vehicle that walls hide, in [0, 1], shape (n,); None on a road without walls.
+        pseudo_hidden_s: Length of the time for which each vehicle is hidden on purpose, 0 where it is not, shape (n,);
+            None where no vehicle ever is.
     """
 
     scan: Scan
@@ -37,6 +39,18 @@ class Observation:
     in_range: npt.NDArray[np.bool_]
     state: npt.NDArray[np.int8]
     behind_walls: FloatArray | None = None
+    pseudo_hidden_s: FloatArray | None = None
+
+    def with_detections(self, index: IntArray) -> Observation:
+        """Return the observation with some of its detections, shape (k,), and nothing else changed."""
+        if len(index) == len(self.truth_id):
+            return self
+        return replace(
+            self,
+            scan=replace(self.scan, detections=taken(self.scan.detections, index)),
+            truth_id=self.truth_id[index],
+            detection_visible_fraction=self.detection_visible_fraction[index],
+        )
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,8 @@ TABLES: dict[str, Table] = {
             _flag("parked", "whether it stands still for as long as it is on record", absent="nobody tells"),
             _flag("pedestrian", "whether it is a person on foot, who is not scored", absent="none is known"),
             _flag("on_roundabout", "whether it is on a roundabout", absent="none is known"),
+            _number("pseudo_hidden_s", "length of the time for which its detections are withheld, 0 if they are not",
+                    absent="no vehicle is hidden on purpose"),
             _number("wall_fraction", "share of it that walls hide, 0 to 1", absent="the road has no walls"),
             _text("signals", "a letter for each signal of the road, `1` open and `0` closed; trackers are told them by "
                   "`tracker.knows_signals`", absent="there are none, or their states are not on record"),

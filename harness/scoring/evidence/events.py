@@ -56,7 +56,7 @@ def occlusion_events(rows: RunRows, matching: Matching, settings: ScoringSetting
     Events are in the order of the truth rows.
     """
     onset, back = _detection_gaps(rows, settings)
-    judged = _row_after(rows, back, settings.event_judged_s)
+    judged = row_after(rows, back, settings.event_judged_s)
     known = (judged >= 0) & rows.truth.in_range[judged]
     onset, back, judged = onset[known], back[known], judged[known]
 
@@ -127,13 +127,13 @@ def other_track_after(
     rows: RunRows, matching: Matching, events: OcclusionEvents, settings: ScoringSettings
 ) -> BoolArray:
     """Return after which events another track than the old one is on the vehicle when it is judged, shape (e,)."""
-    judged = _row_after(rows, events.return_row, settings.event_judged_s)
+    judged = row_after(rows, events.return_row, settings.event_judged_s)
     now = np.where(judged >= 0, matching.track_row[judged], -1)
     old = matching.holder[events.onset_row]
     return np.asarray((old >= 0) & (now >= 0) & (_take(rows.tracks.track, now) != old))
 
 
-def _row_after(rows: RunRows, row: IntArray, delay_s: float) -> IntArray:
+def row_after(rows: RunRows, row: IntArray, delay_s: float) -> IntArray:
     """Return the first row of the same vehicle at least the delay later, or -1 if its record ends before."""
     truth = rows.truth
     period_s = rows.time_s[-1] - rows.time_s[0] + delay_s + 1.0 if len(rows.time_s) else 1.0

@@ -34,6 +34,8 @@ class TruthRows:
             that has a frame of its own.
         parked: Whether the vehicle stands in one place for as long as it is on record; None where the source does not
             tell.
+        pseudo_hidden_s: Length of the time for which the vehicle is hidden on purpose, 0 where it is not; None where no
+            vehicle ever is.
     """
 
     step: IntArray
@@ -49,6 +51,7 @@ class TruthRows:
     detected: BoolArray
     direction_rad: FloatArray
     parked: BoolArray | None = None
+    pseudo_hidden_s: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.step)
@@ -202,6 +205,7 @@ def read_run(
             detected=detected,
             direction_rad=np.zeros(len(rows)) if direction is None else direction[rows],
             parked=truth["parked"].to_numpy(dtype=bool)[rows] if "parked" in truth else None,
+            pseudo_hidden_s=_floats(truth, "pseudo_hidden_s")[rows] if "pseudo_hidden_s" in truth else None,
         ),
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),

@@ -11,7 +11,7 @@ from harness.common.intervals import Possible
 
 OF_SOME_RUNS = frozenset(
     {
-        *("manoeuvre", "hidden_by", "unseen_turns", "gaps", "decisions", "never_seen"),
+        *("manoeuvre", "hidden_by", "unseen_turns", "gaps", "pseudo_occlusion", "decisions", "never_seen"),
         *("in_plain_view", "existence_calibration", "calibration"),
     }
 )

@@ -29,6 +29,7 @@ from harness.scoring.metrics import (
     mot,
     never_seen,
     occlusion,
+    pseudo_occlusion,
     unseen_turns,
 )
 from harness.scoring.metrics.parts import Basis, InParts
@@ -100,6 +101,9 @@ register("conflicts")(InParts(conflicts.measure_conflicts, conflicts.conflicts))
 register(hidden_by.NAME, *hidden_by.QUANTITIES)(InParts(hidden_by.measure_causes, hidden_by.scores_by_cause))
 register(unseen_turns.NAME, *unseen_turns.QUANTITIES)(InParts(unseen_turns.measure_turns, unseen_turns.scores_of_turns))
 register(gaps.NAME, *gaps.QUANTITIES)(InParts(gaps.measure_gaps, gaps.scores_after_gaps))
+register(pseudo_occlusion.NAME, *pseudo_occlusion.QUANTITIES)(
+    InParts(pseudo_occlusion.measure_pseudo_occlusions, pseudo_occlusion.scores_of_pseudo_occlusions)
+)
 register(never_seen.NAME, *never_seen.QUANTITIES)(InParts(never_seen.measure_unseen, never_seen.scores_of_unseen))
 register("coverage")(InParts(coverage.measure_coverage, coverage.coverage))
 register("detection_noise")(InParts(coverage.measure_detection_noise, coverage.detection_noise))

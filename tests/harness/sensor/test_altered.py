@@ -27,13 +27,15 @@ def _no_free_space():
         yield
 
 
-def film(steps, cars=AROUND, sensor=SENSOR, speed=0.0):
+def film(steps, cars=AROUND, sensor=SENSOR, speed=0.0, car_speed_mps=None):
     """Return looks at cars that keep their places to the ego, which moves; the sensor alone fails in nothing."""
     rng, eye = np.random.default_rng(0), build_sensor(sensor)
     frames = [
         replace(frame_of(*cars, ego_lon=300.0 + 0.1 * speed * k), step=k, time_s=round(0.1 * k, 1))
         for k in range(steps)
     ]
+    if car_speed_mps is not None:
+        frames = [replace(frame, speed_mps=np.full(len(frame), car_speed_mps)) for frame in frames]
     return [Look(frame, eye.observe(frame, ROAD, rng)) for frame in frames]
 
 

@@ -81,7 +81,9 @@ def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):
     truth, detections, tracks = tables
     told = {key: each.is_of_some_runs for each in quantities() for key in (each.key, each.weight) if key}
     driven = Driven(driver_of("hdm"), highway())
-    every_road = truth.assign(direction_rad=1.0, wall_fraction=0.0, on_roundabout=False, parked=False)
+    every_road = truth.assign(
+        direction_rad=1.0, wall_fraction=0.0, on_roundabout=False, parked=False, pseudo_hidden_s=0.0
+    )
     every = score_run(every_road, detections, tracks, driven=driven, unseen=unseen()).metrics
     assert told.keys() <= flattened(every).keys()
     on_road = flattened(score_run(*tables).metrics).keys()
