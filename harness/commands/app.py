@@ -94,9 +94,27 @@ def run_command_line(arguments: Sequence[str]) -> int:
         Exit code, one of ``harness.common.exit_codes.MEANINGS``.
     """
     called = next((word for word in arguments if not word.startswith("-")), None)
+    if (checkout := other_checkout(Path.cwd(), Path(__file__).parents[2])) is not None:
+        line = (
+            f"warning: this runs the copy in {Path(__file__).parents[2]}, not the checkout {checkout} that you stand in"
+        )
+        print(f"{line}; pip install -e {checkout} to run that", file=sys.stderr)  # noqa: T201
     group = get_group(application(called))
     with ends_like_ctrl_c():
         return _outcome(group, arguments, called)
+
+
+def other_checkout(place: Path, running: Path) -> Path | None:
+    """Return the checkout of this project that a place lies in, where another copy of it is running; else None.
+
+    Args:
+        place: Where the user stands.
+        running: Folder of the packages that are running.
+    """
+    for folder in (place, *place.parents):
+        if (folder / "harness" / "__main__.py").is_file() and (folder / "mmpf" / "__init__.py").is_file():
+            return None if folder.resolve() == running.resolve() else folder
+    return None
 
 
 def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) -> int:
@@ -125,7 +143,7 @@ def _completed(arguments: Sequence[str], called: str | None) -> list[str]:
 
 def _told(error: BaseException) -> tuple[str, int]:
     """Return the line and the exit code that an error becomes."""
-    if isinstance(error, InputError) and error.__cause__ is not None and os.environ.get(TRACEBACK):
+    if isinstance(error, InputError | RunError) and error.__cause__ is not None and os.environ.get(TRACEBACK):
         # What the user's own code raised.
         traceback.print_exception(error.__cause__)
     match error:

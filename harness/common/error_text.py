@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+import difflib
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import ValidationError
+
+MOST_NAMED = 8
+
+
+def nearest(key: str, known: Sequence[str]) -> str:
+    """Return what may have been meant by a key that there is none of, or some of those that there are."""
+    leaf = key.rsplit(".", 1)[-1]
+    leaves = {name.rsplit(".", 1)[-1]: name for name in reversed(known)}
+    near = [name for name in known if name.rsplit(".", 1)[-1] == leaf]
+    near = near or difflib.get_close_matches(key, known, n=3, cutoff=0.5)
+    near = near or [leaves[name] for name in difflib.get_close_matches(leaf, leaves, n=3, cutoff=0.5)]
+    if near:
+        return f"; did you mean {' or '.join(near[:3])}?"
+    more = f" and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
+    return f"; known are {', '.join(known[:MOST_NAMED])}{more}, which the command `settings` lists"
 
 
 class Problem(NamedTuple):

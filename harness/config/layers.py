@@ -5,7 +5,6 @@ Later layers win: defaults, then the file of ``config``, then the options, then 
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from harness.common.error_text import first_problem
+from harness.common.error_text import first_problem, nearest
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_text
 from harness.config.model import DEFAULT_TRACKER, RunConfig
@@ -130,7 +129,7 @@ def _merge_into(merged: Table, layer: Table) -> None:
 def _first_problem(error: ValidationError) -> str:
     key, message, given, unknown = first_problem(error)
     if unknown:
-        return f"unknown key {key!r}{_nearest(key)}"
+        return f"unknown key {key!r}{nearest(key, [name for name, _ in fields_of(RunConfig)])}"
     parameter = parameter_of(key)
     place = f"`{parameter}` ({key})" if parameter else key or "configuration"
     return f"{place}: {message}" if isinstance(given, dict) else f"{place}: {message}, not {given!r}"
@@ -139,15 +138,6 @@ def _first_problem(error: ValidationError) -> str:
 def parameter_of(key: str) -> str | None:
     """Return the option that sets a key, if one does."""
     return next((name for name, sets in keys_of_options().items() if sets == key), None)
-
-
-def _nearest(key: str) -> str:
-    known = [name for name, _ in fields_of(RunConfig)]
-    near = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
-    if not near:
-        leaf = key.rsplit(".", 1)[-1]
-        near = [name for name in known if difflib.get_close_matches(leaf, [name.rsplit(".", 1)[-1]], cutoff=0.6)]
-    return f"; did you mean {' or '.join(near)}?" if near else f"; known keys are {', '.join(known)}"
 
 
 def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

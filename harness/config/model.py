@@ -261,7 +261,12 @@ class RunConfig(_Strict):
         if traffic.recording is not None and self.replay is not None:
             network, demand = Path(self.replay).stem, f"ego-{traffic.recording.ego}"
         broken = f"broken{traffic.broken_down}" if traffic.broken_down else None
-        parts = [network, self.tracker.name, self.tracker.model, demand, broken, f"s{self.seed}"]
+        usual = RunConfig()
+        sensor = None if self.sensor.profile == usual.sensor.profile else self.sensor.profile.rpartition(":")[2]
+        duration = None if traffic.duration_s == usual.traffic.duration_s else f"{traffic.duration_s:g}s"
+        update = None if self.tracker.update in (None, MMPF_DEFAULTS["update"]) else self.tracker.update
+        own = [self.tracker.name, self.tracker.model, update]
+        parts = [network, *own, demand, broken, sensor, duration, f"s{self.seed}"]
         return re.sub(r"[^\w.+-]+", "-", "-".join(part for part in parts if part))[:LONGEST_FOLDER_NAME]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.progress import progress_bar, working
 from harness.common.signals import signals_held, told_to_end
@@ -176,7 +177,7 @@ def _in_words(error: BaseException) -> str:
         return str(error)
     if isinstance(error, OSError):
         return f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return what_it_raised(error)
 
 
 class _Attempt:

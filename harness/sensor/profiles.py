@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from pydantic import ValidationError
 
-from harness.common.error_text import first_problem, what_it_raised
+from harness.common.error_text import first_problem, nearest, what_it_raised
 from harness.common.errors import InputError
 from harness.common.named import check_made
 from harness.config.sensor import SensorSettings
@@ -70,7 +70,7 @@ def _first_complaint(error: ValidationError) -> str:
     key, message, given, unknown = first_problem(error)
     name = f"sensor.{key}" if key else "sensor"
     if unknown:
-        return f"{name}: no such setting; known are: {', '.join(sorted(SensorSettings.model_fields))}"
+        return f"{name}: no such setting{nearest(key, list(SensorSettings.model_fields))}"
     return f"{name}: {message}" + (f" (given: {given!r})" if key and given is not None else "")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import tomllib
 from collections.abc import Mapping
@@ -12,7 +11,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from harness.common.error_text import first_problem, what_it_raised
+from harness.common.error_text import first_problem, nearest, what_it_raised
 from harness.common.errors import InputError
 from harness.common.named import check_made, named, without_method
 from harness.common.signals import told_to_end
@@ -182,15 +181,9 @@ def _first_option_error(tracker: str, error: ValidationError) -> str:
     problem = first_problem(error)
     message = problem.message
     if problem.unknown and tracker in _BUILT_IN:
-        message = f"there is none of that name{_nearest(problem.key, tracker)}"
+        known = [key for key, _ in fields_of(tracker_options(tracker))]
+        message = f"there is none of that name{nearest(problem.key, known)}"
     return f"tracker option {problem.key!r} of {tracker}: {message}"
-
-
-def _nearest(option: str, tracker: str) -> str:
-    known = [key for key, _ in fields_of(tracker_options(tracker))]
-    of_that_name = [key for key in known if key.split(".")[-1] == option.rsplit(".", maxsplit=1)[-1]]
-    near = of_that_name or difflib.get_close_matches(option, known, n=3, cutoff=0.5)
-    return f"; did you mean {' or '.join(near)}?" if near else f"; known are {', '.join(known)}"
 
 
 TUNED_FILE = Path(__file__).with_name("tuned.toml")

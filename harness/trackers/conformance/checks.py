@@ -162,12 +162,15 @@ def _check_identities_stay_with_their_cars(build: Build) -> None:
 
 def _require_identities(build: Build, cars: Sequence[Placed], scans: Sequence[LabelledScan]) -> None:
     held: dict[str, set[int]] = {car.name: set() for car in cars}
+    first: dict[str, float] = {}
     for labelled, tracks in zip(scans, follow(build, scans), strict=True):
         if labelled.scan.time_s >= 1.5:
             for car in cars:
                 held[car.name].add(int(tracks.track_id[nearest_track(tracks, car, labelled)]))
-    changed = {name: sorted(ids) for name, ids in held.items() if len(ids) > 1}
-    require(not changed, f"cars far apart changed identity: {changed}")
+                if len(held[car.name]) > 1:
+                    first.setdefault(car.name, labelled.scan.time_s)
+    changed = [f"{name} at {time_s:.1f} s, tracks {sorted(held[name])}" for name, time_s in first.items()]
+    require(not changed, f"cars far apart changed identity: {'; '.join(changed)}")
 
 
 def _check_identities_are_never_used_again(build: Build) -> None:

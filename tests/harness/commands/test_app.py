@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from harness.commands import app
-from harness.commands.app import run_command_line
+from harness.commands.app import other_checkout, run_command_line
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
@@ -104,6 +104,17 @@ def test_each_kind_of_error_has_its_exit_code(error, code, capsys, monkeypatch):
     exit_code, _, err = complaint(["nets"], capsys)
     assert exit_code == code
     assert len(err.splitlines()) == 1
+
+
+def test_an_installed_copy_says_so_where_the_user_stands_in_a_checkout(tmp_path, monkeypatch, capsys):
+    for name in ("harness/__main__.py", "mmpf/__init__.py", "docs/page.md"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    assert other_checkout(tmp_path / "docs", tmp_path) is None
+    assert other_checkout(tmp_path.parent, Path("/elsewhere")) is None
+    monkeypatch.chdir(tmp_path / "docs")
+    assert run_command_line(["--version"]) == 0
+    assert f"not the checkout {tmp_path} that you stand in" in capsys.readouterr().err
 
 
 def test_overview_loads_nothing_heavy():
