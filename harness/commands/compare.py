@@ -27,7 +27,7 @@ class Options(TypedDict):
     resume: Annotated[bool, Option("Keep the suite's runs that --out holds.", default=False)]
     workers: shared.Workers
     gate: Annotated[
-        Path | None, Option("TOML file of metrics with tolerances, floors and ceilings: see docs/comparing.md.")
+        Path | None, Option("TOML file of metrics with tolerances, floors and ceilings: see docs/tutorials/gate.md.")
     ]
     tolerance: Annotated[
         float | None, Option("Share of a's value by which b may be worse. (default: 0.02)", least=0.0, most=1.0)
