@@ -108,7 +108,7 @@ class Run:
         """Return the run's page, ``report.html``; it is written if it is not there."""
         page = self.folder / "report.html"
         if not page.is_file():
-            from harness.report.folderpage import write_page  # noqa: PLC0415
+            from harness.report.folder_page import write_page  # noqa: PLC0415
 
             return write_page(self.folder)
         return page
@@ -297,7 +297,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
         from harness.grid import making  # noqa: PLC0415
         from harness.grid import stress as stressing  # noqa: PLC0415
-        from harness.report import folderpage, keptpages  # noqa: PLC0415
+        from harness.report import folder_page, kept_pages  # noqa: PLC0415
 
         with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
             finished = stressing.run_stress(
@@ -310,8 +310,8 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 command=command,
             )
         if values["keep"] is not None:
-            keptpages.write_kept_pages(finished.folder, quiet)
-        folderpage.write_page(finished.folder)
+            kept_pages.write_kept_pages(finished.folder, quiet)
+        folder_page.write_page(finished.folder)
         return finished
 
 

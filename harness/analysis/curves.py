@@ -33,7 +33,7 @@ CURVES = (
     *("mae.visible.lon_m", "mae.hidden.lon_m", "mae.hidden.n"),
     *("occlusion.same_id", "mot.hota", "mot.id_switches", "in_plain_view.recall", "in_plain_view.worst_tenth"),
 )
-TOLD = (
+TABLED = (
     *("hidden", "gospa_remembered", "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"),
     *("mae.by_seconds_hidden", "occlusion.survived", "occlusion.same_id", "occlusion.hijacked"),
     *("occlusion.short.same_id", "occlusion.long.same_id", "mot.hota", "mot.id_switches", "gospa", "in_plain_view"),
@@ -60,9 +60,9 @@ def curve_quantities() -> list[Quantity]:
     return [*view(CURVES, IN_WORDS), STEP_TIME]
 
 
-def told_quantities() -> list[Quantity]:
+def table_quantities() -> list[Quantity]:
     """Return what is tabulated with intervals: all that has curves, in the same order, and more."""
-    return [*view(TOLD, IN_WORDS), *coasting_ratio.QUANTITIES, STEP_TIME]
+    return [*view(TABLED, IN_WORDS), *coasting_ratio.QUANTITIES, STEP_TIME]
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
     """
     done = coasting_ratio.with_ratios(labelled(table))
     told = [
-        each for each in told_quantities() if not each.is_of_some_runs or np.isfinite(column_of(done, each.key)).any()
+        each for each in table_quantities() if not each.is_of_some_runs or np.isfinite(column_of(done, each.key)).any()
     ]
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:

@@ -11,7 +11,7 @@ from harness.analysis.curves import (
     Break,
     Point,
     curve_quantities,
-    told_quantities,
+    table_quantities,
 )
 from harness.common.markdown import markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
@@ -156,7 +156,7 @@ BY_KIND = {MANOEUVRE_NOTE: ("vehicles", ", "), CAUSE_NOTE: ("behind", ", behind 
 def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
     """Return the columns of each table with what stands over it; of optional ones those among the given metrics."""
     themes: dict[str, list[Quantity]] = {HIDDEN_NOTE: [], FOLLOWED_NOTE: [], REST_NOTE: []}
-    for quantity in told_quantities():
+    for quantity in table_quantities():
         if not quantity.is_of_some_runs or quantity.key in metrics:
             themes.setdefault(THEMES.get(quantity.metric, REST_NOTE), []).append(quantity)
     return list(themes.items())

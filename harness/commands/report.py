@@ -44,7 +44,7 @@ def command(options: Options) -> None:
       python -m harness report results/us101-mmpf-gmm-d20-s0
       python -m harness report results/stress --figures pdf
     """
-    from harness.report.folderpage import write_page  # noqa: PLC0415
+    from harness.report.folder_page import write_page  # noqa: PLC0415
 
     page = write_page(options["folder"])
     if options["figures"] is not None:

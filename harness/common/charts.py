@@ -118,7 +118,7 @@ def curves(
         rows: Fields ``series``, ``place`` (a number or a word), ``mean``, ``low`` and ``high`` (None without an
             interval), ``piece`` where lines have gaps, and what the tooltip tells.
         lines: Name and colour of each series.
-        tooltip: Fields that are told of a row that is pointed at, with their names.
+        tooltip: Fields of the tooltip of a row, with their names.
         limit: A horizontal line and what it says.
         marks: Moments at which vertical lines stand, and what they say.
     """
@@ -153,7 +153,7 @@ def curves(
     dot = {**common, "y": mean, "opacity": strength("series")}
     layers.append({"mark": {"type": "point", "filled": True, "size": 40}, "encoding": dot})
     hit: Spec = {"type": "point", "filled": True, "size": HIT_AREA, "opacity": 0, "cursor": "pointer"}
-    layers.append({"mark": hit, "encoding": {**common, "y": mean, "tooltip": told(*tooltip)}})
+    layers.append({"mark": hit, "encoding": {**common, "y": mean, "tooltip": tooltip_of(*tooltip)}})
     return Chart(title, description, spec_of(description, rows, layers))
 
 
@@ -215,8 +215,8 @@ def strength(field_name: str, strong: float = 1.0) -> Spec:
     return {"condition": {"test": chosen, "value": strong}, "value": FAINT * strong}
 
 
-def told(*columns: tuple[str, str]) -> list[Spec]:
-    """Return what is told of a row that is pointed at: fields with their names in words."""
+def tooltip_of(*columns: tuple[str, str]) -> list[Spec]:
+    """Return the tooltip of a row that is pointed at: fields with their names in words."""
     return [{"field": name, "type": "nominal", "title": title} for name, title in columns]
 
 

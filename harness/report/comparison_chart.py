@@ -8,7 +8,7 @@ from typing import Any
 
 from harness.analysis.compare import Comparison
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, quantity_of
-from harness.common.charts import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, told
+from harness.common.charts import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, tooltip_of
 
 COLOURS = (
     (WORSE, "var(--hidden)"),
@@ -89,7 +89,7 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
     }  # fmt: skip
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}
-    tooltip = told(
+    tooltip = tooltip_of(
         ("metric", "metric"), ("values", "a and b"), ("difference", "b minus a"), ("interval", "95 % interval"),
         ("pairs", "pairs"), ("verdict", "b is"),
     )  # fmt: skip

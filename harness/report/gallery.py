@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from harness.report.fromabove import (
+from harness.report.strips import save_strips
+from harness.report.top_view import (
     HALF_WINDOW_M,
     MARGIN_M,
     Subject,
@@ -23,7 +24,6 @@ from harness.report.fromabove import (
     draw_moment,
     draw_scale,
 )
-from harness.report.strips import save_strips
 from harness.report.withheld_gallery import withheld_vehicles
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings

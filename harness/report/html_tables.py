@@ -7,8 +7,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from harness.report.sentences import number
 from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mot_value, other_scores
+from harness.report.summary_text import number
 from harness.scoring.metrics.quantity import Quantity
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
@@ -39,7 +39,7 @@ def error_table(mae: Mapping[str, Any]) -> Markup:
         ]
         for state, name in VISIBILITY_ROWS
     ]
-    return html_table(["vehicles", *(heading for _, heading in columns), "followed", "samples"], rows)
+    return html_table(["vehicles", *(heading for _, heading in columns), "followed", "steps followed"], rows)
 
 
 def hidden_table(mae: Mapping[str, Any]) -> Markup:
@@ -53,8 +53,8 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
         ]
         for row in mae["by_seconds_hidden"]
     ]
-    fates = ("own track", "track lost", "hijacked", "never had one")
-    return html_table(["unseen for", "lon m", "lat m", "speed m/s", *fates, "samples"], rows)
+    fates = ("own track", "track lost", "track on another", "never had one")
+    return html_table(["unseen for", "lon m", "lat m", "speed m/s", *fates, "steps, all"], rows)
 
 
 def mot_table(metrics: Mapping[str, Any]) -> Markup:

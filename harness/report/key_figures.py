@@ -11,7 +11,7 @@ from markupsafe import Markup
 from scipy.stats import binomtest
 
 from harness.report.html_tables import html_table
-from harness.report.sentences import FEWEST_EVENTS, FEWEST_SAMPLES, number
+from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, number
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats

@@ -16,16 +16,16 @@ from markupsafe import Markup
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.decisiongallery import GALLERY as DECISIONS
-from harness.report.decisiongallery import draw_decisions, worst_brakings
+from harness.report.decision_gallery import GALLERY as DECISIONS
+from harness.report.decision_gallery import draw_decisions, worst_brakings
 from harness.report.figures import OVER_TIME
 from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.html_tables import error_table, hidden_table, mot_table
 from harness.report.key_figures import key_figures
 from harness.report.replay_data import Beside, replay_data
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
-from harness.report.sentences import decision_summary, setting_sentence, summary_sentences
 from harness.report.strips import strips_in
+from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
 from harness.report.vehicles import vehicle_table
 from harness.report.withheld_gallery import withheld_words
 from harness.running.finished import RecordedRun, read_recorded_run

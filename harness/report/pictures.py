@@ -15,7 +15,7 @@ from harness.common.files import save_figure
 from harness.grid.grid import title_of
 from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME
 from harness.report.gallery import strip_figure, worst_failures
-from harness.report.gridruns import plan_of
+from harness.report.grid_runs import plan_of
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.running.finished import read_recorded_run
 from harness.storage import ownership

@@ -11,7 +11,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.report.sentences import number, traffic_source
+from harness.report.summary_text import number, traffic_source
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.truth.network.network import NetworkDescription

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.report.fromabove import Subject
+from harness.report.top_view import Subject
 from harness.running.finished import RecordedRun
 from harness.scoring.metrics.in_plain_view import DROPPED, NAME
 from harness.storage.tables import floats

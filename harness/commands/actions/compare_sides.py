@@ -50,7 +50,7 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     if markdown is not None:
         _write(markdown, as_markdown(comparison), "markdown")
     if html is not None:
-        from harness.report.comparisonpage import comparison_page  # noqa: PLC0415  matplotlib is slow to import
+        from harness.report.comparison_page import comparison_page  # noqa: PLC0415  matplotlib is slow to import
 
         _write(html, comparison_page(comparison), "html")
     if options["junit"] is not None:

@@ -13,7 +13,7 @@ from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
 from harness.config.options import checked
 from harness.grid.making import on_stderr
-from harness.report.folderpage import write_page
+from harness.report.folder_page import write_page
 from harness.report.page import PAGE, write_run_page
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import KEPT

@@ -30,7 +30,7 @@ from harness.lab.ablation import (
 )
 from harness.lab.study import published, study_text, transfer, transfer_text
 from harness.lab.windows.realdata import real_data_folder
-from harness.report.folderpage import write_page
+from harness.report.folder_page import write_page
 from harness.storage.grid_folder import RUNS
 from harness.truth.network.network import Network, load_network
 

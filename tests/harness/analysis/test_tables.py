@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from harness.analysis import tables
-from harness.analysis.curves import Break, Point, curve_quantities, told_quantities
+from harness.analysis.curves import Break, Point, curve_quantities, table_quantities
 from harness.analysis.tables import DEFINITION, HOTA_NOTE, as_markdown, break_sentence, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
-OF_SOME_ROADS = {quantity.key for quantity in told_quantities() if quantity.is_of_some_runs}
+OF_SOME_ROADS = {quantity.key for quantity in table_quantities() if quantity.is_of_some_runs}
 HELD = Break("mmpf", None, None, 40.0, False)
 
 
@@ -20,7 +20,7 @@ def points(*, axis: str = "density", places=(20.0, 45.0), labels=("mmpf", "jpda"
     found = []
     for label in labels:
         for value in places:
-            for quantity in told_quantities():
+            for quantity in table_quantities():
                 mean = 1.0 + len(found)
                 interval = None if value == places[0] else (mean - 0.5, mean + 0.5)
                 point = Point(label, axis, value, quantity.key, mean, interval, 3, 7)
@@ -47,7 +47,7 @@ def sections(text: str) -> dict[str, list[list[str]]]:
 def test_every_point_stands_in_the_row_of_its_tracker_and_place_below_its_quantity():
     made = [point for point in points() if point.metric not in OF_SOME_ROADS]
     found = sections(as_markdown("T", made, [], []))
-    told = {quantity.label: quantity for quantity in told_quantities()}
+    told = {quantity.label: quantity for quantity in table_quantities()}
     seen = 0
     for lines in found.values():
         headings, rule, *rows = lines
@@ -72,7 +72,7 @@ def test_the_themes_of_quantities_stand_under_their_own_words_hidden_ones_first(
     headings = {note: lines[0][2:-1] for note, lines in found.items()}
     assert list(headings)[:3] == [tables.HIDDEN_NOTE, tables.FOLLOWED_NOTE, tables.REST_NOTE]
     assert set(headings) >= {tables.MANOEUVRE_NOTE, tables.CAUSE_NOTE, tables.ROUTE_NOTE}
-    for quantity in told_quantities():
+    for quantity in table_quantities():
         first = quantity.key.split(".")[0]
         note = {
             "hidden": tables.HIDDEN_NOTE, "gospa_remembered": tables.HIDDEN_NOTE, "mae": tables.FOLLOWED_NOTE,

@@ -18,8 +18,8 @@ from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.grid.stress import run_stress
 from harness.grid.worker import Finished, work_on_cell
-from harness.report.folderpage import folder_page
-from harness.report.gridruns import plan_of
+from harness.report.folder_page import folder_page
+from harness.report.grid_runs import plan_of
 from harness.storage.schema import NET
 from tests.harness.analysis.test_curves import rows
 from tests.harness.grid.executors import ECHO, MadeUp

@@ -26,9 +26,9 @@ TRACKERS = (("mmpf", "cvm"), ("mmpf+model=idm", "idm"), ("echo", None))
 @pytest.fixture(autouse=True)
 def _few_quantities(monkeypatch):
     """Let tables be of a few quantities of each kind, so that another metric leaves the texts here as they are."""
-    known = {quantity.key: quantity for quantity in curves.told_quantities()}
+    known = {quantity.key: quantity for quantity in curves.table_quantities()}
     for module in (curves, tables):
-        monkeypatch.setattr(module, "told_quantities", lambda: [known[key] for key in TOLD])
+        monkeypatch.setattr(module, "table_quantities", lambda: [known[key] for key in TOLD])
         monkeypatch.setattr(module, "curve_quantities", lambda: [known[key] for key in DRAWN])
 
 

@@ -15,7 +15,7 @@ from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
 from harness.common.charts import DASHES, SERIES, Charts, curves, draw_charts, lines_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.comparison_chart import comparison_charts
-from harness.report.folderpage import text_page
+from harness.report.folder_page import text_page
 from harness.report.page import LIBRARY
 from harness.report.run_charts import diagnostics_charts, error_charts, visibility_charts
 from harness.running.finished import read_recorded_run

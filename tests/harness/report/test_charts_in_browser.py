@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from harness.grid.grid import GridRequest, plan_grid
-from harness.report.folderpage import write_page
+from harness.report.folder_page import write_page
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402

@@ -9,7 +9,7 @@ import pytest
 
 from harness.commands.app import EXIT_USER_ERROR, run_command_line
 from harness.common.errors import InputError
-from harness.report.folderpage import text_page, write_page
+from harness.report.folder_page import text_page, write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene
 

@@ -6,7 +6,7 @@ import pytest
 
 from harness.commands.app import EXIT_USER_ERROR, run_command_line
 from harness.grid.grid import GridRequest, plan_grid
-from harness.report.folderpage import write_page
+from harness.report.folder_page import write_page
 from harness.report.pictures import write_pictures
 from tests.harness.recorded_scene import write_recorded_scene
 

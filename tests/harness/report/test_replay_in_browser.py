@@ -7,7 +7,7 @@ import time
 import pandas as pd
 import pytest
 
-from harness.report.folderpage import text_page
+from harness.report.folder_page import text_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import GIVEN_UP, STEPS, rewrite, write_recorded_scene
 

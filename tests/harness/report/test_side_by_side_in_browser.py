@@ -9,7 +9,7 @@ import pytest
 
 from harness.analysis.compare import compare
 from harness.analysis.sources import open_source
-from harness.report.comparisonpage import comparison_page
+from harness.report.comparison_page import comparison_page
 from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, write_recorded_scene
 

@@ -11,8 +11,8 @@ import pytest
 from harness.report.gallery import strip_figure, worst_failures
 from harness.report.html_tables import mot_table
 from harness.report.page import write_run_page
-from harness.report.sentences import summary_sentences
 from harness.report.summary import print_summary
+from harness.report.summary_text import summary_sentences
 from harness.report.withheld_gallery import Withheld, withheld_vehicles, withheld_words
 from harness.running.finished import read_recorded_run
 from harness.storage import run_folder as runfolder

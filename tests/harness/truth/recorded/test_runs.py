@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.report.sentences import setting_sentence
 from harness.report.summary import print_summary
+from harness.report.summary_text import setting_sentence
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder

@@ -7,7 +7,7 @@ import pytest
 
 from harness.analysis.why import DEATH, LOSS, SWITCH, Failure, Why
 from harness.commands.app import run_command_line
-from harness.report.comparisonpage import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
+from harness.report.comparison_page import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
 from harness.report.replay_data import Beside, replay_data
 from harness.running.finished import read_recorded_run
 from harness.storage import run_folder as runfolder

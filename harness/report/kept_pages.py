@@ -9,8 +9,8 @@ from harness.analysis.sources import open_source
 from harness.common.files import write_text
 from harness.common.progress import progress_bar
 from harness.grid.cells import Cell, PlannedRun
-from harness.report.comparisonpage import comparison_page
-from harness.report.gridruns import BESIDE, plan_of
+from harness.report.comparison_page import comparison_page
+from harness.report.grid_runs import BESIDE, plan_of
 from harness.report.page import PAGE, write_run_page
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder

@@ -10,9 +10,9 @@ from harness.commands.app import run_command_line
 from harness.config.options import keys_of_options
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
-from harness.report.folderpage import as_html, write_page
-from harness.report.gridruns import BESIDE
-from harness.report.keptpages import write_kept_pages
+from harness.report.folder_page import as_html, write_page
+from harness.report.grid_runs import BESIDE
+from harness.report.kept_pages import write_kept_pages
 from harness.running.resolve import resolve_run_config
 from tests.harness.recorded_scene import write_recorded_scene
 

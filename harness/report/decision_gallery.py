@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.common.palette import PURPLE
-from harness.report.fromabove import (
+from harness.report.strips import save_strips
+from harness.report.top_view import (
     HALF_WINDOW_M,
     MARGIN_M,
     Subject,
@@ -22,7 +23,6 @@ from harness.report.fromabove import (
     draw_scale,
     rows_at,
 )
-from harness.report.strips import save_strips
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats

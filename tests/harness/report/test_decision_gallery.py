@@ -10,9 +10,9 @@ import pytest
 from harness.common.errors import InputError
 from harness.common.numbers import as_json
 from harness.decisions.decide import driver_of
-from harness.report.decisiongallery import decision_figure, draw_decisions, worst_brakings
+from harness.report.decision_gallery import decision_figure, draw_decisions, worst_brakings
 from harness.report.page import write_run_page
-from harness.report.sentences import decision_summary
+from harness.report.summary_text import decision_summary
 from harness.running.finished import read_recorded_run
 from harness.scoring.driving.asked import Driven
 from harness.scoring.score import score_run

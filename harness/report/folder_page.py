@@ -17,7 +17,7 @@ from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WOR
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.gridruns import runs_of
+from harness.report.grid_runs import runs_of
 from harness.report.html_tables import html_table
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
 from harness.scoring.metrics.registry import quantities

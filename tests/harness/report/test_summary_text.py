@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from harness.report.key_figures import coasting_errors_m, key_figures
-from harness.report.sentences import setting_sentence, summary_sentences
+from harness.report.summary_text import setting_sentence, summary_sentences
 from harness.running.finished import read_recorded_run
 from harness.scoring.metrics.registry import completed
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene

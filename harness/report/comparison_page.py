@@ -12,7 +12,7 @@ from harness.analysis.compare import Comparison
 from harness.analysis.comparison_text import as_markdown
 from harness.analysis.why import SWITCH, Failure, Why
 from harness.report.comparison_chart import comparison_charts
-from harness.report.folderpage import as_html, text_page, title_of
+from harness.report.folder_page import as_html, text_page, title_of
 from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
 from harness.report.replay_data import Beside
 from harness.running.finished import RecordedRun, read_recorded_run
