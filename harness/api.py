@@ -13,12 +13,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
 import pandas as pd
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
-from harness.config.options import RunOptions, checked, keys_of_options, setting_words
+from harness.config.options import Option, RunOptions, checked, keys_of_options, setting_words
 from harness.grid.options import GridOptions
 from harness.running.resolve import resolve_run_config
 from harness.storage.grid_rows import flattened
@@ -158,6 +158,17 @@ class Comparison:
     verdicts: pd.DataFrame
 
 
+class _OpenOptions(TypedDict, total=False):
+    folder: Annotated[Path | str, Option("A folder.")]
+
+
+class _CompareOptions(TypedDict, total=False):
+    a: Annotated[Path | str, Option("A folder, or FOLDER@LABEL.")]
+    b: Annotated[Path | str, Option("Likewise.")]
+    primary: Annotated[list[str] | None, Option("Keys of metrics.")]
+    allow_different: Annotated[bool, Option("Whether different experiments are compared.")]
+
+
 def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:
     """Drive, sense, track and score once, and leave a run folder.
 
@@ -180,8 +191,9 @@ def open_run(folder: Path | str) -> Run:
     Raises:
         InputError: It is no finished run's folder.
     """
-    read_manifest(Path(folder), "folder")
-    return Run(Path(folder))
+    path: Path = checked(_OpenOptions, {"folder": folder if folder is not None else 0}, "open_run")["folder"]
+    read_manifest(path, "folder")
+    return Run(path)
 
 
 def stress(*, quiet: bool = True, **options: Unpack[GridOptions]) -> Grid:
@@ -227,7 +239,11 @@ def compare(
     from harness.analysis import compare as comparing  # noqa: PLC0415
     from harness.analysis import sources, verdicts  # noqa: PLC0415
 
-    first, second = (str(side.folder if isinstance(side, Run | Grid) else side) for side in (a, b))
+    sides = [side.folder if isinstance(side, Run | Grid) else side for side in (a, b)]
+    named: dict[str, object] = {name: 0 if side is None else side for name, side in zip("ab", sides, strict=True)}
+    named |= {"primary": primary, "allow_different": allow_different}
+    values = checked(_CompareOptions, named, "compare")
+    first, second = str(values["a"]), str(values["b"])
     rules = verdicts.Rules(tolerance, time_tolerance, verdicts.PRIMARY if primary is None else tuple(primary))
     compared = comparing.compare(
         sources.open_source(first, "a"), sources.open_source(second, "b"), rules, allow_different

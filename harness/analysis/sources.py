@@ -96,7 +96,7 @@ def _open_grid(name: str, folder: Path, parameter: str) -> Source:
         asked = json.loads((folder / GRID).read_text(encoding="utf-8"))
         vary = [str(word) for word in asked["vary"]]
         settings = settings_of_grid(asked)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, InputError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, InputError):
         raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
     manifest = manifest_of(folder)
     check_unedited(folder, manifest, parameter)
@@ -142,7 +142,7 @@ def _open_run(name: str, folder: Path, parameter: str) -> Source:
     check_unedited(folder, manifest, parameter)
     try:
         metrics: dict[str, Any] = json.loads((folder / runfolder.METRICS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise InputError(
             f"`{parameter}`: {folder / runfolder.METRICS} is missing or broken; make the run again"
         ) from None

@@ -275,6 +275,8 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
     if isinstance(plain, int | float) and not ((least is None or plain >= least) and (most is None or plain <= most)):
         bounds = f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
         raise InputError(f"`{name}` {plain} is out of range: give {bounds}")
+    if isinstance(plain, str) and not plain.isprintable() and any(0xD800 <= ord(letter) < 0xE000 for letter in plain):
+        raise InputError(f"`{name}`: {ascii(plain)[:60]} is no text; give it in UTF-8")
     if Path in entry.types and isinstance(plain, str | os.PathLike):
         checked_path(Path(plain), name)
     if entry.types[0] is Path:
@@ -285,7 +287,7 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
 def _is_a(value: object, kind: Any) -> bool:  # noqa: ANN401  a class or several
     if isinstance(value, bool):
         return kind is bool
-    return isinstance(value, kind) and not (kind is Sequence and isinstance(value, str))
+    return isinstance(value, kind) and not (kind is Sequence and isinstance(value, str | bytes))
 
 
 def _short(value: object) -> str:
@@ -300,6 +302,9 @@ def setting_words(settings: Sequence[str] | Mapping[str, object] | None, paramet
         InputError: A key is no text, or TOML has no such value.
     """
     if not isinstance(settings, Mapping):
+        for word in settings or ():
+            if not isinstance(word, str):
+                raise InputError(f"`{parameter}`: {_short(word)} is no text KEY=VALUE")
         return list(settings or ())
     words: list[str] = []
     for key, value in settings.items():

@@ -69,7 +69,8 @@ def _seeds(seeds: object) -> str | None:
     """Return seeds as they are typed: a number of them, or ``A:B``."""
     if not isinstance(seeds, Sequence) or isinstance(seeds, str):
         return None if seeds is None else str(seeds)
-    if not seeds or list(seeds) != list(range(seeds[0], seeds[0] + len(seeds))):
+    whole = seeds and all(isinstance(seed, int) and not isinstance(seed, bool) for seed in seeds)
+    if not whole or list(seeds) != list(range(seeds[0], seeds[0] + len(seeds))):
         raise InputError(f"`seeds`: give seeds that follow each other, for example range(0, 10), not {list(seeds)}")
     return f"{seeds[0]}:{seeds[-1] + 1}"
 

@@ -24,7 +24,7 @@ from harness.config.sensor import SensorSettings
 from harness.running.resolve import check_sensor_of_folder
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
-from harness.storage.checks import Until
+from harness.storage.checks import Until, check_truth
 from harness.storage.schema import TABLES
 from harness.storage.tables import floats
 from mmpf.map.road import Road
@@ -140,15 +140,17 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 
     # Both or none: a run that was made before drivers were asked has neither.
     brakings, commands = sometimes(runfolder.BRAKINGS, runfolder.COMMANDS)
+    road, truth = runfolder.read_road(folder / runfolder.ROAD, parameter), table(runfolder.TRUTH)
+    check_truth(truth, road, f"`{parameter}`: {folder / runfolder.TRUTH}")
     (particles,), (unseen,) = sometimes(runfolder.PARTICLES), sometimes(runfolder.UNSEEN)
     return RecordedRun(
         folder=folder,
         config=config,
         metrics=read_metrics(folder, parameter),
         manifest=manifest,
-        road=runfolder.read_road(folder / runfolder.ROAD, parameter),
+        road=road,
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
-        truth=table(runfolder.TRUTH),
+        truth=truth,
         detections=table(runfolder.DETECTIONS),
         tracks=table(runfolder.TRACKS),
         errors=table(runfolder.ERRORS),

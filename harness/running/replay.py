@@ -16,7 +16,7 @@ from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
 from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
-from harness.storage.checks import sound_tables
+from harness.storage.checks import check_truth, sound_tables
 from harness.storage.schema import TABLES, VISIBILITY_STATES
 from harness.storage.tables import floats
 from harness.truth.frame import Frame
@@ -48,6 +48,7 @@ def _looks(folder: Path, config: RunConfig) -> Looks:
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
+    check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
     _check_content(truth, detections)
     times = np.unique(truth["time_s"].to_numpy(dtype=np.float64))
     truth_at, detections_at = _by_step(truth), _by_step(detections)
@@ -90,10 +91,6 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     times = truth.groupby("step")["time_s"].agg(["min", "max"]).to_numpy(dtype=np.float64)
     if (times[:, 0] != times[:, 1]).any() or (np.diff(times[:, 0]) <= 0.0).any():
         raise ValueError("the times of the steps do not ascend")
-    if not (truth["visible_fraction"].between(0.0, 1.0)).all():
-        raise ValueError("a visible fraction is not one of 0 to 1")
-    if "wall_fraction" in truth and not (truth["wall_fraction"].between(0.0, 1.0)).all():
-        raise ValueError("wall_fraction is not one of 0 to 1")
     measured = detections[["lon_m", "lat_m", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     if not (np.abs(measured) <= FARTHEST).all() or not (measured[:, 2:] > 0.0).all():
         raise ValueError("a detection is not finite, or its deviation is not positive")

@@ -19,6 +19,7 @@ from harness.common.errors import InputError
 from harness.common.isolation import Limits, isolated
 from harness.common.untrusted_files import check_file, read_text
 from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
+from mmpf.map.road import Road
 
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
@@ -128,6 +129,27 @@ def check_order(table: pd.DataFrame, place: str) -> None:
     """
     if (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
         raise InputError(f"{place}: its rows are not in the order of time; make the run again")
+
+
+def check_truth(truth: pd.DataFrame, road: Road, place: str) -> None:
+    """Refuse a truth that no run on a road writes.
+
+    Raises:
+        InputError: It lacks steps, or holds lanes that the road has not, or fractions above 1.
+    """
+    steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
+    most = len(road.graph) if road.graph is not None else max(lane.number for lane in road.lanes)
+    fractions = [name for name in ("visible_fraction", "wall_fraction") if name in truth]
+    faults = {
+        "lacks steps": bool((np.diff(steps) > 1).any()),
+        "names a lane that the road has not": not truth["lane"].between(0, most).all(),
+        "holds a visible fraction that is not one of 0 to 1": not all(
+            truth[name].between(0, 1).all() for name in fractions
+        ),
+    }
+    for told, holds in faults.items():
+        if holds:
+            raise InputError(f"{place} {told}; make the run again")
 
 
 def rows_of(folder: Path) -> dict[str, int]:

@@ -20,14 +20,13 @@ from harness.commands.app import run_command_line
 from tests.fuzz.inputs import INPUTS
 from tests.fuzz.mutations import DONE
 
-MOST_BYTES = 2 << 30
+# What the commands are told to write, or do in the folder that they are given.
+WRITTEN = ("out", "run/report.html", "run/figures", "run/.mmpf-harness.json", "run/export", "results")
 
 
 def main() -> None:
     """Run the cases from the first to the last number, both given, of a seed."""
     seed, first, last, told = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
-    # Private memory: what is mapped and never touched, as libraries do, does not count.
-    resource.setrlimit(resource.RLIMIT_DATA, (MOST_BYTES, MOST_BYTES))
     faulthandler.enable()
     log = told.open("a", encoding="utf-8")
     errors = told.with_suffix(".stderr")
@@ -41,14 +40,28 @@ def main() -> None:
         words = INPUTS[kind](folder, rng)
         log.write(json.dumps({"begin": number, "kind": kind, "command": words, "spoilt": DONE}) + "\n")
         log.flush()
+        (folder / "victim").write_text("precious")
+        before = state_of(folder)
         begin = time.perf_counter()
         code = captured(words, errors)
         message = errors.read_text(encoding="utf-8", errors="replace")
+        after = state_of(folder)
+        written = [name for name, size in after.items() if before.get(name) != size and not name.startswith(WRITTEN)]
         row = {"end": number, "code": code, "seconds": time.perf_counter() - begin, "stderr": message[-4000:]}
+        # What is mapped and never touched, as libraries do, does not count.
+        used = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        row["peak_bytes"] = 1024 * max(used)
+        row["written"] = written + [name for name in before if name not in after]
         log.write(json.dumps(row) + "\n")
         log.flush()
         os.chdir(home)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def state_of(folder: Path) -> dict[str, tuple[int, int]]:
+    """Return size and time of each file below a folder, by its name."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): (path.stat().st_size, path.stat().st_mtime_ns) for path in files}
 
 
 def captured(words: list[str], errors: Path) -> int:

@@ -15,7 +15,7 @@ from pathlib import Path
 from harness.common import exit_codes
 
 ROOT = Path(__file__).parents[2]
-LONGEST_S = 60.0
+LONGEST_S, MOST_BYTES = 60.0, 2 << 30
 STARTING_S = 120.0
 BUSY = 10.0
 """A case may take this many times longer by the clock than by its own time: other programs may want the processor."""
@@ -32,11 +32,15 @@ class Case:
     code: int | None = None
     seconds: float = 0.0
     stderr: str = ""
+    written: tuple[str, ...] = ()
+    peak_bytes: int = 0
 
     def fault(self) -> str:
         """Return what is wrong with how it ended; empty if nothing is."""
         if self.code is None:
             return self.stderr or "the process died"
+        if self.peak_bytes > MOST_BYTES or self.written:
+            return f"took {self.peak_bytes / 1e9:.1f} GB, wrote or removed {', '.join(self.written) or 'nothing'}"
         if "Traceback" in self.stderr:
             return "traceback"
         if self.code not in exit_codes.MEANINGS or self.code == exit_codes.INTERNAL:
@@ -93,6 +97,8 @@ def run_cases(folder: Path, child: Sequence[str], first: int, end: int) -> list[
             else:
                 case = cases[row["end"]]
                 case.code, case.seconds, case.stderr = row["code"], row["seconds"], row["stderr"]
+                case.peak_bytes = row.get("peak_bytes", 0)
+                case.written = tuple(row.get("written", ()))
         began = max(cases, default=-1)
         assert began >= first, (folder / "child.stderr").read_text()[-2000:]
         if cases[began].code is None:
