@@ -125,4 +125,4 @@ def rewrite(folder: Path, name: str, table: pd.DataFrame) -> None:
     """Put another table in a run folder's place of one, as if the run had left it."""
     write_table(table, folder / name)
     manifest = json.loads((folder / runfolder.MANIFEST).read_text())
-    (folder / runfolder.MANIFEST).write_text(json.dumps(manifest | {"rows": rows_of(folder)}))
+    (folder / runfolder.MANIFEST).write_text(json.dumps(manifest | {"rows": rows_of(folder), "files_sha256": {}}))

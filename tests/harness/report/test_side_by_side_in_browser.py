@@ -11,7 +11,7 @@ from harness.analysis.compare import compare
 from harness.analysis.sources import open_source
 from harness.report.comparison_page import comparison_page
 from harness.storage import run_folder as runfolder
-from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, write_recorded_scene
+from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, rewrite, write_recorded_scene
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
@@ -30,7 +30,7 @@ def address(tmp_path_factory) -> str:
     errors = pd.read_parquet(kept / runfolder.ERRORS).astype({"outcome": object})
     far = (errors["vehicle_id"] == "far").to_numpy()
     errors.loc[far, ["track_id", "lon_error_m", "lat_error_m", "outcome"]] = [2, 1.0, 0.0, "tracked"]
-    errors.to_parquet(kept / runfolder.ERRORS)
+    rewrite(kept, runfolder.ERRORS, errors)
     page = lost.parent / "page.html"
     page.write_text(comparison_page(compare(open_source(str(lost), "a"), open_source(str(kept), "b"))))
     return page.as_uri()
