@@ -48,7 +48,9 @@ def test_runs_stand_in_a_fixed_order_and_what_fails_is_a_row_beside_those_that_r
         [density, seed, variant] for density in (20, 40) for seed in (0, 1) for variant in (f"{BROKEN}:raising", ECHO)
     ]
     weights, traffic = "ArithmeticError: the weights all vanished", "RuntimeError: the traffic broke"
-    assert table["error"].fillna("").tolist() == [weights, "", traffic, traffic] * 2
+    errors = table["error"].fillna("").tolist()
+    assert [weights in errors[0], weights in errors[4]] == [True, True]
+    assert errors[1:4] == errors[5:] == ["", traffic, traffic]
     assert table["succeeded"].tolist() == [False, True, False, False] * 2
     assert table.loc[table["succeeded"], "mae.visible.lon_m"].gt(0.0).all()
     assert len(finished.failures) == 6
@@ -103,7 +105,7 @@ def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_rea
     table = table_of(tmp_path / "grid")
     assert table["succeeded"].tolist() == [False, False, False, True]
     raised, hung, died = table["error"].iloc[:3]
-    assert raised == "ArithmeticError: the weights all vanished"
+    assert "ArithmeticError: the weights all vanished" in raised
     assert hung == "timeout: the run took longer than 15 s"
     assert "died (signal SIGKILL" in died
     assert len(outcome.stderr.strip().splitlines()) == 1
