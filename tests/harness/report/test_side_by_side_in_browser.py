@@ -87,7 +87,7 @@ def test_the_way_leads_from_difference_to_difference(page):
     page.find_element(By.ID, "next-difference").click()
     assert asked(page, "step") == LAST_SEEN + 1
     assert asked(page, "followed") == "far"
-    assert line.text == "Here a is over 1 m farther off far."
+    assert line.text == "Here a is over 1 m farther from far."
     press(page, "n")
     assert asked(page, "step") == GIVEN_UP
     assert line.text == "Here b alone follows far."
