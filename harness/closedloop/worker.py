@@ -41,7 +41,7 @@ from harness.truth.sumo.planetruth import PlaneTruth
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 
 T = TypeVar("T")
-DRIVING = Limits(memory_bytes=8 << 30, cpu_s=120, file_bytes=8 << 30, may_fork=True)
+DRIVING = Limits(memory_bytes=8 << 30, cpu_s=120, file_bytes=8 << 30)
 """Of a cell on a network from elsewhere, whose trackers are in its process."""
 REHEARSED_STEPS = 3
 CHOICES = 9

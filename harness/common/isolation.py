@@ -17,7 +17,7 @@ import struct
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,13 +50,11 @@ class Limits:
         memory_bytes: Memory beyond what it begins with.
         cpu_s: Processor time between two things that it tells.
         file_bytes: Size of a file that it writes.
-        may_fork: Whether it may start processes and threads.
     """
 
     memory_bytes: int = 1536 * MB
     cpu_s: int = 30
     file_bytes: int = MB
-    may_fork: bool = False
 
     @classmethod
     def for_files(cls, files: Iterable[Path]) -> Limits:
@@ -116,6 +114,8 @@ def streamed(
         os.close(reading)
         _work(work, writing, limits, folders, owner)
     os.close(writing)
+    with suppress(OSError):
+        os.setpgid(child, child)
     try:
         while (answer := _next(reading, LONGEST_SILENCE * limits.cpu_s))[0] != DONE:
             kind, content = answer
@@ -126,12 +126,14 @@ def streamed(
     except TimeoutError:
         raise InputError(f"{place}: it took more than {limits.cpu_s} s; give less, or what is sound") from None
     except EOFError:
-        child, status = 0, os.waitpid(child, 0)[1]
+        status = os.waitpid(child, 0)[1]
         raise InputError(f"{place}: {_in_words(status, limits)}; give what is sound") from None
     finally:
         os.close(reading)
-        if child:
-            os.kill(child, signal.SIGKILL)
+        # It is the first of a group of its own, which ends with it.
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(child, signal.SIGKILL)
+        with suppress(ChildProcessError):
             os.waitpid(child, 0)
 
 
@@ -170,6 +172,7 @@ def _work(
 ) -> NoReturn:
     """Do the work of a fork and end it, whatever comes."""
     try:
+        os.setpgid(0, 0)
         ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
         if os.getppid() != owner:
             os._exit(0)
@@ -218,8 +221,6 @@ def _limit(limits: Limits, folders: Sequence[Path]) -> None:
         resource.RLIMIT_FSIZE: limits.file_bytes if folders else 0,
         resource.RLIMIT_CORE: 0,
     }
-    if not limits.may_fork:
-        most[resource.RLIMIT_NPROC] = 0
     for kind, value in most.items():
         hard = resource.getrlimit(kind)[1]
         least = value if hard == resource.RLIM_INFINITY else min(value, hard)

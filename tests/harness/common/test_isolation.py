@@ -123,3 +123,23 @@ def test_reading_apart_costs_little():
     for _ in range(10):
         isolated(lambda: 1, "file")
     assert (time.perf_counter() - begin) / 10 < 0.1
+
+
+def test_what_a_fork_starts_ends_with_it():
+    def work():
+        child = os.fork()
+        if not child:
+            time.sleep(60.0)
+            os._exit(0)
+        return child
+
+    left = isolated(work, "file")
+    for _ in range(100):
+        try:
+            state = Path(f"/proc/{left}/stat").read_text().rsplit(")", 1)[1].split()[0]
+        except OSError:
+            return
+        if state == "Z":
+            return
+        time.sleep(0.05)
+    pytest.fail("it lives on")
