@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -62,3 +63,15 @@ def test_the_wheel_alone_has_all_that_a_run_needs(tmp_path):
     place, has_truth = json.loads(answer.stdout)
     assert Path(place).is_relative_to(installed)
     assert has_truth
+
+
+def test_all_files_name_the_same_version():
+    places = {
+        "pyproject.toml": r'^version = "(.+)"$',
+        "mmpf/pyproject.toml": r'^version = "(.+)"$',
+        "CITATION.cff": r"^version: (.+)$",
+        ".ci/release/conda/recipe.yaml": r'^  version: "(.+)"$',
+    }
+    found = {re.search(line, (ROOT / name).read_text(), re.MULTILINE).group(1) for name, line in places.items()}
+    assert len(found) == 1
+    assert f"## [{found.pop()}]" in (ROOT / "CHANGELOG.md").read_text()
