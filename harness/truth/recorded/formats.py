@@ -88,6 +88,8 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
     Raises:
         InputError: The file is missing, empty or binary, its format is unknown, or there is no format of that name.
     """
+    if not isinstance(forced, str | None):
+        raise InputError(f"`format` {str(forced)[:40]}: give the name of a format, a text")
     if forced is not None and forced not in FORMATS and not recording_formats.is_outside(forced):
         named(recording_formats, "format", forced)
     if not checked_path(path, PARAMETER).exists():
