@@ -46,7 +46,7 @@ SETTINGS = [
     *("tracker.believes.detection_probability=0", "tracker.options.joint.association.gate_std=1e308", "seed=1e3"),
     "x" * 100_000 + "=1",
 ]
-RECORDED = ["traffic.recording.start_s=1e308", "traffic.recording.least_score=0.5", "traffic.recording.map=true", "traffic.recording.format=9"]
+RECORDED = [f"traffic.recording.{word}" for word in ("start_s=1e308", "least_score=0.5", "map=true", "format=9")]
 
 
 @pytest.mark.parametrize("setting", [*SETTINGS, *RECORDED], ids=lambda text: text[:60])

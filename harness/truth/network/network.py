@@ -31,6 +31,7 @@ from harness.truth.network.networkfile import (
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from harness.truth.network.walls import read_walls
+from mmpf.map.lane_graph import compile_kernels
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
 
@@ -207,6 +208,7 @@ def load_network(name_or_path: str) -> Network:
     if path.suffix == ".sumocfg" and not path.is_file() and not path.is_dir():
         raise InputError(f"`net` {name_or_path}: the file does not exist, or is no ordinary file")
     if path.is_dir() or path.suffix == ".sumocfg":
+        compile_kernels()
         beside = path.iterdir() if path.is_dir() else path.parent.iterdir()
         return isolated(partial(_from_elsewhere, path, name_or_path), f"`net`: {path}", Limits.for_files(beside))
     known = ", ".join(folder.name for folder in _network_folders())

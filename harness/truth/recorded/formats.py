@@ -23,6 +23,7 @@ from harness.truth.recorded import fcd, highd, outside
 from harness.truth.recorded.detected.recorded_drive import Drive
 from harness.truth.recorded.outside import recording_formats
 from harness.truth.recorded.rows import ReadTraffic
+from mmpf.map.lane_graph import compile_kernels
 
 T = TypeVar("T")
 PARAMETER = "replay"
@@ -203,6 +204,8 @@ def apart(work: Callable[[], T], path: Path, format_name: str) -> T:
     files = files_of(path, format_name)
     for file in files:
         check_file(file, PARAMETER)
+    if FORMATS[format_name].brings_road:
+        compile_kernels()
     return isolated(quietly, f"{path} ({format_name})", Limits.for_files(files))
 
 
