@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pytest
 
-from harness.report.figures import diagnostics_figure
 from harness.running.metrics import stage_timing
 from harness.running.watchers import DiagnosticsKeeper
 from harness.sensor.observation import Look
@@ -57,16 +55,3 @@ def test_stages_have_percentiles_under_keys_without_blanks():
         TellingTracker(setting()), [StepReport(stage_ms={"remove, add, merge": float(k)}) for k in range(101)]
     )
     assert stage_timing(keeper.stages_ms) == {"remove_add_merge": {"p50": 50.0, "p95": 95.0, "p99": 99.0}}
-
-
-def test_the_figure_shows_events_as_rates_and_leaves_out_kinds_that_never_came():
-    steps = np.arange(200)
-    table = pd.DataFrame({
-        "step": steps, "time_s": 0.1 * steps, "episode": 0, "components": 7, "effective_share": 0.5,
-        "births": 1, "deaths": 0, "merges": 0, "reclusterings": 0, "association_entropy": 0.1,
-    })  # fmt: skip
-    panels = diagnostics_figure(table, "title").axes
-    (births,) = panels[2].get_lines()
-    assert births.get_ydata() == pytest.approx(10.0)
-    assert [text.get_text() for text in panels[2].texts] == ["births"]
-    assert panels[1].get_lines()[1].get_ydata() == pytest.approx(50.0)
