@@ -16,8 +16,8 @@ class Options(TypedDict):
     check: Annotated[
         bool,
         Option(
-            "Make it aside, and tell where it differs from the committed one: exit code 1. On another kind of "
-            "processor only traffic and detections are held together.",
+            "Make it aside and say where it differs from the committed one: exit code 1. On another kind of processor "
+            "only traffic and detections are compared. Without a name: say which tables older code made.",
             default=False,
         ),
     ]

@@ -23,6 +23,8 @@ from harness.lab.reference.catalogue import FOLDER, Reference, reference_named, 
 from harness.lab.reference.differing import differences, made_here, told
 from harness.lab.reference.making import make_reference
 from harness.lab.reference.tree import top_of_tree
+from harness.running.provenance import own_code
+from harness.storage.manifest import CODE, manifest_of
 
 
 def make_or_check(options: Mapping[str, Any]) -> int:
@@ -37,7 +39,9 @@ def make_or_check(options: Mapping[str, Any]) -> int:
     root, name = top_of_tree(), options["name"]
     if name is None:
         _list(root)
-        return DONE
+        return (
+            WORSE if options["check"] and any(stale_parts(each, root) for each in references(root).values()) else DONE
+        )
     reference = reference_named(name, root)
 
     def execute(words: list[str], out: Path) -> None:
@@ -102,8 +106,18 @@ def state_of(reference: Reference, root: Path) -> str:
         made_of = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["git_revision"]
     except (OSError, ValueError, KeyError):
         made_of = "an unknown revision"
-    same = made_as_listed(reference, folder)
-    return f"made of {made_of}{'' if same else ', with other options than these'}"
+    same, stale = made_as_listed(reference, folder), stale_parts(reference, root)
+    older = f"; stale: {', '.join(stale)} changed since" if stale else ""
+    return f"made of {made_of}{'' if same else ', with other options than these'}{older}"
+
+
+def stale_parts(reference: Reference, root: Path) -> list[str]:
+    """Return the packages whose code differs from the code that made a committed table; none of a table not made."""
+    folder = root / FOLDER / reference.name
+    if not folder.is_dir():
+        return []
+    made_by = manifest_of(folder).get(CODE) or {}
+    return [part for part, digest in own_code().items() if made_by.get(part) != digest]
 
 
 def made_as_listed(reference: Reference, folder: Path) -> bool:

@@ -12,8 +12,9 @@ from harness.common.files import replacing, write_text
 from harness.lab.reference.catalogue import FOLDER, Reference
 from harness.lab.reference.differing import processor_kind
 from harness.lab.reference.tree import changes, revision, sources_of, tracked
+from harness.running.provenance import own_code
 from harness.storage import run_folder as runfolder
-from harness.storage.manifest import RunFacts, write_manifest
+from harness.storage.manifest import CODE, RunFacts, write_manifest
 
 MAKING = Path("results") / "making"
 KEPT = (".json", ".md", ".parquet", ".png", ".svg")
@@ -92,5 +93,5 @@ def _tell_command(kept: Path, reference: Reference, made_of: str) -> None:
     manifest = json.loads(path.read_text(encoding="utf-8"))
     # The sources were found unchanged; other references that wait to be committed are no change of theirs.
     manifest.setdefault("machine", {})["kind"] = processor_kind()
-    manifest |= {"command": command, "that_runs": reference.command, "git_revision": made_of}
+    manifest |= {"command": command, "that_runs": reference.command, "git_revision": made_of, CODE: own_code()}
     write_text(path, json.dumps(manifest, indent=2) + "\n")

@@ -12,7 +12,7 @@ from harness.scoring.driving.asked import _times
 from harness.scoring.driving.encroachment import TimedPath, _encounter, _first_crossing, _pieces
 from harness.scoring.evidence.assignment import best_assignment, components
 from harness.scoring.evidence.directions import nearest_row
-from harness.scoring.evidence.events import _row_after, _track_ids
+from harness.scoring.evidence.events import _track_ids, row_after
 from harness.scoring.evidence.history import last_row_where
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import stretches
@@ -207,9 +207,9 @@ def truth_of(time_s, vehicle, **other) -> Truth:
 def test_the_row_after_a_delay_is_of_the_same_vehicle_and_at_least_that_late():
     truth = truth_of([0.0, 0.1, 0.2, 0.3, 0.0, 0.1], [0, 0, 0, 0, 1, 1])
     rows = SimpleNamespace(time_s=np.array([0.0, 0.1, 0.2, 0.3]), truth=truth)
-    assert _row_after(rows, np.arange(6), 0.2).tolist() == [2, 3, -1, -1, -1, -1]
-    assert _row_after(rows, np.arange(6), 0.15).tolist() == [2, 3, -1, -1, -1, -1]
-    assert _row_after(rows, np.arange(6), 0.0).tolist() == [0, 1, 2, 3, 4, 5]
+    assert row_after(rows, np.arange(6), 0.2).tolist() == [2, 3, -1, -1, -1, -1]
+    assert row_after(rows, np.arange(6), 0.15).tolist() == [2, 3, -1, -1, -1, -1]
+    assert row_after(rows, np.arange(6), 0.0).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_the_rate_of_a_heading_is_over_a_second_to_either_side_and_winds_through_half_a_turn():

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.commands.actions.make_or_check import made_as_listed
+from harness.commands.actions.make_or_check import made_as_listed, stale_parts
 from harness.common.errors import InputError
 from harness.lab.reference.catalogue import FOLDER, Reference, reference_named, references
 from harness.lab.reference.differing import differences, made_here
@@ -151,3 +151,13 @@ def test_the_small_reference_remade_is_the_committed_one() -> None:
     words = [sys.executable, "-m", "harness", "reference", "small", "--check", "--workers", "1", "--quiet"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_table_that_older_code_made_is_named_with_what_changed(tree: Path) -> None:
+    kept = make_reference(TABLE, tree, Stress())
+    assert stale_parts(TABLE, tree) == []
+    manifest = json.loads((kept / "manifest.json").read_text())
+    manifest["code_sha256"]["harness/sensor"] = "0"
+    (kept / "manifest.json").write_text(json.dumps(manifest))
+    assert stale_parts(TABLE, tree) == ["harness/sensor"]
+    assert stale_parts(Reference("other", "Not made.", ("stress",)), tree) == []

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.curves import CURVES, TOLD
+from harness.analysis.curves import CURVES, TABLED
 from harness.analysis.pooled import POOLED
 from harness.analysis.verdicts import COMPARED
 from harness.decisions.decide import driver_of
@@ -126,7 +126,7 @@ def test_a_view_has_what_it_lists_in_its_order_and_then_what_is_from_outside():
     assert [each.decimals for each in shown[-2:]] == [2, 0]
 
 
-@pytest.mark.parametrize("listed", [CURVES, TOLD, POOLED, COMPARED, COLUMNS, REPORTED])
+@pytest.mark.parametrize("listed", [CURVES, TABLED, POOLED, COMPARED, COLUMNS, REPORTED])
 def test_every_view_lists_what_there_is(listed):
     assert all(view((key,)) for key in listed)
     assert len({quantity.key for quantity in view(listed)}) == len(view(listed))
