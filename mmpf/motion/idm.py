@@ -134,11 +134,15 @@ class Adaptation:
         lag_per_s: Rate at which acceleration approaches IDM's.
         leader_accel_share: Share of the leader's acceleration that is added.
         trust: How far the headway moves from the common one to what the first acceleration implies, 0 to 1.
+        deviation_mps2: Standard deviation of what drivers want beside that, an autoregressive process of first order.
+        deviation_s: How long it lasts: its autocorrelation falls by e in this time.
     """
 
     lag_per_s: float
     leader_accel_share: float
     trust: float
+    deviation_mps2: float = 0.0
+    deviation_s: float = 1.4
 
 
 def adaptive_parameters() -> tuple[IdmParameters, Adaptation]:
@@ -149,25 +153,26 @@ def adaptive_parameters() -> tuple[IdmParameters, Adaptation]:
 
 @dataclass(frozen=True)
 class AdaptiveDriver:
-    """Adaptive IDM; its latent is the driver's time headway, zero until the first step.
+    """Adaptive IDM; its latents are the driver's time headway, zero until the first step, and its deviation.
 
     Attributes:
         driver: Parameters; the headway is the common one.
         adaptation: Lag, leader's acceleration and trust.
         noise: Drives the speeds, m/s per root second.
         name: Name in the registry.
-        latent_size: The headway.
+        latent_size: Headway and deviation.
     """
 
     driver: IdmParameters = field(default_factory=lambda: adaptive_parameters()[0])
     adaptation: Adaptation = field(default_factory=lambda: adaptive_parameters()[1])
     noise: ProcessNoise = field(default_factory=lambda: process_noise("idm-adaptive"))
     name: str = "idm-adaptive"
-    latent_size: int = 1
+    latent_size: int = 2
 
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
-        """Return headways that are set at the first step, when the leader is known: shape (1, n) of zeros."""
-        return np.zeros((1, state.shape[1]))
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Return headways of zero, set at the first step, when the leader is known, and deviations: shape (2, n)."""
+        deviation = self.adaptation.deviation_mps2 * rng.standard_normal(state.shape[1])
+        return np.stack([np.zeros(state.shape[1]), deviation])
 
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
@@ -179,8 +184,12 @@ class AdaptiveDriver:
         wanted += np.where(
             leader.exists, self.adaptation.leader_accel_share * np.clip(leader.accel_mps2, -9.0, 5.0), 0.0
         )
+        wanted += latents[1]
         accel = state[ACCEL] + min(self.adaptation.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
-        return _driven(state, accel, surroundings, self.noise, dt_s, rng), headway[None]
+        kept = np.exp(-dt_s / self.adaptation.deviation_s)
+        fresh = self.adaptation.deviation_mps2 * np.sqrt(1.0 - kept**2) * rng.standard_normal(len(headway))
+        after = np.stack([headway, kept * latents[1] + fresh])
+        return _driven(state, accel, surroundings, self.noise, dt_s, rng), after
 
     def _implied_headway(self, state: FloatArray, surroundings: Surroundings) -> FloatArray:
         """Return the headway with which IDM gives the present acceleration, drawn towards the common one."""

@@ -9,6 +9,7 @@ over the noise's spectral density is then ``mean(e' Q^-1 e) / 2`` with Q for uni
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,8 @@ from harness.common.files import write_toml
 from harness.lab.fit.card import TRAFFIC
 from harness.lab.windows.car_following import Following
 from harness.lab.windows.cases import Cases, following_cases
-from harness.lab.windows.scores import HORIZONS_S
+from harness.lab.windows.filtering import follow
+from harness.lab.windows.scores import HORIZONS_S, score
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import MotionModel
@@ -30,6 +32,9 @@ GENERATIONS = 25
 POPULATION = 8
 DRIVER_BOUNDS = ((20.0, 45.0), (0.5, 2.5), (0.3, 3.0), (0.5, 5.0), (1.0, 5.0))
 ADAPTATION_BOUNDS = ((0.5, 10.0), (-0.2, 1.0), (0.0, 1.0))
+DEVIATION_PARTICLES = 50
+DEVIATIONS = tuple((size_mps2, lasts_s) for size_mps2 in (0.4, 0.7, 1.0, 1.4, 1.8) for lasts_s in (1.4, 3.0, 6.0))
+"""What is tried: how far drivers deviate from the model, and for how long."""
 NO_NOISE = ProcessNoise(0.0, 0.0)
 AHEAD_S = 1.0
 SPEED_DRIVEN = np.array([[1.0 / 3.0, 0.5], [0.5, 1.0]])
@@ -57,11 +62,27 @@ def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
 
 
 def fit_adaptive(windows: Following, seed: int, step_s: float) -> Adaptive:
-    """Fit the adaptive form in the same way."""
+    """Fit the adaptive form in the same way, and how long and how far drivers deviate from it."""
     bounds = (*DRIVER_BOUNDS, *ADAPTATION_BOUNDS)
-    return _adaptive(
-        _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed, step_s)
-    )
+    found = _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed, step_s)
+    driver, adaptation = _adaptive(found)
+    cases = following_cases(windows, WINDOWS, step_s, np.random.default_rng(seed))
+    return driver, with_deviation(driver, adaptation, cases)
+
+
+def with_deviation(driver: IdmParameters, adaptation: Adaptation, cases: Cases) -> Adaptation:
+    """Return the adaptation with those of ``DEVIATIONS`` that predict the cases best, by the score of all particles."""
+
+    def crps(deviation: tuple[float, float]) -> float:
+        model = AdaptiveDriver(driver, _deviating(adaptation, deviation), NO_NOISE)
+        scores = score(follow(model, cases, DEVIATION_PARTICLES, np.random.default_rng(0)), cases)
+        return sum(float(scores.crps_m[round(ahead / cases.step_s) - 1].mean()) / ahead for ahead in HORIZONS_S)
+
+    return _deviating(adaptation, min(DEVIATIONS, key=crps))
+
+
+def _deviating(adaptation: Adaptation, deviation: tuple[float, float]) -> Adaptation:
+    return replace(adaptation, deviation_mps2=deviation[0], deviation_s=deviation[1])
 
 
 def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptive) -> dict[str, ProcessNoise]:
@@ -72,6 +93,7 @@ def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptiv
         fitted: Parameters of ``idm-fitted``.
         adaptive: Parameters of ``idm-adaptive``.
     """
+    fitted_driver, adaptation = adaptive
     rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
         (kinematic("cvm", NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
         (kinematic("cam", NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
@@ -79,9 +101,11 @@ def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptiv
         (kinematic("csaa", NO_NOISE), ACCEL_DRIVEN, ACCEL_DRIVEN),
         (intelligent_driver(noise=NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
         (intelligent_driver(fitted, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
-        (AdaptiveDriver(*adaptive, NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
+        (AdaptiveDriver(fitted_driver, replace(adaptation, deviation_mps2=0.0), NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
     )
-    return {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
+    found = {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
+    # Its deviations take the place of white noise along the road.
+    return found | {"idm-adaptive": replace(found["idm-adaptive"], lon=0.0)}
 
 
 def write_rivals(

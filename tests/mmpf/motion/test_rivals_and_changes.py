@@ -43,6 +43,17 @@ def test_the_acceleration_approaches_idms_at_the_drivers_rate_whatever_the_step(
     assert after[ACCEL] == pytest.approx(-1.0 + min(2.0 * dt_s, 1.0) * (wanted + 1.0))
 
 
+def test_deviations_of_the_adaptive_driver_keep_their_spread_and_fade_at_their_rate():
+    n, rng = 4000, np.random.default_rng(0)
+    state, leader = states(n, 15.0), vehicle(n, 35.0, 14.0)
+    model = AdaptiveDriver(TREIBER_2000, Adaptation(2.0, 0.0, 0.0, 0.5, 3.0), ProcessNoise(0.0, 0.0))
+    before = latents = model.draw_latents(state, rng)
+    for _ in range(20):
+        _, latents = model.propagate(state, latents, around(state, leader), STEP_S, rng)
+    assert latents[1].std() == pytest.approx(0.5, rel=0.05)
+    assert np.corrcoef(before[1], latents[1])[0, 1] == pytest.approx(np.exp(-2.0 / 3.0), abs=0.05)
+
+
 def test_a_lane_change_to_the_left_is_the_mirror_of_one_to_the_right():
     def driven(to_left):
         model, state = LaneChangeDriver(to_left=to_left), states(50, 20.0)
