@@ -17,7 +17,7 @@ class Options(TypedDict):
         str | None,
         Option(
             "Trackers with commas between: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
-            "(default: mmpf with gmm and cvm, and Stone Soup's)"
+            "(default: mmpf with residual, gmm and cvm, and Stone Soup's)"
         ),
     ]
     particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10)]

@@ -36,10 +36,10 @@ def command(options: Options) -> None:
     scene as a film.
 
     Examples:
-      python -m harness export results/us101-mmpf-gmm-d20-s0 --to mot
-      python -m harness export results/us101-mmpf-gmm-d20-s0 --to fcd --out us101.xml.gz
-      python -m harness export results/us101-mmpf-gmm-d20-s0 --video run.mp4
-      python -m harness export results/us101-mmpf-gmm-d20-s0 --to my_format:write
+      python -m harness export results/us101-mmpf-residual-d20-s0 --to mot
+      python -m harness export results/us101-mmpf-residual-d20-s0 --to fcd --out us101.xml.gz
+      python -m harness export results/us101-mmpf-residual-d20-s0 --video run.mp4
+      python -m harness export results/us101-mmpf-residual-d20-s0 --to my_format:write
     """
     from harness.common.errors import InputError  # noqa: PLC0415
     from harness.export.formats import export_formats, export_run  # noqa: PLC0415

@@ -41,7 +41,7 @@ def command(options: Options) -> None:
     stress test its curves, into RUN/figures, from the folder's own tables.
 
     Examples:
-      python -m harness report results/us101-mmpf-gmm-d20-s0
+      python -m harness report results/us101-mmpf-residual-d20-s0
       python -m harness report results/stress --figures pdf
     """
     from harness.report.folder_page import write_page  # noqa: PLC0415

@@ -21,7 +21,7 @@ LONGEST_FOLDER_NAME = 120
 
 # What the project's own tracker takes where the user says nothing; other trackers have defaults of their own.
 MMPF_DEFAULTS: dict[str, str | int] = {
-    "model": "gmm",
+    "model": "residual",
     "update": FilterOptions().update,
     "particles": FilterOptions().particles,
 }

@@ -161,7 +161,11 @@ class RunOptions(TypedDict, total=False):
     ]
     model: Annotated[
         str | None,
-        Option("Motion model: gmm, idm, cam, cvm, ..., or module:Class. (default: gmm)", "tracker.model", TRACKING),
+        Option(
+            "Motion model: gmm, idm, cvm, ..., or module:Class. (default: residual)",
+            "tracker.model",
+            TRACKING,
+        ),
     ]
     update: Annotated[
         str | None, Option("Measurement update by name, e.g. joint, max_likelihood.", "tracker.update", TRACKING)
@@ -169,7 +173,11 @@ class RunOptions(TypedDict, total=False):
     particles: Annotated[int | None, Option("Particles per vehicle.", "tracker.particles", TRACKING)]
     model_file: Annotated[
         str | Path | None,
-        Option("Model of your own from 'train' (npz), for --model gmm or gmm-short.", "tracker.model_file", TRACKING),
+        Option(
+            "Model of your own from 'train' (npz), for its --model: residual, gmm, ...",
+            "tracker.model_file",
+            TRACKING,
+        ),
     ]
     driver: Annotated[
         str | None,

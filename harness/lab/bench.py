@@ -143,8 +143,8 @@ def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTr
     options: dict[str, object] = {}
     of_mmpf: tuple[str | None, int | None] = (None, None)
     if tracker == "mmpf":
-        name, of_mmpf = tracker, (variant or "gmm", particles)
-        options = {"model": variant or "gmm", "particles": particles}
+        name, of_mmpf = tracker, (variant or "residual", particles)
+        options = {"model": variant or "residual", "particles": particles}
     elif tracker.startswith("stonesoup"):
         if variant not in ("", "coarse"):
             raise InputError(f"`trackers` {name}: give {tracker} as it ships, or {tracker}:coarse")
@@ -167,7 +167,7 @@ def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, list[di
         InputError: There is no such tracker or model, or it is none that can be timed.
     """
     has_stone_soup = importlib.util.find_spec("stonesoup") is not None
-    names = plan.trackers or ("mmpf:gmm", "mmpf:cvm", *(STONE_SOUP if has_stone_soup else ()))
+    names = plan.trackers or ("mmpf:residual", "mmpf:gmm", "mmpf:cvm", *(STONE_SOUP if has_stone_soup else ()))
 
     def field_in(vehicles: int, seed: Sequence[int]) -> tuple[list[TimedTracker], Iterator[Scan]]:
         rng = np.random.default_rng(seed)

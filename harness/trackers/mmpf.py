@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.common.error_text import what_it_raised
 from harness.trackers.protocol import TrackerSetting
-from mmpf.motion.learned.driver import load_learned_driver
+from mmpf.motion.learned.driver import empirical_driver, load_learned_driver, residual_driver
 from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
 from mmpf.motion.state import SPEED, STATE_SIZE
@@ -19,7 +19,10 @@ from mmpf.registry import UnknownNameError
 from mmpf.tracker import MixtureTracker
 
 # The models that are fitted to data, and so can come from a file of the user's own.
-MODEL_LOADERS: dict[str, Callable[[Path], MotionModel]] = {"gmm": load_learned_driver, "gmm-short": load_short_driver}
+MODEL_LOADERS: dict[str, Callable[[Path], MotionModel]] = {
+    **{"residual": residual_driver, "gmm": load_learned_driver, "gmm-short": load_short_driver},
+    "empirical": empirical_driver,
+}
 
 # A motion model from outside is tried on two vehicles at this speed before a run begins.
 TRIAL_SPEED_MPS = 20.0
@@ -28,7 +31,7 @@ TRIAL_SPEED_MPS = 20.0
 class MixtureTrackerOptions(FilterOptions):
     """The filter's settings and its motion model."""
 
-    model: str = "gmm"
+    model: str = "residual"
     """Name of the motion model."""
     model_file: Path | None = None
     """File that the model is read from; the one that travels with the package if None."""

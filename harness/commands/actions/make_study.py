@@ -113,8 +113,8 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
     rows = ablation_rows(runs_of(ablation_request(net, seeds, ABLATION_S), folder))
     ideal = ablation_rows(runs_of(ideal_request(net, seeds, ABLATION_S), folder / "ideal"), IDEAL_ABLATIONS)
     setting = (
-        f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, gmm unless "
-        "an arm says otherwise."
+        f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, the default "
+        "model unless an arm says otherwise."
     )
     return _Told(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
 

@@ -16,6 +16,8 @@ from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 
 COLOURS = {
+    "residual": "#B22222",
+    "empirical": "#9467BD",
     "gmm": "#0072B2",
     "gmm-short": "#56B4E9",
     "gmm-lane-change": "#56B4E9",
@@ -28,7 +30,7 @@ COLOURS = {
     "csaa": "#8C6D1F",
 }
 SHOWN = {
-    "lane-keeping": ("gmm", "gmm-short", "cvm", "cam", "idm"),
+    "lane-keeping": ("residual", "gmm", "gmm-short", "cvm", "idm"),
     "lane-change": ("gmm", "gmm-lane-change", "cvm", "cam"),
 }
 LON_PANELS = ((LON, 0, "position against steady\nspeed, m"), (SPEED, 2, "speed, m/s"))
@@ -132,7 +134,7 @@ def _errors(axis: Axes, result: StudyResult, occlusion: str, quantity: str) -> N
         band = np.array([mean_with_interval(error[step], np.random.default_rng(0))[1] for step in shown])
         colour = COLOURS.get(model, "#777777")
         axis.fill_between(time_s[shown], band[:, 0], band[:, 1], color=colour, alpha=0.18, linewidth=0)
-        axis.plot(time_s, mean, color=colour, linewidth=2.0 if model.startswith("gmm") else 1.3)
+        axis.plot(time_s, mean, color=colour, linewidth=2.0 if model in ("residual", "gmm") else 1.3)
         ends.append((float(mean[-1]), model, colour))
     label_ends(axis, ends, time_s[-1])
     axis.spines[["top", "right"]].set_visible(False)

@@ -8,6 +8,7 @@ are resampled with the particle, the filter learns each vehicle's driver while i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import astuple, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
@@ -232,16 +233,29 @@ class LearnedDriver:
         return np.asarray(np.maximum(desired, 0.0))
 
 
-def residual_driver() -> LearnedDriver:
-    """Return the driver that follows by IDM and a network; see ``mmpf.motion.learned.residual``."""
-    with committed_file(residual.CASE) as path:
-        return with_follower(residual.load_residual(path), residual.CASE)
+def residual_driver(path: Path | None = None) -> LearnedDriver:
+    """Return the driver that follows by IDM and a network, the committed one or a file's; see ``residual``.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    return _from_file(residual.load_residual, residual.CASE, path)
 
 
-def empirical_driver() -> LearnedDriver:
-    """Return the driver that draws from recorded accelerations; see ``mmpf.motion.learned.empirical``."""
-    with committed_file(empirical.CASE) as path:
-        return with_follower(empirical.load_empirical(path), empirical.CASE)
+def empirical_driver(path: Path | None = None) -> LearnedDriver:
+    """Return the driver that draws from recorded accelerations, committed or a file's; see ``empirical``.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    return _from_file(empirical.load_empirical, empirical.CASE, path)
+
+
+def _from_file(load: Callable[[Path], Follower], case: str, path: Path | None) -> LearnedDriver:
+    if path is not None:
+        return with_follower(load(path), case)
+    with committed_file(case) as committed:
+        return with_follower(load(committed), case)
 
 
 def with_follower(follower: Follower, name: str) -> LearnedDriver:

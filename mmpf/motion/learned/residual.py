@@ -34,7 +34,7 @@ USUAL_DRIVER = IdmParameters(30.0, 1.38, 1.4, 1.5, standstill_gap_m=3.0)
 """The driver that the network corrects."""
 IDM_RANGE_MPS2 = (-5.0, 3.0)
 STRONGEST_LEADER_MPS2 = (-6.0, 4.0)
-_BLOCK = 64
+_BLOCK = 2048
 
 
 class Network(NamedTuple):
@@ -113,58 +113,39 @@ class ResidualFollower:
 _USUAL = tuple(np.float32(value) for value in vars(USUAL_DRIVER).values())
 
 
-@kernel(fastmath=True)
-def usual_acceleration(log_gap: np.float32, speed: np.float32, closing: np.float32) -> np.float32:
-    """Return what ``USUAL_DRIVER`` does by IDM, held to ``IDM_RANGE_MPS2``."""
-    free_speed, headway, strongest, comfortable, _, standstill = _USUAL
-    braking = np.float32(2.0) * np.sqrt(strongest * comfortable)
-    wanted = standstill + max(speed * (headway + closing / braking), np.float32(0.0))
-    share = wanted * np.exp(-log_gap)
-    square = (speed / free_speed) * (speed / free_speed)
-    accel = strongest * (np.float32(1.0) - square * square - share * share)
-    return min(max(accel, np.float32(IDM_RANGE_MPS2[0])), np.float32(IDM_RANGE_MPS2[1]))
-
-
-@kernel(fastmath=True)
 def _forward(begin: int, end: int, seen: Float32Array, network: Network, lag: float, accel: FloatArray) -> None:
     """Write the accelerations of the columns ``begin`` to ``end`` of ``seen``, shape (9, k)."""
-    hidden, one = network.w1.shape[1], np.float32(1.0)
-    inputs = np.empty((INPUTS, _BLOCK), dtype=np.float32)
-    first, second = np.empty((2, hidden, _BLOCK), dtype=np.float32)
-    total = np.empty(_BLOCK, dtype=np.float32)
+    low, high, mean = (part[:, None] for part in network[:3])
+    scaled = np.vstack([network.w1[:SEEN] / network.scale[:, None], network.w1[SEEN:]]).T
     for start in range(begin, end, _BLOCK):
-        width = min(_BLOCK, end - start)
-        for i in range(INPUTS):
-            for n in range(width):
-                inputs[i, n] = seen[i, start + n]
-            if i < SEEN:
-                low, high, mean, factor = network.low[i], network.high[i], network.mean[i], one / network.scale[i]
-                for n in range(width):
-                    inputs[i, n] = (min(max(inputs[i, n], low), high) - mean) * factor
-        for j in range(hidden):
-            _unit(inputs, network.w1[:, j], network.b1[j], width, first[j])
-        total[:width] = network.b3[0]
-        for j in range(hidden):
-            _unit(first, network.w2[:, j], network.b2[j], width, second[j])
-            weight = network.w3[j]
-            for n in range(width):
-                total[n] += weight * second[j, n]
-        for n in range(width):
-            k = start + n
-            wanted = usual_acceleration(seen[0, k], seen[1, k], seen[3, k]) + total[n]
-            accel[k] = seen[2, k] + lag * (wanted - seen[2, k])
+        block = seen[:, start : min(start + _BLOCK, end)]
+        inputs = np.vstack([np.clip(block[:SEEN], low, high) - mean, block[SEEN:]])
+        units = _units(scaled @ inputs, network.b1)
+        added = network.w3 @ _units(network.w2.T @ units, network.b2)
+        _approach(block, added, network.b3[0], np.float32(lag), accel[start : start + _BLOCK])
 
 
 @kernel(fastmath=True)
-def _unit(inputs: Float32Array, weights: Float32Array, shift: np.float32, width: int, out: Float32Array) -> None:
-    for n in range(width):
-        out[n] = shift
-    for i in range(len(inputs)):
-        weight = weights[i]
-        for n in range(width):
-            out[n] += weight * inputs[i, n]
-    for n in range(width):
-        out[n] /= np.float32(1.0) + abs(out[n])
+def _units(sums: Float32Array, shift: Float32Array) -> Float32Array:
+    """Return what units make of the weighted sums of their inputs, shape (h, n), which is rewritten."""
+    for j in range(len(sums)):
+        for n in range(sums.shape[1]):
+            moved = sums[j, n] + shift[j]
+            sums[j, n] = moved / (np.float32(1.0) + abs(moved))
+    return sums
+
+
+@kernel(fastmath=True)
+def _approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np.float32, accel: FloatArray) -> None:
+    free_speed, headway, strongest, comfortable, _, standstill = _USUAL
+    braking, zero, one = np.float32(2.0) * np.sqrt(strongest * comfortable), np.float32(0.0), np.float32(1.0)
+    low, high = np.float32(IDM_RANGE_MPS2[0]), np.float32(IDM_RANGE_MPS2[1])
+    for n in range(len(added)):
+        speed, square = seen[1, n], (seen[1, n] / free_speed) * (seen[1, n] / free_speed)
+        wanted_gap = standstill + max(speed * (headway + seen[3, n] / braking), zero)
+        share = wanted_gap * np.exp(-seen[0, n])
+        usual = min(max(strongest * (one - square * square - share * share), low), high)
+        accel[n] = seen[2, n] + lag * (usual + added[n] + shift - seen[2, n])
 
 
 def save_residual(path: Path, network: Network) -> None:

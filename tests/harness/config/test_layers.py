@@ -106,12 +106,14 @@ def test_a_choice_that_only_recorded_traffic_has_is_refused_without_a_recording(
 
 
 def test_only_the_own_tracker_gets_its_defaults():
-    assert resolve_run_config().tracker.all_options()["model"] == "gmm"
+    assert resolve_run_config().tracker.all_options()["model"] == "residual"
     assert resolve_run_config(options={"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
 
 
 def test_folder_name_tells_the_settings_and_holds_no_separator():
-    assert resolve_run_config(options={"seed": 3, "density": 12.5}).default_folder_name() == "us101-mmpf-gmm-d12.5-s3"
+    assert (
+        resolve_run_config(options={"seed": 3, "density": 12.5}).default_folder_name() == "us101-mmpf-residual-d12.5-s3"
+    )
     name = resolve_run_config(options={"net": "a/b c.sumocfg", "tracker": "x.y:z"}).default_folder_name()
     assert name == "b-c-x.y-z-s0"
 
