@@ -73,16 +73,16 @@ class Rollouts:
     true_speed_mps: Array
 
 
-def fit_residual(windows: Following, seed: int, say: Callable[[str], None], iterations: int = ITERATIONS) -> Network:
+def fit_residual(windows: Following, seed: int, say: Callable[[str], None], iterations: int | None = None) -> Network:
     """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015).
 
     Args:
         windows: Windows of 10 s with and without leaders.
         seed: Seed of the first weights, the choice of windows and the noise.
         say: Told the score now and then.
-        iterations: Steps of the search.
+        iterations: Steps of the search; none for ``ITERATIONS``.
     """
-    rng = np.random.default_rng(seed)
+    iterations, rng = iterations or ITERATIONS, np.random.default_rng(seed)
     scaling = _scaling(windows.take(np.flatnonzero(windows.has_leader)))
     weights = first_weights(rng, HIDDEN_UNITS)
     slope, square = ({name: np.zeros_like(w) for name, w in weights.items()} for _ in range(2))

@@ -14,6 +14,7 @@ from harness.common.errors import InputError
 from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.driver_fit import fit_follower, fit_short
 from harness.lab.fit.rival_fit import fit_idm
+from harness.lab.fit.unrolled import fit_residual
 from harness.lab.study.study import COMPLETE, LABELS, score_row
 from harness.lab.study.transfer_outcomes import (
     LEARNED,
@@ -47,12 +48,13 @@ from harness.truth.network.network import Network
 from mmpf.motion.idm import intelligent_driver
 from mmpf.motion.kinematic import process_noise
 from mmpf.motion.learned.driver import LearnedDriver, with_follower, without_lane_changes
+from mmpf.motion.learned.residual import ResidualFollower
 from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.protocol import MotionModel, motion_models
 
 COMPONENTS, SHORT_STEPS = 28, 51
 PAIRS, SNIPPETS, SUMO = "real pairs", "real snippets", "sumo"
-PREDICTIONS = 12 * 4
+PREDICTIONS = 15 * 4
 """Models times tests: so often ``progress`` is called."""
 
 Say = Callable[[str], None]
@@ -155,19 +157,25 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
 def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> list[TrainedModel]:
     """Fit every learned kind of model to the same windows with leaders.
 
-    Of ``gmm`` the following mixture and the drivers' habits are fitted; driving without a leader and motion across the
-    lane, in which pairs give no samples and which touch no longitudinal error here, remain the committed ones.
+    Of ``gmm`` the following mixture and the drivers' habits are fitted, of ``residual`` the network; driving without a
+    leader and motion across the lane, in which pairs give no samples and which touch no longitudinal error here, remain
+    the committed ones.
     """
     say(f"{trained_on}: {len(windows)} windows of 10 s")
     follower = fit_follower(windows, COMPONENTS, seed, STEP_S, say)
     learned = with_follower(follower, "gmm")
+    say(f"{trained_on}: fitting residual")
+    network = fit_residual(windows, seed, say)
     say(f"{trained_on}: fitting gmm-short")
     short = short_term_driver(fit_short(windows, COMPONENTS, seed))
     say(f"{trained_on}: fitting idm")
     # The fit takes one window of each vehicle; here it is to take all.
     parameters = fit_idm(replace(windows, vehicle=np.arange(len(windows))), seed, STEP_S)
     driver = intelligent_driver(parameters, process_noise("idm-fitted"), "idm-fitted")
-    models: tuple[MotionModel, ...] = (_lane_keeping(learned), short, driver)
+    models: tuple[MotionModel, ...] = (
+        *(_lane_keeping(with_follower(ResidualFollower(network), "residual")), _lane_keeping(learned)),
+        *(short, driver),
+    )
     return [TrainedModel(name, trained_on, model) for name, model in zip(LEARNED, models, strict=True)]
 
 

@@ -14,8 +14,8 @@ from mmpf.motion.protocol import MotionModel
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 ON_SUMO, ON_REAL, ON_BOTH, ON_NOTHING = "sumo", "real", "sumo+real", "nothing"
-LEARNED, UNTRAINED = ("gmm", "gmm-short", "idm-fitted"), ("cvm", "cam", "idm")
-OURS = ("gmm", "gmm-short")
+LEARNED, UNTRAINED = ("residual", "gmm", "gmm-short", "idm-fitted"), ("cvm", "cam", "idm")
+OURS = ("residual", "gmm", "gmm-short")
 RIVALS = (*((name, ON_NOTHING) for name in UNTRAINED), ("idm-fitted", ON_SUMO))
 
 

@@ -158,6 +158,7 @@ def little(monkeypatch, windows, tmp_path) -> TransferPlan:
     for name, value in (("FOLLOWING_SAMPLES", 3000), ("SHORT_SAMPLES", 3000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
     monkeypatch.setattr(transfer, "COMPONENTS", 3)
+    monkeypatch.setattr("harness.lab.fit.unrolled.ITERATIONS", 2)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
     monkeypatch.setattr(transfer, "_simulated_windows", lambda *arguments: windows)
     cars = tuple(Car(k, 40.0 + 30.0 * k, 9.0, 8.0, to_s=11.0) for k in range(1, 5))
@@ -175,7 +176,7 @@ def test_the_whole_study_gives_every_model_on_every_test_set_and_says_how(little
     wanted = {"study", "occlusion", "model", "horizon_s", "lon_m", "lon_m_ci95", "trained_on", "tested_on", "n"}
     assert all(wanted <= set(row) for row in result.rows())
     keys = {(row["model"], row["trained_on"], row["tested_on"], row["horizon_s"]) for row in result.rows()}
-    assert len(keys) == len(result.rows()) == 12 * 3 * 4
+    assert len(keys) == len(result.rows()) == 15 * 3 * 4
     write_transfer(result, tmp_path / "out")
     stored = json.loads((tmp_path / "out" / "results.json").read_text())
     assert stored == json.loads(json.dumps(as_json(result)))
