@@ -8,6 +8,7 @@ connections. What becomes of it, a crash too, is one line here.
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import os
 import pickle
 import resource
@@ -21,6 +22,7 @@ from contextlib import closing, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import Any, NoReturn, TypeVar
 
 from harness.common.error_text import what_it_raised
@@ -39,6 +41,7 @@ RIGHTS_BY_VERSION = {1: 13, 2: 14, 3: 15}
 LONGEST_SILENCE = 5.0
 """So many times its processor time a fork may take by the clock: the machine may be busy, or the fork may wait."""
 SENT, DONE, PLACE, MOST_SAID, FIRST_WITH_NET = "sent", "done", "\0place", 300, 4
+SIGN_OF_LIFE_EVERY_S = 1.0
 _within: ContextVar[bool] = ContextVar("_within", default=False)
 
 
@@ -182,9 +185,16 @@ def _work(
         for descriptor in range(3):
             os.dup2(nowhere, descriptor)
         _within.set(True)
+        faulthandler.disable()
+        last_s = 0.0
         _limit(limits, folders)
 
         def send(answer: object, kind: str = SENT) -> None:
+            nonlocal last_s
+            now_s = monotonic()
+            if answer is None and kind == SENT and now_s - last_s < SIGN_OF_LIFE_EVERY_S:
+                return
+            last_s = now_s
             # Large arrays go as they are, without a copy in between.
             arrays: list[pickle.PickleBuffer] = []
             parts = [memoryview(pickle.dumps((kind, answer), protocol=5, buffer_callback=arrays.append))]
