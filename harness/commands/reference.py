@@ -12,7 +12,7 @@ from harness.config.options import Option
 class Options(TypedDict):
     """The options of ``reference``."""
 
-    name: Annotated[str | None, Option("Which; without it, all are listed.", metavar="NAME", is_argument=True)]
+    name: Annotated[str | None, Option("Which, or all; without it, all are listed.", metavar="NAME", is_argument=True)]
     check: Annotated[
         bool,
         Option(

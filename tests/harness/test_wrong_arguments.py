@@ -29,7 +29,7 @@ CALLS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "options"), CALLS, ids=lambda value: ascii(value)[:50])
+@pytest.mark.parametrize(("name", "options"), CALLS, ids=[f"{name}-{number}" for number, (name, _) in enumerate(CALLS)])
 def test_every_wrong_argument_raises_the_documented_error(name, options, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = write_recorded_scene(tmp_path / "scene")

@@ -26,6 +26,9 @@ from harness.lab.reference.tree import top_of_tree
 from harness.running.provenance import own_code
 from harness.storage.manifest import CODE, manifest_of
 
+ALL = "all"
+"""Stands for every table in turn."""
+
 
 def make_or_check(options: Mapping[str, Any]) -> int:
     """List the references, make one, or check one.
@@ -42,6 +45,8 @@ def make_or_check(options: Mapping[str, Any]) -> int:
         return (
             WORSE if options["check"] and any(stale_parts(each, root) for each in references(root).values()) else DONE
         )
+    if name == ALL:
+        return max(make_or_check({**options, "name": each}) for each in references(root))
     reference = reference_named(name, root)
 
     def execute(words: list[str], out: Path) -> None:
