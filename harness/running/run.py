@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.isolation import trusted
 from harness.common.progress import progress_bar, working
 from harness.common.signals import signals_held, told_to_end
 from harness.config.model import RunConfig
@@ -231,7 +232,7 @@ class _Attempt:
         metrics = evaluated.metrics(config, looks.about, perf_counter() - begin, diagnostics.stages_ms)
         writer.finish(metrics, self.steps)
         if draw is not None:
-            with working("writing the page", quiet):
+            with working("writing the page", quiet), trusted():
                 draw.page(folder)
         return metrics
 
