@@ -227,7 +227,7 @@ def compare(
     Args:
         a: A run, a stress test, or the folder of one; one tracker of a stress test as ``FOLDER@LABEL``.
         b: Likewise.
-        tolerance: Share of a's value by which b may be worse.
+        tolerance: Largest accepted loss, as a share of A's value.
         time_tolerance: Likewise of the time of a step, which is judged between trackers of one stress test.
         primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost, same
             identity and the recall in plain view with that of the worst tenth of vehicles.

@@ -86,7 +86,7 @@ class Rules:
     """What is judged, and how much worse is put up with.
 
     Attributes:
-        tolerance: Share of a's value by which b may be worse.
+        tolerance: Largest accepted loss, as a share of A's value.
         time_tolerance: Likewise of the time of a step.
         primary: Keys of the metrics that get a verdict; the others are described.
         limits: Tolerances and bounds of single metrics, by key.

@@ -21,8 +21,8 @@ class DriveOptions(TypedDict, total=False):
     perception: Annotated[
         str,
         Option(
-            "What the ego drives by: truth, detections, driverstate (a human's perception), trackers as in 'stress'. "
-            "The truth is added where it is missing.",
+            "What the ego's driver sees: truth, detections, driverstate (a model of human perception), or trackers as "
+            "in 'stress'. Truth is always included.",
             panel=DRIVES,
             default="truth,mmpf,detections",
             earlier="--beliefs",
@@ -31,15 +31,19 @@ class DriveOptions(TypedDict, total=False):
     episodes: Annotated[
         int,
         Option(
-            "Episodes by each belief; every second one is provoked.", panel=DRIVES, default=40, least=1, most=10_000
+            "Episodes per perception; every second one has a provocation.",
+            panel=DRIVES,
+            default=40,
+            least=1,
+            most=10_000,
         ),
     ]
     provoke: Annotated[
         str,
         Option(
-            "Provocations, in turns: brake (the hidden leader's leader brakes hard), cross (a hidden car has right of "
-            "way over the ego), stopped (a vehicle stands in its lane, in plain view), dark (the leader, seldom "
-            "detected, brakes hard).",
+            "Provocations, used in turn: brake (the hidden leader's leader brakes hard), cross (a hidden car has right "
+            "of way over the ego), stopped (a vehicle in plain view stands in the ego's lane), dark (the leader, "
+            "rarely detected, brakes hard).",
             panel=DRIVES,
             default="brake",
         ),
@@ -47,8 +51,8 @@ class DriveOptions(TypedDict, total=False):
     flow: Annotated[
         float | None,
         Option(
-            "Speed at which the traffic flows, on a main road. (default: with stopped one of 10, 15, 20, 25 and 30 by "
-            "seed, else the network's)",
+            "Speed of the traffic on a main road. (default: with stopped, one of 10, 15, 20, 25 and 30 chosen by seed; "
+            "otherwise the network's)",
             panel=DRIVES,
             metavar="M/S",
             least=5.0,
@@ -66,13 +70,13 @@ class DriveOptions(TypedDict, total=False):
         ),
     ]
     driver: Annotated[
-        str | None, Option("Who drives: hdm, idm, mobil, or module:factory. (default: hdm)", panel=DRIVES)
+        str | None, Option("Driver model of the ego: hdm, idm, mobil, or module:factory. (default: hdm)", panel=DRIVES)
     ]
     heed_unseen: Annotated[
         float | None,
         Option(
-            "Probability of a vehicle that nobody has seen and that it must let pass, from which on the ego creeps up "
-            "to a crossing; by trackers. (default: never)",
+            "Approach a crossing at creeping speed if the tracker's probability of an undetected vehicle with right of "
+            "way exceeds this. (default: never)",
             panel=DRIVES,
             metavar="PROBABILITY",
             least=0.0,
@@ -81,7 +85,10 @@ class DriveOptions(TypedDict, total=False):
     ]
     sensor: shared.Sensor
     seed: Annotated[
-        int, Option("Seed of the first two episodes; each pair has its own.", panel=DRIVES, default=0, least=0)
+        int,
+        Option(
+            "Seed of the first two episodes; each further pair takes the next seed.", panel=DRIVES, default=0, least=0
+        ),
     ]
     settings: shared.Settings
     out: Annotated[Path, Option("Folder to write.", panel=EXECUTION, default=Path("results/drive"))]

@@ -42,24 +42,24 @@ LONGEST_LINE = 1200
 # What the overview tells of each command, under a heading.
 PANELS = {
     "Run and look": {
-        "run": "Drive, sense, track and score once; leaves a run folder with tables and figures.",
-        "nets": "List the road networks and their named demands.",
+        "run": "Simulate, sense, track and score once; write a run folder with tables and figures.",
+        "nets": "List the bundled road networks and their named demands.",
         "settings": "List every setting: default, unit and meaning.",
         "report": "Write a run's page of results.",
         "export": "Turn a run into another program's format.",
     },
     "Compare": {
-        "compare": "Tell whether one run is better or worse than another.",
+        "compare": "Decide whether one run is better or worse than another.",
         "stress": "Run many densities, models and seeds.",
-        "drive": "Let the ego drive by what trackers tell it; count collisions and conflicts.",
-        "study": "Repeat the published cases; ask whether the models carry over to real roads.",
-        "bench": "Measure how long trackers take.",
-        "check-tracker": "Check that a tracker of your own, also a program, keeps what trackers promise.",
-        "reference": "Make a reference table from a clean tree, or check one.",
+        "drive": "Let the ego drive on a tracker's output; count collisions and conflicts.",
+        "study": "Repeat the paper's cases; test whether the models transfer to real roads.",
+        "bench": "Measure the computing time of trackers.",
+        "check-tracker": "Check that your own tracker (Python or a program) meets the tracker interface.",
+        "reference": "Compute a reference table from a clean checkout, or check one.",
     },
     "Models and traffic": {
         "train": "Fit and select the behaviour model.",
-        "fidelity": "Tell how real the simulated traffic is.",
+        "fidelity": "Compare the simulated traffic with measured traffic.",
         "calibrate": "Fit the simulated traffic to recorded traffic.",
     },
 }
@@ -72,7 +72,7 @@ COMMANDS: Registry[Callable[..., int | None]] = Registry(
     },
 )
 
-OVERVIEW = """Evaluate multi-vehicle tracking through occlusion: traffic, a sensor that it blocks, a tracker, scores.
+OVERVIEW = """Evaluate multi-vehicle tracking through occlusion: traffic, a sensor, a tracker, scores.
 
 Start here:
   python -m harness run --net us101

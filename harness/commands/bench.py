@@ -12,29 +12,29 @@ from harness.config.options import Option
 class Options(TypedDict):
     """The options of ``bench``."""
 
-    vehicles: Annotated[str, Option("Numbers of vehicles in range, with commas between.", default="10,25,50,100,200")]
+    vehicles: Annotated[str, Option("Numbers of vehicles in range, separated by commas.", default="10,25,50,100,200")]
     trackers: Annotated[
         str | None,
         Option(
-            "Trackers with commas between: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
+            "Trackers, separated by commas: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
             "(default: mmpf with residual, gmm and cvm, and Stone Soup's)"
         ),
     ]
     particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10)]
-    steps: Annotated[int, Option("Scans of each scene.", default=40, least=8)]
+    steps: Annotated[int, Option("Scans per scene.", default=40, least=8)]
     budget: Annotated[
-        float, Option("Processor seconds that a tracker has for each number of vehicles.", default=10.0, least=0.1)
+        float, Option("Largest CPU time in seconds per tracker and number of vehicles.", default=10.0, least=0.1)
     ]
     seed: shared.Seed
-    out: Annotated[Path, Option("Folder of bench.json.", default=Path("results/bench"))]
+    out: Annotated[Path, Option("Folder for bench.json.", default=Path("results/bench"))]
     json: shared.Json
     quiet: shared.Quiet
 
 
 def command(options: Options) -> None:
-    """Measure how long a step takes by stage, over more and more vehicles.
+    """Measure the time per step and stage for increasing numbers of vehicles.
 
-    All trackers take in the same detections in turns, in one process.
+    All trackers process the same detections, in turn, in one process.
 
     Examples:
       python -m harness bench

@@ -15,44 +15,47 @@ class Options(TypedDict):
     net: shared.Net
     fields: Annotated[
         Path | None,
-        Option("Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
+        Option("Folder of the recorded fields, to repeat the measurement. (default: the network's measured_file)"),
     ]
     recordings: Annotated[
         list[Path] | None,
         Option(
-            "File or folder of recorded vehicles, to measure lane changes and accelerations anew; repeatable. "
+            "File or folder of recorded vehicles, to repeat the measurement of lane changes and accelerations; "
+            "repeatable. "
             "(default: the network's measured_file)"
         ),
     ]
-    demand: Annotated[
-        str | None, Option("Only this demand; the drivers then stay as they are. (default: all measured)")
-    ]
-    trials: Annotated[int, Option("Candidates that are simulated.", default=8, least=1, most=1000)]
+    demand: Annotated[str | None, Option("Fit only this demand and keep the drivers. (default: all measured)")]
+    trials: Annotated[int, Option("Number of candidates to simulate.", default=8, least=1, most=1000)]
     seeds: Annotated[
         str,
         Option(
-            "Seeds A:B of the first candidate's runs, B excluded; each further takes the next.", default="1000:1001"
+            "Seeds A:B of the first candidate's runs, without B; each further candidate takes the next seeds.",
+            default="1000:1001",
         ),
     ]
     minutes: Annotated[
         float,
-        Option("Simulated minutes of a run; the schedule is compressed to them.", default=15.0, least=2.0, most=60.0),
+        Option(
+            "Simulated minutes per run; the demand schedule is compressed to this time.",
+            default=15.0,
+            least=2.0,
+            most=60.0,
+        ),
     ]
     step: Annotated[
         float,
         Option(
-            "Share of what is missing that the first step makes up for; less to go on.",
+            "Share of the error that the first step corrects; later steps correct less.",
             default=0.9,
             least=0.1,
             most=1.0,
         ),
     ]
-    keep_drivers: Annotated[bool, Option("Fit the demands only: models that were trained stay valid.", default=False)]
-    fresh: Annotated[
-        bool, Option("Begin with the measurements, not with the calibration that is there.", default=False)
-    ]
-    workers: Annotated[int, Option("Runs at a time, each a process.", default=1, least=1)]
-    write: Annotated[bool, Option("Write the outcome into the network's folder.", default=False)]
+    keep_drivers: Annotated[bool, Option("Fit only the demands, so that trained models stay valid.", default=False)]
+    fresh: Annotated[bool, Option("Start from the measurements instead of the existing calibration.", default=False)]
+    workers: Annotated[int, Option("Number of worker processes.", default=1, least=1)]
+    write: Annotated[bool, Option("Write the result to the network's folder.", default=False)]
     out: Annotated[Path, Option("Folder to write.", default=Path("results/calibration"))]
     json: shared.Json
     quiet: shared.Quiet
@@ -61,12 +64,12 @@ class Options(TypedDict):
 def command(options: Options) -> None:
     """Fit drivers and demands to measured speed, flow, density and waves.
 
-    A fixed-point search: each trial simulates all demands, and every
-    parameter is moved by what its own figure is off. Leaves calibration.json
-    (all trials) and calibration.toml (the mean of the later half of the
-    candidates); --write puts the latter into the network's folder, where
-    every later run reads it.
-    Judge the outcome on other seeds with 'fidelity'.
+    A fixed-point search: each trial simulates all demands and corrects every
+    parameter by the error of the quantity it controls. Writes
+    calibration.json (all trials) and calibration.toml (the mean of the later
+    half of the candidates). --write stores the latter in the network's
+    folder, where every later run reads it.
+    Check the result on other seeds with 'fidelity'.
 
     Examples:
       python -m harness calibrate --trials 4 --minutes 5

@@ -31,13 +31,13 @@ class Options(TypedDict):
         list[str] | None,
         Option("An option of the tracker; repeatable.", flag="--set", metavar="tracker.options.KEY=VALUE"),
     ]
-    json: Annotated[bool, Option("Print each check and its finding as JSON on stdout.", default=False)]
+    json: Annotated[bool, Option("Print the checks and their results as JSON on stdout.", default=False)]
 
 
 def command(options: Options) -> int:
-    """Check a tracker on small scenes with known answers, a line for each check.
+    """Check a tracker on small scenes with known answers; print one line per check.
 
-    Exit code 0: all hold. 3: at least one does not.
+    Exit code 0: all checks pass. 3: at least one fails.
 
     Examples:
       python -m harness check-tracker exec:./my_tracker

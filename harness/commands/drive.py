@@ -21,20 +21,19 @@ class Options(DriveOptions, total=False):
 
 
 def command(options: Options) -> None:
-    """Let the ego drive by what each belief tells it; count what it costs.
+    """Let the ego drive on each perception and count collisions, conflicts and hard brakes.
 
-    Each episode follows a car for 5 s while SUMO drives it, then hands it
-    over for 20 s to a driver that knows only the belief; the others react.
-    All beliefs begin with the same traffic and the same sensor. In every
-    second episode the leader's leader, hidden from the sensor at that moment
-    but seen before, brakes at 5 m/s2; or, with --provoke cross, the ego comes up
-    to a crossing where a hidden car has right of way over it; or, in plain view,
-    a vehicle stands in its lane (stopped), or its leader, which is seldom
-    detected, brakes (dark).
-    Leaves runs.parquet (one row per episode and belief), table.md,
-    summary.json, a figure, the folders of episodes that ended in a collision
-    and a page that leads to their replays. 'compare' takes such folders.
-    Exit code 3 if a drive failed.
+    In each episode SUMO drives a car for 5 s. Then, for 20 s, the ego's driver
+    drives it and sees only its perception; the other vehicles react. All
+    perceptions start from the same traffic and the same sensor. Every second
+    episode has a provocation. brake: the leader's leader, seen before but
+    hidden now, brakes at 5 m/s2. cross: the ego approaches a crossing where a
+    hidden car has right of way. stopped: a vehicle in plain view stands in
+    the ego's lane. dark: the leader, which is rarely detected, brakes.
+    Writes runs.parquet (one row per episode and perception), table.md,
+    summary.json, a figure, the folders of episodes with a collision, and a
+    page with links to their replays. 'compare' accepts these folders.
+    Exit code 3 if an episode failed.
 
     Examples:
       python -m harness drive --density 45 --perception truth,mmpf,detections

@@ -17,23 +17,23 @@ class Options(TypedDict):
 
     folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
     to: Annotated[str | None, Option("mot, kitti, fcd, csv, rerun, mcap, osi or module:function.", metavar="FORMAT")]
-    video: Annotated[Path | None, Option("MP4 file to write: the road from above.")]
+    video: Annotated[Path | None, Option("Write a top-view video to this MP4 file.")]
     out: Annotated[
         Path | None, Option("Folder to write; for fcd also FILE.xml or FILE.xml.gz. (default: RUN/export/FORMAT)")
     ]
-    gzip: Annotated[bool, Option("Pack the files of csv and fcd: .csv.gz, .xml.gz.", default=False)]
-    force: Annotated[bool, Option("Replace an earlier export, or film, that is there.", default=False)]
+    gzip: Annotated[bool, Option("Compress the files of csv and fcd: .csv.gz, .xml.gz.", default=False)]
+    force: Annotated[bool, Option("Replace an existing export or video.", default=False)]
     json: shared.Json
 
 
 def command(options: Options) -> None:
     """Turn a run into another program's format.
 
-    mot: MOTChallenge text, as TrackEval reads it. kitti: tracks of a
-    kitti-tracking recording, as AB3DMOT's evaluation reads them. fcd: SUMO
-    floating-car data. csv: every table. rerun: a recording for the rerun
-    viewer. mcap: one for Foxglove. osi: ASAM OSI ground truth and sensor data. --video: the
-    scene as a film.
+    mot: MOTChallenge text for TrackEval. kitti: tracks of a kitti-tracking
+    recording for AB3DMOT's evaluation. fcd: SUMO floating-car data.
+    csv: every table. rerun: a recording for the rerun viewer. mcap: a
+    recording for Foxglove. osi: ASAM OSI ground truth and sensor data.
+    --video: a top-view video.
 
     Examples:
       python -m harness export results/us101-mmpf-residual-d20-s0 --to mot

@@ -13,29 +13,29 @@ class Options(TypedDict):
     """The options of ``fidelity``."""
 
     net: shared.Net
-    demand: Annotated[str | None, Option("Demands by name, with commas between. (default: all that were measured)")]
-    seeds: Annotated[str, Option("How many seeds, or seeds A:B, B excluded.", default="0:5")]
-    minutes: Annotated[float, Option("Simulated minutes of each run.", default=15.0, least=1.0, most=600.0)]
+    demand: Annotated[str | None, Option("Names of demands, separated by commas. (default: all with measurements)")]
+    seeds: Annotated[str, Option("Number of seeds, or the range A:B without B.", default="0:5")]
+    minutes: Annotated[float, Option("Simulated minutes per run.", default=15.0, least=1.0, most=600.0)]
     fields: Annotated[
         Path | None,
-        Option("Folder of the recorded fields, to measure anew. (default: the network's measured_file)"),
+        Option("Folder of the recorded fields, to repeat the measurement. (default: the network's measured_file)"),
     ]
     recordings: Annotated[
         list[Path] | None, Option("File or folder of recorded vehicles, as for run --replay; repeatable.")
     ]
-    workers: Annotated[int, Option("Runs at a time, each a process.", default=1, least=1)]
+    workers: Annotated[int, Option("Number of worker processes.", default=1, least=1)]
     out: Annotated[Path, Option("Folder to write.", default=Path("results/fidelity"))]
     json: shared.Json
     quiet: shared.Quiet
 
 
 def command(options: Options) -> None:
-    """Tell how real the simulated traffic is, beside what was measured.
+    """Compare the simulated traffic with measured traffic.
 
-    Mean speed, flow, density, speed along the road, share of slow cells and
-    speed of the waves, by the same estimators on both sides, with targets
-    met or missed; and distances between distributions where recorded
-    vehicles are given. Leaves fidelity.json, fidelity.md and figures.
+    Compares mean speed, flow, density, speed along the road, share of slow
+    cells and wave speed, with the same estimators on both sides, and says
+    whether each target is met. With recorded vehicles it also compares
+    distributions. Writes fidelity.json, fidelity.md and figures.
 
     Examples:
       python -m harness fidelity --seeds 0:1 --minutes 5

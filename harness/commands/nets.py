@@ -18,9 +18,9 @@ class Options(TypedDict):
 
 
 def command(options: Options) -> None:
-    """List the road networks that travel with the package, and their named demands.
+    """List the bundled road networks and their named demands.
 
-    A network of your own, a folder or a .sumocfg file, goes straight to --net.
+    To use your own network, give its folder or .sumocfg file to --net.
 
     Examples:
       python -m harness nets

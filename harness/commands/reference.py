@@ -12,27 +12,33 @@ from harness.config.options import Option
 class Options(TypedDict):
     """The options of ``reference``."""
 
-    name: Annotated[str | None, Option("Which, or all; without it, all are listed.", metavar="NAME", is_argument=True)]
+    name: Annotated[
+        str | None, Option("Name of a table, or all; without it, list all tables.", metavar="NAME", is_argument=True)
+    ]
     check: Annotated[
         bool,
         Option(
-            "Make it aside and say where it differs from the committed one: exit code 1. On another kind of processor "
-            "only traffic and detections are compared. Without a name: say which tables older code made.",
+            "Compute the table in another folder and list the differences from the committed one; exit code 1 if there "
+            "are any. On another CPU type only traffic and detections are compared. Without NAME: list the tables that "
+            "older code made.",
             default=False,
         ),
     ]
-    out: Annotated[Path | None, Option("A trial: write here, and leave the committed one; the tree need not be clean.")]
+    out: Annotated[
+        Path | None,
+        Option("Trial: write to this folder and keep the committed table; uncommitted changes are allowed."),
+    ]
     workers: shared.Workers
     quiet: shared.Quiet
 
 
 def command(options: Options) -> int:
-    """Make a reference table: results/reference/NAME, from a clean tree.
+    """Compute the reference table results/reference/NAME from a clean checkout.
 
-    results/reference/tables.toml lists them, each with the command that it
-    stands for. Runs are kept in results/making: what was interrupted is taken
-    up again, and a table to which seeds or trackers are added makes only
-    these, unless the sources changed.
+    results/reference/tables.toml lists the tables, each with its command.
+    Finished runs are kept in results/making, so an interrupted table can
+    continue, and new seeds or trackers add only their own runs, unless the
+    sources changed.
 
     Examples:
       python -m harness reference

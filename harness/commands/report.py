@@ -32,13 +32,13 @@ class Options(TypedDict):
 
 
 def command(options: Options) -> None:
-    """Write RUN/report.html: one file that opens without a network.
+    """Write RUN/report.html: one file that opens offline.
 
-    A run's page has a summary in words, numbers with intervals, figures, the
-    five worst occlusions, and a replay of the road from above. 'run' writes it
-    too; this writes it anew. --figures draws errors over time and by
-    visibility, what went on in the tracker and the worst occlusions, or of a
-    stress test its curves, into RUN/figures, from the folder's own tables.
+    A run's page has key figures with intervals, a summary, figures, the five
+    worst occlusions, and a top-view replay. 'run' writes this page too.
+    --figures writes figures to RUN/figures: errors over time and by
+    visibility, the tracker's state and the worst occlusions; for a stress
+    test, its curves.
 
     Examples:
       python -m harness report results/us101-mmpf-residual-d20-s0

@@ -22,11 +22,12 @@ class Options(RunOptions, total=False):
 
 
 def command(options: Options) -> None:
-    """Drive, sense, track and score once.
+    """Simulate traffic and a sensor, run a tracker on the detections, and score its tracks.
 
-    Leaves a run folder: config.toml, manifest.json, truth, detections, tracks
-    and errors as parquet, metrics.json, figures, and report.html with all of
-    it to look at. Later settings win: defaults, --config, options, --set.
+    Write a run folder: config.toml, manifest.json, truth, detections, tracks
+    and errors as parquet, metrics.json, figures, and report.html, the page of
+    results. Later settings override earlier ones: defaults, --config, options,
+    --set.
 
     Examples:
       python -m harness run --net us101

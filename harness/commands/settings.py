@@ -11,14 +11,15 @@ import typer
 
 def command(
     word: Annotated[
-        str, typer.Argument(metavar="[WORD]", help="Show only settings with this word in their path or kind.")
+        str, typer.Argument(metavar="[WORD]", help="Show only settings whose key or kind contains this word.")
     ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the settings as JSON on stdout.")] = False,
 ) -> None:
-    """List every setting with its default, unit and meaning, and what there is by name.
+    """List every setting with its default, unit and meaning, and all named choices.
 
-    The settings of the run, the traffic, the sensor profiles and all trackers, by
-    their paths in config.toml and for --set; networks, profiles, trackers, models.
+    Settings of the run, the traffic, the sensor profiles and all trackers are
+    listed by their key in config.toml (also for --set), followed by the names
+    of networks, profiles, trackers and models.
 
     Examples:
       python -m harness settings

@@ -20,21 +20,22 @@ class Options(GridOptions, total=False):
 
 
 def command(options: Options) -> None:
-    """Run many densities, trackers, models and seeds; see where each breaks.
+    """Run many densities, trackers, models and seeds to find the limits of each.
 
-    Truth and detections of one density and seed are made once, for all
-    trackers. Leaves runs.parquet (one row per run, failed ones too),
-    summary.json, table.md, figures and a page that leads from each cell to
-    its runs. Exit code 3 if a run failed.
+    All trackers get the same truth and detections for a given density and
+    seed. Writes runs.parquet (one row per run, including failed runs),
+    summary.json, table.md, figures and a page with links to each run.
+    Exit code 3 if a run failed.
     Recorded traffic gives one table over all files instead of curves.
-    --nets drives several networks in one grid, each at its own middle density
-    unless --densities or --demands is given, and tells scores by network.
-    --mismatch makes every run again with the noise believed half and twice
-    as large, 30 % of detections missed, five times the clutter, noise that
-    drifts, and bursts of misses, while trackers believe the data sheet; its
-    one table says what each costs each tracker. --mismatch all and --mismatch
-    A,B,C take more worlds, such as dark,posts,ego-jitter; finished runs in
-    --replay are altered, the sensor is not simulated anew.
+    --nets runs several networks in one grid and reports scores per network.
+    Each network uses its default density unless --densities or --demands is
+    given.
+    --mismatch repeats every run with a sensor that differs from the data
+    sheet the trackers use: noise half and twice as large, 30 % of detections
+    missed, five times the clutter, drifting noise, and bursts of misses. One
+    table lists the loss of each tracker. --mismatch all and --mismatch A,B,C
+    choose other changes, such as dark,posts,ego-jitter. With --replay the
+    recorded detections are altered; the sensor is not simulated again.
 
     Examples:
       python -m harness stress --models gmm,idm,cvm,cam --seeds 10

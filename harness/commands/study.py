@@ -21,15 +21,15 @@ class Options(TypedDict):
 
     case: Annotated[str, Option("lane-keeping, lane-change, transfer or ablation.", default=..., is_argument=True)]
     net: shared.Net
-    models: Annotated[str | None, Option("Models by name, with commas between. (default: all that suit the case)")]
-    model_file: Annotated[Path | None, Option("A fitted model of your own in place of the gmm that comes along.")]
+    models: Annotated[str | None, Option("Names of models, separated by commas. (default: all that fit the case)")]
+    model_file: Annotated[Path | None, Option("Your own fitted model file; replaces the bundled gmm.")]
     cases: Annotated[int, Option("Held-out cases.", default=240, least=2)]
     particles: Annotated[int | None, Option("Particles per case. (default: 1000; transfer: 200)", least=2)]
     seed: shared.Seed
     seeds: Annotated[
         str | None,
         Option(
-            "Seeds A:B of the traffic, B excluded; each drives every density; below 100 none was trained on. "
+            "Traffic seeds A:B without B; each seed is run at every density. No model was trained on seeds below 100. "
             "(default: 0:2; ablation: 0:4)"
         ),
     ]
@@ -44,15 +44,15 @@ class Options(TypedDict):
 
 
 def command(options: Options) -> None:
-    """Predict through occlusion with every motion model: the paper's two cases, and transfer to real roads.
+    """Predict through occlusion with every motion model: the paper's two cases and transfer to real roads.
 
-    transfer: models trained on SUMO, on real pairs and on both, tested on
-    real pairs and recordings that no model has seen, and on SUMO.
-    ablation: the tracker with one of its departures from the paper taken
-    back at a time, in dense traffic.
+    transfer: train models on SUMO, on recorded pairs and on both; test them on
+    other recorded pairs and recordings, and on SUMO.
+    ablation: in dense traffic, undo the tracker's departures from the paper
+    one at a time.
 
     Writes results.json, results.md (tables with 95 % intervals), figures,
-    and all of it as one page, report.html.
+    and one page with all of them, report.html.
 
     Examples:
       python -m harness study lane-keeping

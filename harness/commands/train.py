@@ -15,7 +15,8 @@ class Options(TypedDict):
     net: Annotated[
         str | None,
         Option(
-            "Network by name, or your own: a folder or .sumocfg file. For turning several, as A,B. (default: us101; "
+            "Network by name, or your own: a folder or .sumocfg file. --case turning takes several: A,B. (default: "
+            "us101; "
             "turning: junction,priority,roundabout)"
         ),
     ]
@@ -24,28 +25,28 @@ class Options(TypedDict):
     seeds: Annotated[
         str | None,
         Option(
-            "Seeds A:B of the training traffic, B excluded; each drives every density. (default: 1000:1002; "
-            "lane-change, which is rarer, 1000:1003)"
+            "Seeds A:B of the training traffic, without B; each seed is run at every density. (default: 1000:1002; "
+            "lane-change: 1000:1003)"
         ),
     ]
-    seed: Annotated[int, Option("Seed of sampling and of the fit of a mixture.", default=0, least=0)]
+    seed: Annotated[int, Option("Seed for sampling and for fitting the mixture.", default=0, least=0)]
     sweep: Annotated[
         bool,
         Option(
-            "Score other numbers of a mixture's components by BIC, for the card.",
+            "Also score other numbers of components by BIC, for the model card.",
             default=True,
             flag="--sweep/--no-sweep",
         ),
     ]
     cache: shared.Cache
-    out: Annotated[Path, Option("Folder of the model files and cards.", default=Path("results/models"))]
+    out: Annotated[Path, Option("Folder for the model files and cards.", default=Path("results/models"))]
     json: shared.Json
 
 
 def command(options: Options) -> None:
     """Record SUMO traffic, fit behaviour models to it, and write model files with their cards.
 
-    Recordings are kept: an interrupted training goes on where it stopped.
+    Recordings are kept, so an interrupted training can continue.
 
     Examples:
       python -m harness train --net us101 --case lane-keeping

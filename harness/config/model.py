@@ -199,7 +199,7 @@ class RunConfig(_Strict):
     """Everything that decides a run's results; same configuration and versions, same results."""
 
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
-    """Root of all randomness."""
+    """Root seed of all random numbers."""
     replay: Annotated[str, Field(min_length=1)] | None = None
     """Run folder whose recorded truth and detections are used in place of SUMO and the sensor, or a file of traffic
     recorded on a real road.

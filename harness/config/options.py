@@ -62,7 +62,7 @@ Net = Annotated[
     Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", "traffic.net", TRAFFIC),
 ]
 Density = Annotated[
-    float | None, Option("Vehicles per km and main lane, 5 to 65, in place of --demand.", "traffic.density", TRAFFIC)
+    float | None, Option("Vehicles per km and main lane, 5 to 65; replaces --demand.", "traffic.density", TRAFFIC)
 ]
 Demand = Annotated[
     str | None,
@@ -71,7 +71,7 @@ Demand = Annotated[
 BrokenDown = Annotated[
     int | None,
     Option(
-        "Vehicles that stand broken down in main lanes; the others steer around them. (default: 0)",
+        "Number of broken-down vehicles in the main lanes; other vehicles steer around them. (default: 0)",
         "traffic.broken_down",
         TRAFFIC,
         metavar="N",
@@ -80,7 +80,8 @@ BrokenDown = Annotated[
 Hide = Annotated[
     str | list[float] | None,
     Option(
-        "Hide moving vehicles on purpose, for so many seconds each after 2 s in view; no tracker is told.",
+        "Withhold the detections of moving vehicles for these numbers of seconds, each after 2 s in view; trackers do "
+        "not know.",
         "altered.hide_s",
         TRAFFIC,
         metavar="1,2,3,5",
@@ -96,16 +97,20 @@ Sensor = Annotated[
 ]
 Settings = Annotated[
     list[str] | Mapping[str, object] | None,
-    Option("Any setting by its name in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
+    Option("Set any setting by its key in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
 ]
-Seed = Annotated[int, Option("Root of all randomness.", default=0, least=0)]
-Cache = Annotated[Path | None, Option("Folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
-Resume = Annotated[bool, Option("Keep the runs that --out holds, make the others.", panel=EXECUTION, default=False)]
-RetryFailed = Annotated[bool, Option("Like --resume, and make failed runs again.", panel=EXECUTION, default=False)]
+Seed = Annotated[int, Option("Root seed of all random numbers.", default=0, least=0)]
+Cache = Annotated[Path | None, Option("Cache folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
+Resume = Annotated[
+    bool, Option("Reuse finished runs in --out; compute the missing ones.", panel=EXECUTION, default=False)
+]
+RetryFailed = Annotated[bool, Option("Like --resume, and repeat failed runs.", panel=EXECUTION, default=False)]
 Workers = Annotated[int | None, Option("Worker processes. (default: one per core)", panel=EXECUTION, least=1)]
-TimeoutPerRun = Annotated[float | None, Option("Seconds after which a run is given up.", panel=EXECUTION, least=0.1)]
-Json = Annotated[bool, Option("Print the result as JSON on stdout, nothing else there.", default=False)]
-Quiet = Annotated[bool, Option("No progress bar, no tables.", default=False)]
+TimeoutPerRun = Annotated[
+    float | None, Option("Stop a run after this many seconds and count it as failed.", panel=EXECUTION, least=0.1)
+]
+Json = Annotated[bool, Option("Print only the result, as JSON, on stdout.", default=False)]
+Quiet = Annotated[bool, Option("Print no progress bar and no tables.", default=False)]
 
 
 class RunOptions(TypedDict, total=False):
@@ -116,14 +121,15 @@ class RunOptions(TypedDict, total=False):
     demand: Demand
     broken_down: BrokenDown
     duration: Annotated[
-        float | None, Option("Scored seconds; warm-up comes on top. (default: 60)", "traffic.duration_s", TRAFFIC)
+        float | None,
+        Option("Scored time in seconds, not counting the warm-up. (default: 60)", "traffic.duration_s", TRAFFIC),
     ]
     sensor: Sensor
     replay: Annotated[
         Path | str | None,
         Option(
-            "A run folder, whose truth and detections are used again; or a file of recorded traffic: CommonRoad "
-            "XML, NGSIM CSV or text, highD folder, SUMO FCD, KITTI tracking with its detections. No SUMO.",
+            "A run folder, to reuse its truth and detections; or a file of recorded traffic: CommonRoad "
+            "XML, NGSIM CSV or text, highD folder, SUMO FCD, KITTI tracking with its detections. SUMO is not needed.",
             "replay",
             TRAFFIC,
         ),
@@ -132,7 +138,7 @@ class RunOptions(TypedDict, total=False):
         str | None,
         Option(
             "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, kitti-tracking, av2, or your own "
-            "reader, module:function. (default: by its content; the last three must be named)",
+            "reader, module:function. (default: detected from the content; the last three must be named)",
             "traffic.recording.format",
             TRAFFIC,
         ),
@@ -140,7 +146,8 @@ class RunOptions(TypedDict, total=False):
     ego: Annotated[
         str | None,
         Option(
-            "Recorded vehicle that carries the sensor: its ID, auto, each in turn, or each:N. (default: auto)",
+            "Recorded vehicle that carries the sensor: its ID, auto, each (every vehicle in turn) or each:N. (default: "
+            "auto)",
             "traffic.recording.ego",
             TRAFFIC,
         ),
@@ -149,7 +156,7 @@ class RunOptions(TypedDict, total=False):
     gui: Annotated[
         bool,
         Option(
-            "Watch the traffic in a window of sumo-gui while it runs; same results. Close it to stop. "
+            "Show the traffic in sumo-gui during the run; results do not change. Close the window to stop. "
             "(extra: networks)",
             panel=TRAFFIC,
             default=False,
@@ -174,7 +181,7 @@ class RunOptions(TypedDict, total=False):
     model_file: Annotated[
         str | Path | None,
         Option(
-            "Model of your own from 'train' (npz), for its --model: residual, gmm, ...",
+            "Your own model file from 'train' (npz) for the chosen --model: residual, gmm, ...",
             "tracker.model_file",
             TRACKING,
         ),
@@ -182,13 +189,17 @@ class RunOptions(TypedDict, total=False):
     driver: Annotated[
         str | None,
         Option(
-            "Who is asked what it would do by the tracks and by the truth: hdm, idm, mobil, or module:factory. "
+            "Driver model that scores driving decisions on tracks against those on the truth: hdm, idm, mobil, or "
+            "module:factory. "
             "(default: hdm)",
             "decisions.driver",
             TRACKING,
         ),
     ]
-    seed: Annotated[int | None, Option("Root of all randomness: same seed, same results. (default: 0)", "seed", RESULT)]
+    seed: Annotated[
+        int | None,
+        Option("Root seed of all random numbers: the same seed gives the same results. (default: 0)", "seed", RESULT),
+    ]
     config: Annotated[
         Path | str | None, Option("TOML file of settings, e.g. an earlier run's config.toml.", panel=RESULT)
     ]
@@ -196,12 +207,12 @@ class RunOptions(TypedDict, total=False):
     out: Annotated[
         Path | str | None,
         Option(
-            "Run folder to write. (default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... where taken)",
+            "Run folder to write. (default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... if it exists)",
             panel=RESULT,
         ),
     ]
     force: Annotated[bool, Option("Replace an earlier run in --out.", panel=RESULT, default=False)]
-    video: Annotated[Path | str | None, Option("MP4 file to write: the road from above.", panel=RESULT)]
+    video: Annotated[Path | str | None, Option("Write a top-view video to this MP4 file.", panel=RESULT)]
 
 
 @dataclass(frozen=True)

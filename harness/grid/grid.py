@@ -49,7 +49,7 @@ class GridRequest:
         trackers: Trackers, a list.
         models: Motion models, a list; None for the tracker's default.
         seeds: Number or range of seeds.
-        duration_s: Scored seconds of each run.
+        duration_s: Scored seconds per run.
         particles: Particles per vehicle.
         sensor: Sensor profile.
         settings: ``KEY=VALUE`` words that hold for all runs.

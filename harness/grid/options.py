@@ -19,23 +19,26 @@ class GridOptions(TypedDict, total=False):
     net: shared.Net
     nets: Annotated[
         str | Sequence[str | Path] | None,
-        Option("Several networks in one grid: A,B,C; each at its middle density unless one is given.", panel=GRID),
+        Option(
+            "Several networks in one grid: A,B,C; each at its default density unless --densities is given.", panel=GRID
+        ),
     ]
     densities: Annotated[
         str | float | Sequence[float] | None,
-        Option("Vehicles per km and lane: START:STOP:STEP, ends included, or A,B,C. (default: 5:65:10)", panel=GRID),
+        Option("Vehicles per km and lane: START:STOP:STEP (STOP included) or A,B,C. (default: 5:65:10)", panel=GRID),
     ]
     demands: Annotated[
-        str | Sequence[str] | None, Option("Named demands in place of densities: A,B,C; see 'nets'.", panel=GRID)
+        str | Sequence[str] | None, Option("Named demands instead of densities: A,B,C; see 'nets'.", panel=GRID)
     ]
     replay: Annotated[
         list[Path] | Path | str | None,
-        Option("Recorded traffic in place of densities: a file, or a folder of files; repeatable.", panel=GRID),
+        Option("Recorded traffic instead of densities: a file, or a folder of files; repeatable.", panel=GRID),
     ]
     ego: Annotated[
         str | None,
         Option(
-            "Recorded vehicles that carry the sensor: each in turn, each:N, auto, or an ID. (default: each)",
+            "Recorded vehicles that carry the sensor: each (every vehicle in turn), each:N, auto, or an ID. (default: "
+            "each)",
             panel=GRID,
         ),
     ]
@@ -45,24 +48,28 @@ class GridOptions(TypedDict, total=False):
     ]
     trackers: Annotated[
         str | Sequence[str | Callable[..., Any]],
-        Option("Trackers: A,B,C; with settings of its own: mmpf+update=max_likelihood.", panel=GRID, default="mmpf"),
+        Option(
+            "Trackers: A,B,C. Settings of one tracker follow its name: mmpf+update=max_likelihood.",
+            panel=GRID,
+            default="mmpf",
+        ),
     ]
     models: Annotated[
         str | Sequence[str] | None, Option("Motion models of mmpf: A,B,C. (default: as in 'run')", panel=GRID)
     ]
     seeds: Annotated[
         str | int | range | Sequence[int] | None,
-        Option("How many seeds, or seeds A:B, B excluded. (default: 10; recorded traffic: 1)", panel=GRID),
+        Option("Number of seeds, or the range A:B without B. (default: 10; recorded traffic: 1)", panel=GRID),
     ]
     vary: Annotated[
         list[str] | Mapping[str, str | Sequence[float]] | None,
-        Option("One more axis; repeatable.", panel=GRID, metavar="KEY=VALUES"),
+        Option("Vary one more setting, KEY=VALUES; repeatable.", panel=GRID, metavar="KEY=VALUES"),
     ]
     mismatch: Annotated[
         str | Sequence[str] | bool | None,
         Option(
-            "Every run in worlds that are not as believed: A,B,C, all, or none named for the usual ones; one table of "
-            "what each costs. See docs/explanation/statistics.md.",
+            "Repeat every run with a sensor that differs from its data sheet: A,B,C, all, or no value for the default "
+            "set; write one table of the losses. See docs/explanation/statistics.md.",
             panel=GRID,
             metavar="[WORLDS]",
             alone=USUAL,
@@ -70,7 +77,7 @@ class GridOptions(TypedDict, total=False):
     ]
     broken_down: shared.BrokenDown
     hide: shared.Hide
-    duration: Annotated[float | None, Option("Scored seconds of each run. (default: 60)", panel=GRID)]
+    duration: Annotated[float | None, Option("Scored seconds per run. (default: 60)", panel=GRID)]
     particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
     sensor: shared.Sensor
     settings: shared.Settings
@@ -80,9 +87,9 @@ class GridOptions(TypedDict, total=False):
     workers: shared.Workers
     keep: Annotated[
         str | None,
-        Option("runs: leave the folder and page of every run too, in OUT/kept.", panel=EXECUTION, metavar="runs"),
+        Option("runs: also keep the folder and page of every run, in OUT/kept.", panel=EXECUTION, metavar="runs"),
     ]
     scheduler: Annotated[
-        str | None, Option("Run on this Dask cluster instead: tcp://host:8786.", panel=EXECUTION, metavar="ADDRESS")
+        str | None, Option("Run on this Dask cluster: tcp://host:8786.", panel=EXECUTION, metavar="ADDRESS")
     ]
     timeout_per_run: shared.TimeoutPerRun

@@ -50,8 +50,8 @@ class BenchPlan:
         trackers: Trackers by name, those of this project with their motion model (``mmpf:gmm``), Stone Soup's with
             ``:coarse`` for the gate that spares them distances to far detections; none for the usual ones.
         particles: Particles per vehicle of this project's tracker.
-        steps: Scans of each scene.
-        seed: Root of all randomness.
+        steps: Scans per scene.
+        seed: Root seed of all random numbers.
         budget_s: Processor time that each tracker has for each number of vehicles; a slower one drops out.
     """
 

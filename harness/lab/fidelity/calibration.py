@@ -33,7 +33,7 @@ class CalibrationRequest:
         fields: Folder of the recorded fields; None to take the figures that travel with the network.
         recordings: Files and folders of recorded vehicles; none to take the figures that travel with the network.
         demand: The only demand to be calibrated; None for all that were measured.
-        trials: Candidates that are simulated.
+        trials: Number of candidates to simulate.
         seeds: Seeds of the first candidate's runs; each further one takes the next as many.
         duration_s: Simulated time of a run.
         keep_drivers: Whether only the demands are fitted; so it is for a single demand, too.

@@ -74,7 +74,7 @@ class TrainingPlan:
         seed: Seed of sampling and fits.
         sweep: Whether other numbers of components are scored by BIC.
         cache: Folder of the recordings; none for the usual one.
-        out: Folder of the model files and cards.
+        out: Folder for the model files and cards.
     """
 
     case: str
