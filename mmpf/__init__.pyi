@@ -1,9 +1,11 @@
 # The public names; ``__init__.py`` beside it reads them here.
 
+from mmpf.map.corridor_road import CorridorRoad as CorridorRoad
+from mmpf.map.corridor_road import highway as highway
+from mmpf.map.graph_road import LaneGraphRoad as LaneGraphRoad
 from mmpf.map.lane_graph import without_map as without_map
 from mmpf.map.road import Lane as Lane
 from mmpf.map.road import Road as Road
-from mmpf.map.road import highway as highway
 from mmpf.motion import motion_model as motion_model
 from mmpf.motion.protocol import Memoryless as Memoryless
 from mmpf.motion.protocol import MotionModel as MotionModel

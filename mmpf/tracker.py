@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from mmpf.belief.moments import component_moments
 from mmpf.joint.rule import JointUpdate
 from mmpf.map.road import Road
 from mmpf.map.sensor_plane import SensorPlane
-from mmpf.motion.free import in_plane
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray
@@ -24,10 +22,7 @@ from mmpf.scan import Scan, SensorModel, check_scan
 from mmpf.stages.prediction import Proposal, bootstrap_proposal, prior_update
 from mmpf.stages.reporting import StepReport, Stopwatch, reported_tracks
 from mmpf.stages.update_rule import Situation, UpdateRule
-from mmpf.surroundings.on_corridor import surroundings_of
-from mmpf.surroundings.on_graph import surroundings_on_graph
-from mmpf.surroundings.reported_route import on_heaviest_way
-from mmpf.surroundings.right_of_way import LinkWatch
+from mmpf.surroundings.on_road import on_road
 from mmpf.tracks import Tracks
 from mmpf.visibility.range_profile import Reach
 
@@ -69,14 +64,12 @@ class MixtureTracker:
         self._options = options or FilterOptions()
         self._proposal = proposal
         self._rule = RULES[self._options.update](self._options, sensor)
-        motion = self._rule.motion(motion)
-        self._motion = motion if road.graph is None else in_plane(motion, road.graph)
+        self._on_road = on_road(road, self._options.flow)
+        self._motion = self._on_road.motion(self._rule.motion(motion))
         self._error = self._rule.model_error(self._motion)
-        has_headings = road.graph is not None
-        self._mixture = Mixture.empty(self._motion.latent_size, self._rule.first(0), has_headings)
+        self._mixture = Mixture.empty(self._motion.latent_size, self._rule.first(0), road.has_headings)
         self._moments = component_moments(self._mixture)
         self._previous: Scan | None = None
-        self._links = None if road.graph is None else LinkWatch(road.graph)
         self.last_report = StepReport()
 
     @property
@@ -105,8 +98,7 @@ class MixtureTracker:
             InvalidScanError: The scan holds impossible values or is not later than the one before; the filter is
                 as it was.
         """
-        signals = 0 if self._road.graph is None else self._road.graph.signals
-        check_scan(scan, None if self._previous is None else self._previous.time_s, signals)
+        check_scan(scan, None if self._previous is None else self._previous.time_s, self._road.signals)
         scan = self._rule.prepare(scan)
         clock = Stopwatch()
         if self._previous is None:
@@ -154,34 +146,21 @@ class MixtureTracker:
 
     def _tracks(self) -> Tracks:
         """Report the belief; of the ways that a vehicle may have taken unseen the heaviest."""
-        graph, mixture, moments = self._road.graph, self._mixture, self._moments
-        if graph is not None:
-            mixture = on_heaviest_way(mixture, graph)
-            moments = moments if mixture is self._mixture else component_moments(mixture)
-        return reported_tracks(mixture, moments, self._options.reporting, self._sensor)
+        reported = self._on_road.reported(self._mixture, self._moments)
+        return reported_tracks(*reported, self._options.reporting, self._sensor)
 
     def _situation(self, scan: Scan, previous: Scan) -> Situation:
-        mean = self._moments.mean
-        known = self._mixture.components.confirmed & self._is_seen
-        traffic = Traffic(
-            lon_m=np.append(mean[LON][known], scan.ego.lon_m),
-            speed_mps=np.append(mean[SPEED][known], scan.ego.speed_mps),
-            lat_m=None if self._road.graph is None else np.append(mean[LAT][known], scan.ego.lat_m),
-        )
+        known = self._moments.mean[:, self._mixture.components.confirmed & self._is_seen]
+        place = np.column_stack([known[[LON, LAT]], (scan.ego.lon_m, scan.ego.lat_m)])
+        traffic = self._on_road.traffic(place, np.append(known[SPEED], scan.ego.speed_mps))
         plane = SensorPlane(scan.ego, self._road)
         dt_s = scan.time_s - previous.time_s
         return Situation(scan, self._sensor, self._motion, dt_s, traffic, plane)
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:
         """Let every particle move on its own, given road and traffic as they were: "Prior update"."""
-        ego_accel_mps2 = (situation.scan.ego.speed_mps - previous.ego.speed_mps) / situation.dt_s
-        around = self._mixture, self._moments, self._is_seen, previous.ego, ego_accel_mps2
-        graph, flow = self._road.graph, self._options.flow
-        if graph is None or self._links is None:
-            surroundings = surroundings_of(*around, self._road, flow)
-        else:
-            open_links = partial(self._links.look, open_signals=previous.open_signals, dt_s=situation.dt_s)
-            surroundings = surroundings_on_graph(*around, graph, flow, open_links)
+        belief = self._mixture, self._moments, self._is_seen
+        surroundings = self._on_road.surroundings(belief, previous, situation.scan)
         return prior_update(self._mixture, surroundings, situation, self._proposal, self._error, self._rng)
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import replace
 from harness.closedloop.traffic import row_of
 from harness.config.sensor import SensorSettings
 from harness.sensor.detector import visibility_of
-from harness.sensor.scene import box_axes, in_reach, sight_to
+from harness.sensor.scene import in_reach, sight_to
 from harness.truth.frame import Frame
 from mmpf.map.road import Road
 
@@ -39,7 +39,7 @@ def visible_fraction(frame: Frame, ego: str, name: str, road: Road, settings: Se
         return 0.0
     seen_from = replace(frame, ego=row_of(frame, ego))
     pose = seen_from.ego_pose
-    sight = sight_to(frame.lon_m, frame.lat_m, road, pose, box_axes(road, frame.heading_rad))
+    sight = sight_to(frame.lon_m, frame.lat_m, road, pose, road.axis_of(frame.heading_rad))
     in_range = in_reach(settings, sight.distance, sight.off_axis)
     fraction, _, _ = visibility_of(seen_from, road, pose, in_range, settings.range_m)
     return float(fraction[row_of(frame, name)])

@@ -47,7 +47,7 @@ class Traffic:
         with sumo_errors_in_words(self.running.sumo):
             time_s = round(self._step * self.step_s, 6)
             if self._plane is None:
-                raw = read_frame(self.running.sumo, self.network.road, self._step, time_s)
+                raw = read_frame(self.running.sumo, self.network.corridor_road, self._step, time_s)
             else:
                 raw = self._plane.read(self._step, time_s)
         self.frames.append(self._filter.filtered(raw))

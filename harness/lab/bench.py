@@ -25,7 +25,7 @@ from harness.running.watchers import DiagnosedTracker
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from harness.truth.frame import STEP_S
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.motion.gmm.conditional import expand
 from mmpf.motion.gmm.model_file import committed_mixture
 from mmpf.motion.learned.lane_changer import CHANGE

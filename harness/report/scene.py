@@ -24,7 +24,6 @@ from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.storage.tables import floats
 from harness.truth.frame import Frame
-from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import Detections, EgoPose
@@ -141,12 +140,8 @@ def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
 
 def _road_edges(scene: Scene) -> tuple[float, float]:
     """Return the lowest and highest lateral position of the lanes within range; in the plane of all that is."""
-    if scene.road.graph is not None:
-        middle = float(scene.frame.lat_m[scene.frame.ego])
-        return middle - scene.range_m, middle + scene.range_m
-    _, right, left, start, end = scene.road.lane_table.T
-    near = (end > scene.origin_m - scene.range_m) & (start < scene.origin_m + scene.range_m)
-    return float(right[near].min()), float(left[near].max())
+    within = scene.origin_m - scene.range_m, scene.origin_m + scene.range_m
+    return scene.road.across_m(within, float(scene.frame.lat_m[scene.frame.ego]), scene.range_m)
 
 
 def _draw_ground(axes: Axes, observation: Observation, road: Road, range_m: float, origin: float) -> None:
@@ -222,27 +217,24 @@ def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, floa
         cuts = cuts[(cuts >= lon[0]) & (cuts <= lon[1])]
         for begin, finish in pairwise(cuts):
             middle = np.full(2, 0.5 * (begin + finish) + origin)
-            both_sides = road.lane_index_at(middle, lat + np.array([-0.5, 0.5])) >= 0
+            both_sides = road.on_a_lane(middle, lat + np.array([-0.5, 0.5]))
             style: Any = (0, (6, 8)) if both_sides.all() else "solid"
             axes.plot([begin, finish], [lat, lat], color="#8c8c8c", lw=0.9, ls=style, zorder=2)
 
 
 def draw_network(axes: Axes, road: Road, origin: float) -> None:
     """Draw the lanes and walls of a network in the plane, x relative to the origin; of a single road nothing."""
-    if road.graph is None:
-        return
-    for edge in _lane_edges(road.graph):
+    for edge in _lane_edges(road):
         axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
     for wall in road.walls_near(0.0, 0.0, np.inf):
         axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
 
 
-def _lane_edges(graph: LaneGraph) -> Iterator[FloatArray]:
+def _lane_edges(road: Road) -> Iterator[FloatArray]:
     """Yield the left and the right edge of each lane that is no path across a junction, in the plane, shape (k, 2)."""
-    for k in np.flatnonzero(~graph.in_junction):
-        line = shapely.LineString(graph.line(int(k)))
-        for side in (0.5, -0.5):
-            edge = shapely.get_coordinates(shapely.offset_curve(line, side * float(graph.width_m[k])))
+    for lane in road.lines():
+        for side in () if lane.in_junction else (0.5, -0.5):
+            edge = shapely.get_coordinates(shapely.offset_curve(shapely.LineString(lane.xy), side * lane.width_m))
             if len(edge):
                 yield edge
 

@@ -86,9 +86,9 @@ class RecordedRun:
         Returns:
             Outlines in the road frame, each of shape (n, 2); none in the plane, where every lane is known.
         """
-        if self.road.graph is not None:
+        if self.road.has_headings:
             return []
-        rows = self.truth[self.road.lane_index_at(floats(self.truth, "lon_m"), floats(self.truth, "lat_m")) < 0]
+        rows = self.truth[~self.road.on_a_lane(floats(self.truth, "lon_m"), floats(self.truth, "lat_m"))]
         rows = rows.sort_values(["vehicle_id", "step"], kind="stable")
         places, vehicle = rows[["lon_m", "lat_m"]].to_numpy(), rows["vehicle_id"].astype(object).to_numpy()
         cuts = np.flatnonzero((vehicle[1:] != vehicle[:-1]) | (np.diff(rows["step"].to_numpy()) > 1)) + 1

@@ -34,7 +34,8 @@ from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.sumo.planetruth import BEYOND_RANGE_M, REACH_M
 from harness.truth.sumo.simulation import open_traffic
 from harness.truth.sumo.window import check_window
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import highway
+from mmpf.map.road import Road
 from mmpf.registry import UnknownNameError
 
 if TYPE_CHECKING:

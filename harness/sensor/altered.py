@@ -19,7 +19,7 @@ from harness.sensor.memory import Chain, SensorMemory, next_state
 from harness.sensor.observation import Look
 from harness.sensor.pseudo_occlusion import hidden_on_purpose
 from harness.sensor.returns import flashing_returns, standing_returns
-from harness.sensor.scene import Scene, box_axes, sight_to
+from harness.sensor.scene import Scene, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.map.road import Road
@@ -139,7 +139,7 @@ def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: n
     for look in looks:
         frame, seen = look.frame, look.observation
         step_s = memory.begin_scan(rng, frame.episode, frame.time_s)
-        sight = sight_to(frame.lon_m, frame.lat_m, road, frame.ego_pose, box_axes(road, frame.heading_rad))
+        sight = sight_to(frame.lon_m, frame.lat_m, road, frame.ego_pose, road.axis_of(frame.heading_rad))
         scene = Scene(frame, road, sight, seen.visible_fraction, seen.occluder, seen.in_range)
         flashes = flashing_returns(sensor, memory, scene, rng)
         values = np.concatenate([flashes.values, standing_returns(sensor, memory, scene, step_s).values])

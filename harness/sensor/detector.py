@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.lanearea import mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
 from harness.sensor.observation import Observation, Sensor
 from harness.sensor.returns import CLUTTER_SPEED_MPS, flashing_returns, standing_returns, vehicle_returns
-from harness.sensor.scene import Scene, box_axes, in_reach, sight_to
+from harness.sensor.scene import Scene, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
 from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_beside_walls
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
+from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road, wall_bodies
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
@@ -61,7 +61,7 @@ class RayedSensor:
         """
         ego = frame.ego_pose
         step_s = self.memory.begin_scan(rng, frame.episode, frame.time_s)
-        sight = sight_to(frame.lon_m, frame.lat_m, road, ego, box_axes(road, frame.heading_rad))
+        sight = sight_to(frame.lon_m, frame.lat_m, road, ego, road.axis_of(frame.heading_rad))
         in_range = in_reach(self.settings, sight.distance, sight.off_axis)
         if frame.pedestrian is not None:
             # They hide others like any body, and are no vehicles that a detector of vehicles could report.
@@ -111,12 +111,7 @@ def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorMode
         settings: The sensor's figures.
         road: Where it will be used; None for a straight road.
     """
-    if road is not None and road.graph is not None and not road.graph.has_map:
-        area_m2 = np.pi * settings.range_m**2
-    elif road is not None and road.graph is not None:
-        area_m2 = mean_lane_area_m2(road.graph, settings.range_m)
-    else:
-        area_m2 = 2.0 * settings.range_m * settings.road_width_m
+    area_m2 = (road or highway()).lane_area_m2(settings.range_m, settings.road_width_m)
     return SensorModel(
         range_m=settings.range_m,
         detection_probability=settings.nominal_detection_probability,
@@ -206,4 +201,4 @@ def detections_from(settings: SensorSettings, values: FloatArray, road: Road) ->
     found = Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
     # Along a road boxes lie along the frame's axes; in the plane they are turned every way.
     known = np.clip(correlation, -MOST_CORRELATED, MOST_CORRELATED)
-    return found if road.graph is None else replace(found, correlation=known)
+    return replace(found, correlation=known) if road.has_headings else found

@@ -6,7 +6,6 @@ import numpy as np
 
 from harness.config.sensor import SensorSettings
 from harness.sensor.clutter import GHOST_LENGTH_STD_M, GHOST_WIDTH_STD_M, SMALLEST_GHOST_M
-from harness.sensor.lanearea import drawn_on_lanes
 from harness.sensor.memory import Ghosts, Mirrored
 from harness.sensor.noise import turned
 from harness.sensor.scene import Scene
@@ -19,8 +18,6 @@ from mmpf.scan import EgoPose
 
 MIRRORED_LEFT_M, MIRRORED_ALONG_STD_M = (3.0, 8.0), 2.0
 """How far beside its vehicle a mirror image is, to either side, and the deviation of how far ahead."""
-LONGEST_ROAD_M = 5000.0
-"""Posts stand along a road up to so far from where the ego is first."""
 
 
 def mirrored_after(
@@ -82,24 +79,11 @@ def posts_along(settings: SensorSettings, road: Road, ego: EgoPose, rng: np.rand
     Args:
         settings: The sensor's figures.
         road: The lanes.
-        ego: Where the ego is first; a road without end has posts ``LONGEST_ROAD_M`` to either side of it.
+        ego: Where the ego is first; a road without end has posts up to 5 km to either side of it.
         rng: Source of randomness.
     """
-    if road.graph is not None:
-        pieces = np.arange(len(road.graph.segments.length_m))
-        count = int(rng.poisson(settings.posts_per_km * road.graph.segments.length_m.sum() / 1e3)) if len(pieces) else 0
-        lon, lat, axis = np.zeros(0), np.zeros(0), np.zeros(0)
-        if count:
-            lon, lat, axis, _ = drawn_on_lanes(road.graph, pieces, count, rng)
-    else:
-        _, right, left, start, end = road.lane_table.T
-        start = np.maximum(start, ego.lon_m - LONGEST_ROAD_M)
-        length = np.maximum(np.minimum(end, ego.lon_m + LONGEST_ROAD_M) - start, 0.0)
-        count = int(rng.poisson(settings.posts_per_km * length.sum() / 1e3))
-        lane = rng.choice(len(length), size=count, p=length / length.sum()) if count else np.zeros(0, dtype=np.int64)
-        lon = start[lane] + length[lane] * rng.random(count)
-        lat = np.where(rng.random(count) < 0.5, right[lane], left[lane])
-        axis = np.zeros(count)
+    lon, lat, axis = road.draw_beside_lanes(settings.posts_per_km, (ego.lon_m, ego.lat_m), rng)
+    count = len(lon)
     normals = rng.standard_normal((count, 2))
     return Ghosts(
         lon_m=lon,

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.clutter import ghosts_after, on_a_lane, positions_on_lanes
+from harness.sensor.clutter import ghosts_after
 from harness.sensor.detectability import detectabilities
 from harness.sensor.failings import Boxes, advance, detection_probability, merged, miss_chain, shifted, split
 from harness.sensor.falseobjects import in_shadow, mirror_images, mirrored_after, posts_along
@@ -147,7 +147,7 @@ def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scen
     """Return false detections that flash up once, spread evenly over the lanes in reach, of the size of a car."""
     count = int(rng.poisson(settings.clutter_per_scan))
     near = partial(_place_in_reach, settings, scene)
-    lon, lat, axis = positions_on_lanes(settings, scene.road, scene.ego, count, rng, near)
+    lon, lat, axis = scene.road.draw_on_lanes(count, (scene.ego.lon_m, scene.ego.lat_m), settings.range_m, rng, near)
     sight = sight_to(lon, lat, scene.road, scene.ego, axis)
     plain_view, zeros = np.ones(len(lon)), np.zeros(len(lon))
     ghost_speed = rng.uniform(*CLUTTER_SPEED_MPS, size=len(lon))
@@ -161,7 +161,7 @@ def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scen
     """Return the detections of false objects that last, of every kind, and remember these."""
     rng = memory.streams.ghosts
     memory.ghosts = ghosts = ghosts_after(settings, memory.ghosts, scene.frame, scene.road, step_s, rng)
-    on_lane = on_a_lane(scene.road, ghosts.lon_m, ghosts.lat_m)
+    on_lane = scene.road.on_a_lane(ghosts.lon_m, ghosts.lat_m)
     chance = np.where(on_lane, settings.persistent_clutter_probability, 0.0)
     kinds = [_returns_of(settings, memory, scene, ghosts, chance, rng)]
     if settings.mirrored_clutter > 0.0:

@@ -42,13 +42,8 @@ class Scene:
 
     @property
     def axis_rad(self) -> FloatArray:
-        """Direction of each vehicle's box against the frame's longitudinal axis, shape (n,): see ``box_axes``."""
-        return box_axes(self.road, self.frame.heading_rad)
-
-
-def box_axes(road: Road, heading_rad: FloatArray) -> FloatArray:
-    """Return how boxes lie that are fitted to vehicles: along the road, or in the plane along their own headings."""
-    return heading_rad if road.graph is not None else np.zeros(len(heading_rad))
+        """Direction of each vehicle's box against the frame's longitudinal axis, shape (n,)."""
+        return self.road.axis_of(self.frame.heading_rad)
 
 
 def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose, axis_rad: FloatArray | float) -> Sight:

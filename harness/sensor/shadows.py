@@ -12,7 +12,6 @@ import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import Detections, EgoPose, FreeSpace
@@ -78,15 +77,11 @@ def _shadowing_boxes(detections: Detections, ego: EgoPose, road: Road) -> FloatA
     if detections.headings is not None:
         heading = detections.headings.heading_rad
     else:
-        heading = road.heading_at(detections.lon_m) if road.graph is None else _lane_headings(road.graph, sensor, x, y)
+        along_lane = road.lane_heading_at(detections.lon_m, detections.lat_m)
+        bearing = np.arctan2(y - sensor[1], x - sensor[0])
+        heading = np.where(np.isnan(along_lane), bearing, along_lane)
     boxes = pack_boxes(sensor, x, y, heading, length, width)
     return boxes[~contains_sensor(boxes)]
-
-
-def _lane_headings(graph: LaneGraph, sensor: tuple[float, float], x: FloatArray, y: FloatArray) -> FloatArray:
-    near = graph.lanes_near(x, y, most=1)
-    bearing = np.arctan2(y - sensor[1], x - sensor[0])
-    return np.where(near.lane[:, 0] != NOWHERE, near.heading_rad[:, 0], bearing)
 
 
 def _corners(box: FloatArray) -> FloatArray:

@@ -27,6 +27,8 @@ from harness.storage.checks import Until, check_kinds, check_order, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.schema import TABLES, Table
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -225,9 +227,10 @@ def read_table(
 
 def write_road(road: Road, path: Path) -> None:
     """Write a road so that a replay needs no network."""
-    fields = asdict(replace(road, graph=None, walls_xy=None))
-    del fields["graph"], fields["walls_xy"]
-    if road.graph is None:
+    columns = ("lanes", "reference_xy", "reference_start_m", "section_m")
+    fields: dict[str, Any] = {name: getattr(road, name) for name in columns}
+    fields["lanes"] = [asdict(lane) for lane in road.lanes]
+    if not isinstance(road, LaneGraphRoad):
         write_text(path, json.dumps(fields, indent=1) + "\n")
         return
     fields["graph"] = graph_table(road.graph)
@@ -253,23 +256,30 @@ def read_road(path: Path, parameter: str) -> Road:
 def _road(path: Path, parameter: str) -> Road:
     try:
         fields = json.loads(path.read_bytes())
-        road = Road(
+        road = CorridorRoad(
             lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
             reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),
             reference_start_m=float(fields["reference_start_m"]),
             section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
-            graph=graph_of(fields["graph"]) if "graph" in fields else None,
-            walls_xy=walls_of(fields["walls_xy"]) if "walls_xy" in fields else None,
         )
-        _check_road(road)
-        return road
+        graph = graph_of(fields["graph"]) if "graph" in fields else None
+        walls_xy = walls_of(fields["walls_xy"]) if "walls_xy" in fields else None
+        _check_frame(road)
+        if graph is None:
+            _check_lanes(road.lanes)
+            if walls_xy is not None:
+                raise ValueError("it has walls but no graph of lanes")
+            return road
+        if replace(road, section_m=CorridorRoad.section_m) != CorridorRoad(lanes=()):
+            raise ValueError("beside a graph of lanes its frame must be the plane")
+        return LaneGraphRoad(graph, road.section_m, walls_xy)
     except (
         *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, OverflowError),
     ) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None
 
 
-def _check_road(road: Road) -> None:
+def _check_frame(road: CorridorRoad) -> None:
     """Refuse, with a ValueError, a road that nobody can drive on."""
     points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
     if not 2 <= len(points) <= MOST_POINTS or not (np.abs(points) <= FARTHEST_M).all():
@@ -279,16 +289,12 @@ def _check_road(road: Road) -> None:
     ends = (*road.section_m, road.reference_start_m)
     if not all(abs(value) <= FARTHEST_M for value in ends) or road.section_m[0] >= road.section_m[1]:
         raise ValueError("its section is empty or not finite")
-    if road.walls_xy is not None and road.graph is None:
-        raise ValueError("it has walls but no graph of lanes")
-    if road.graph is not None:
-        plane = Road(lanes=())
-        if (road.lanes, road.reference_xy, road.reference_start_m) != ((), plane.reference_xy, 0.0):
-            raise ValueError("beside a graph of lanes its frame must be the plane")
-        return
-    if not 1 <= len(road.lanes) <= MOST_LANES:
-        raise ValueError(f"it has {len(road.lanes)} lanes")
-    for lane in road.lanes:
+
+
+def _check_lanes(lanes: tuple[Lane, ...]) -> None:
+    if not 1 <= len(lanes) <= MOST_LANES:
+        raise ValueError(f"it has {len(lanes)} lanes")
+    for lane in lanes:
         wide = lane.left_m - lane.right_m >= NARROWEST_LANE_M
         within = wide and lane.right_m >= -FARTHEST_M and lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
         if not within or not isinstance(lane.number, int):

@@ -19,7 +19,7 @@ _SLOW_MPS = 0.5
 
 def is_in_plane(setting: TrackerSetting) -> bool:
     """Return whether the road frame is the plane."""
-    return setting.road.graph is not None
+    return setting.road.has_headings
 
 
 def without_directions(scan: Scan) -> Scan:

@@ -110,15 +110,15 @@ def _seconds(name: str, value: object) -> float:
 
 def _setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Iterator[str]:
     road, graph = setting.road, setting.road.graph
-    yield f"protocol 1\nframe {'road' if graph is None else 'plane'}\nstep_s {setting.step_s!r}\n"
+    yield f"protocol 1\nframe {'plane' if road.has_headings else 'road'}\nstep_s {setting.step_s!r}\n"
     yield f"seed {setting.rng.integers(2**31)}\n"
     for column in fields(setting.sensor):
         yield f"sensor.{column.name} {float(getattr(setting.sensor, column.name))!r}\n"
-    for row in road.lane_table.reshape(-1, 5).tolist():
-        yield f"lane {int(row[0])} {_numbers(row[1:])}\n"
+    for lane in road.lanes:
+        yield f"lane {lane.number} {_numbers([lane.right_m, lane.left_m, lane.start_m, lane.end_m])}\n"
     if graph is not None and graph.has_map:
-        for lane, points in enumerate(np.split(graph.xy, graph.first_point[1:-1])):
-            yield f"lane {lane + 1} {_numbers([float(graph.width_m[lane]), *points.ravel().tolist()])}\n"
+        for number, points in enumerate(np.split(graph.xy, graph.first_point[1:-1])):
+            yield f"lane {number + 1} {_numbers([float(graph.width_m[number]), *points.ravel().tolist()])}\n"
     for name, value in options.items():
         text = value if isinstance(value, str) else json.dumps(value)
         yield f"option {name} {' '.join(text.splitlines())}\n"

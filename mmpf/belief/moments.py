@@ -21,13 +21,15 @@ class Moments:
     Attributes:
         mean: Mean state, shape (6, m).
         variance: Variance of each state variable, shape (6, m).
-        direction_rad: Mean direction of each component's vehicle, shape (m,); None on a road frame, along which they
-            point.
+        heading_rad: Where each component's vehicle points on the average against the frame's longitudinal axis, shape
+            (m,); 0 on a road along which they point.
+        has_headings: Whether they may point any way.
     """
 
     mean: FloatArray
     variance: FloatArray
-    direction_rad: FloatArray | None = None
+    heading_rad: FloatArray
+    has_headings: bool = False
 
     @property
     def std(self) -> FloatArray:
@@ -35,29 +37,22 @@ class Moments:
         return np.sqrt(self.variance)
 
     @property
-    def heading_rad(self) -> FloatArray:
-        """Where each component's vehicle points against the frame's longitudinal axis, shape (m,)."""
-        return np.zeros(self.mean.shape[1]) if self.direction_rad is None else self.direction_rad
-
-    @property
     def std_along_m(self) -> FloatArray:
         """Standard deviation of the place along the road, shape (m,); in the plane that of the place in all."""
-        if self.direction_rad is None:
-            return np.asarray(np.sqrt(self.variance[LON]))
-        return np.asarray(np.sqrt(self.variance[LON] + self.variance[LAT]))
+        variance = self.variance[LON] + self.variance[LAT] if self.has_headings else self.variance[LON]
+        return np.asarray(np.sqrt(variance))
 
     def take(self, index: IntArray | BoolArray) -> Moments:
         """Return the moments of some components, by number, shape (k,), or by a mask, shape (m,)."""
-        direction_rad = None if self.direction_rad is None else self.direction_rad[index]
-        return Moments(self.mean[:, index], self.variance[:, index], direction_rad)
+        return Moments(self.mean[:, index], self.variance[:, index], self.heading_rad[index], self.has_headings)
 
     def followed_by(self, then: Moments) -> Moments:
         """Return these and another belief's of the same kind behind them."""
-        both = [each.direction_rad for each in (self, then) if each.direction_rad is not None]
         return Moments(
             np.concatenate([self.mean, then.mean], axis=1),
             np.concatenate([self.variance, then.variance], axis=1),
-            np.concatenate(both) if both else None,
+            np.concatenate([self.heading_rad, then.heading_rad]),
+            self.has_headings,
         )
 
 
@@ -80,7 +75,8 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Momen
         _accumulate_moments(begin, end, which, state, weight, starts, mean, variance)
 
     in_shares(accumulate, len(which), cost=500.0)
-    return Moments(mean, variance, _mean_directions(mixture, weight)[which] if mixture.has_headings else None)
+    heading = _mean_directions(mixture, weight)[which] if mixture.has_headings else np.zeros(len(which))
+    return Moments(mean, variance, heading, mixture.has_headings)
 
 
 def effective_sizes(mixture: Mixture) -> FloatArray:

@@ -77,7 +77,7 @@ def kinds_after(
     speed_log, stood_log = before.speed_log, before.stood_log
     if joint.kinds.weighed:
         seen = sources.unseen_s == 0.0
-        usual = stopped_shares(moments, situation.plane.road.graph, joint.speeds)
+        usual = stopped_shares(moments, situation.plane.road, joint.speeds)
         usual = learned.standing_share(usual, joint.vehicles)
         stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
         stood_log = np.where(seen, stood_log_after(stood_log, moments, joint.speeds), stood_log)

@@ -36,7 +36,7 @@ def occlusion_of(
     detectability, plane, cloud, sources = options.detectability, situation.plane, prior.cloud, sources_of(prior)
     if detectability.shadow:
         casts = sources.vehicle > detectability.occluder_existence
-        bodies = Bodies(sources.length_m, sources.width_m, moments.direction_rad)
+        bodies = Bodies(sources.length_m, sources.width_m, moments.heading_rad)
         table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
         visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
         half_width = half_widths(sources.length_m, sources.width_m)[cloud.component]

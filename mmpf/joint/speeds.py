@@ -6,7 +6,7 @@ import numpy as np
 
 from mmpf.belief.birth import Traffic, local_speed
 from mmpf.belief.moments import Moments
-from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.road import Road
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.joint import JointSpeeds
@@ -15,16 +15,11 @@ from mmpf.options.joint import JointSpeeds
 QUEUE_M = 50.0
 
 
-def stopped_shares(moments: Moments, graph: LaneGraph | None, options: JointSpeeds) -> FloatArray | float:
+def stopped_shares(moments: Moments, road: Road, options: JointSpeeds) -> FloatArray | float:
     """Return which share of vehicles stands where each component is: shape (m,) where stop lines are known."""
-    if graph is None:
-        return options.stopped_on_road
-    if graph.control is None:
-        return options.stopped_in_plane
-    x, y = moments.mean[LON], moments.mean[LAT]
-    lane = graph.lane_at(x, y, moments.heading_rad)
-    along, _, _ = graph.on_lane(lane, x, y)
-    to_line = np.where(lane >= 0, graph.length_m[lane] - along + graph.to_stop_line_m[lane], np.inf)
+    to_line = road.to_stop_line_m(moments.mean[LON], moments.mean[LAT], moments.heading_rad)
+    if to_line is None:
+        return options.stopped_in_plane if road.has_headings else options.stopped_on_road
     return np.where(to_line < QUEUE_M, options.stopped_at_line, options.stopped_elsewhere)
 
 

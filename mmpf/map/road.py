@@ -1,27 +1,29 @@
-"""The road frame: where lanes lie, and how the frame maps to the Cartesian plane.
+"""A road: where its lanes lie, and how its frame maps to the Cartesian plane.
 
-The road frame is right-handed. The longitudinal coordinate runs along a reference line in the driving direction,
-the lateral one to the left of it. Lane numbers follow NGSIM: 1 is the leftmost main lane, numbers grow to the right.
+There are two kinds. ``CorridorRoad`` is one road: its right-handed frame runs along a reference line in the driving
+direction and to the left of it, and lane numbers follow NGSIM: 1 is the leftmost main lane, numbers grow to the right.
+``LaneGraphRoad`` has lanes of any shape: its frame is the plane, longitudinal is x, lateral is y, headings count from
+the x axis, and speeds are along each vehicle's own heading. Nothing but the road itself asks which it is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from mmpf.map.lane_graph import LaneGraph
 
 NO_LANE = 0
-# A segment that faces a position goes before one that is nearer but does not.
-FACING_FIRST = 1e6
 # Only the outlines of buildings count.
 WALL_WIDTH_M = 0.01
+InReach = Callable[[FloatArray, FloatArray], BoolArray]
+"""Whether positions are in reach, longitudinal first, each of shape (k,)."""
 
 
 @dataclass(frozen=True)
@@ -48,129 +50,177 @@ class Lane:
         return 0.5 * (self.right_m + self.left_m)
 
 
-@dataclass(frozen=True)
-class Road:
-    """Lanes in the road frame and the reference line that carries the frame.
+class LaneLine(NamedTuple):
+    """A lane of any shape.
 
     Attributes:
-        lanes: The lanes in any order; they may overlap nowhere.
-        reference_xy: Points (x, y) of the reference line in the Cartesian plane, metres, at least two. Beyond its ends
-            it goes on straight.
-        reference_start_m: Longitudinal position of the line's first point, metres.
-        section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
-        graph: Lanes of any shape. With them the road frame is the Cartesian plane itself: longitudinal is x, lateral is
-            y, headings count from the x axis, speeds are along each vehicle's own heading, and there are no ``lanes``.
-        walls_xy: Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4);
-            only beside a graph.
+        xy: Points of its middle line, metres, shape (p, 2).
+        width_m: Its width.
+        in_junction: Whether it is a path across a junction.
     """
 
-    lanes: tuple[Lane, ...]
-    reference_xy: tuple[tuple[float, float], ...] = ((0.0, 0.0), (1.0, 0.0))
-    reference_start_m: float = 0.0
-    section_m: tuple[float, float] = (0.0, 640.0)
-    graph: LaneGraph | None = None
-    walls_xy: FloatArray | None = None
+    xy: FloatArray
+    width_m: float
+    in_junction: bool
 
-    def walls_near(self, x: float, y: float, within_m: float) -> FloatArray:
-        """Return the walls that come nearer to a place than a distance, metres, shape (k, 4)."""
-        if self.walls_xy is None:
-            return np.zeros((0, 4))
-        start, step = self.walls_xy[:, :2] - (x, y), self.walls_xy[:, 2:] - self.walls_xy[:, :2]
-        share = -(start * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-12)
-        nearest = start + np.clip(share, 0.0, 1.0)[:, None] * step
-        return np.asarray(self.walls_xy[np.hypot(nearest[:, 0], nearest[:, 1]) < within_m])
 
-    @cached_property
-    def _vertices(self) -> FloatArray:
-        return np.asarray(self.reference_xy, dtype=np.float64)
+class Road(Protocol):
+    """What every road tells; positions are metres in its frame, of shape (n,) unless stated otherwise."""
 
-    @cached_property
-    def _segment_headings(self) -> FloatArray:
-        steps = np.diff(self._vertices, axis=0)
-        return np.arctan2(steps[:, 1], steps[:, 0])
+    @property
+    def section_m(self) -> tuple[float, float]:
+        """Longitudinal positions at which the section that is scored starts and ends."""
+        ...
 
-    @cached_property
-    def _vertex_lon(self) -> FloatArray:
-        lengths = np.hypot(*np.diff(self._vertices, axis=0).T)
-        return self.reference_start_m + np.concatenate([[0.0], np.cumsum(lengths)])
+    @property
+    def lanes(self) -> tuple[Lane, ...]:
+        """The strips along the road; none where lanes are of any shape."""
+        ...
 
-    @cached_property
-    def _segment_lengths(self) -> FloatArray:
-        return np.diff(self._vertex_lon)
+    @property
+    def reference_xy(self) -> tuple[tuple[float, float], ...]:
+        """Points (x, y) of the line that carries the frame, metres, at least two."""
+        ...
 
-    @cached_property
-    def _mitres(self) -> tuple[FloatArray, FloatArray]:
-        """How far each segment's start and end shift along it per metre to the left, so that parallels join up."""
-        half_turn = np.tan(0.5 * np.diff(self._segment_headings))
-        return np.concatenate([[0.0], half_turn]), np.concatenate([-half_turn, [0.0]])
+    @property
+    def reference_start_m(self) -> float:
+        """Longitudinal position of that line's first point."""
+        ...
+
+    @property
+    def walls_xy(self) -> FloatArray | None:
+        """Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4)."""
+        ...
+
+    @property
+    def graph(self) -> LaneGraph | None:
+        """Lanes of any shape; None where there are strips."""
+        ...
+
+    @property
+    def has_headings(self) -> bool:
+        """Whether vehicles point any way in the frame, so that the direction of each is a thing to know."""
+        ...
+
+    @property
+    def signals(self) -> int:
+        """How many traffic signals there are."""
+        ...
 
     @property
     def is_straight(self) -> bool:
         """Whether the frame is the Cartesian plane up to a turn and a shift."""
-        return len(self.reference_xy) == 2
-
-    def _segment_at(self, lon_m: FloatArray) -> IntArray:
-        return np.asarray(np.searchsorted(self._vertex_lon[1:-1], lon_m, side="right"))
+        ...
 
     def heading_at(self, lon_m: FloatArray) -> FloatArray:
-        """Return the Cartesian direction of the reference line, radians counter-clockwise, the shape of ``lon_m``."""
-        return np.asarray(self._segment_headings[self._segment_at(lon_m)])
+        """Return the Cartesian direction of the frame's longitudinal axis, radians, the shape of ``lon_m``."""
+        ...
+
+    def shifted(self, left_m: float) -> Road:
+        """Return the road with its lanes so far to the left, of lanes of any shape towards larger y."""
+        ...
 
     def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map road-frame positions, metres, to Cartesian x and y, metres, in the arguments' shape.
-
-        Parallels of the reference line bend with it and are mitred at its vertices, so that the map has neither gaps
-        nor overlaps up to the line's radius of curvature.
-        """
-        segment = self._segment_at(lon_m)
-        heading = self._segment_headings[segment]
-        along = lon_m - self._vertex_lon[segment]
-        start, end = self._mitres
-        share = np.clip(along / self._segment_lengths[segment], 0.0, 1.0)
-        along = along + lat_m * (start[segment] + (end - start)[segment] * share)
-        origin = self._vertices[segment]
-        x = origin[..., 0] + along * np.cos(heading) - lat_m * np.sin(heading)
-        y = origin[..., 1] + along * np.sin(heading) + lat_m * np.cos(heading)
-        return x, y
+        """Map positions to Cartesian x and y, metres, in the arguments' shape."""
+        ...
 
     def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Undo ``to_cartesian``: map x and y, metres, (n,), to longitudinal and lateral position, metres, each (n,).
+        """Undo ``to_cartesian`` for places of shape (n,)."""
+        ...
 
-        Where several segments face a position the nearest counts.
+    def axis_of(self, heading_rad: FloatArray) -> FloatArray:
+        """Return along what direction, against the frame's axis, vehicles of these headings are measured, (n,)."""
+        ...
+
+    def lane_heading_at(self, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
+        """Return the Cartesian direction of the nearest lane at positions, nan where there is none, (n,)."""
+        ...
+
+    def to_stop_line_m(self, lon_m: FloatArray, lat_m: FloatArray, heading_rad: FloatArray) -> FloatArray | None:
+        """Return how far ahead of vehicles a signal or right of way may hold them next, infinite where none, (n,).
+
+        None where no stop lines are known.
         """
-        cosine, sine = np.cos(self._segment_headings), np.sin(self._segment_headings)
-        offset_x = np.asarray(x)[:, None] - self._vertices[None, :-1, 0]
-        offset_y = np.asarray(y)[:, None] - self._vertices[None, :-1, 1]
-        along = offset_x * cosine + offset_y * sine
-        across = -offset_x * sine + offset_y * cosine
-        start, end = self._mitres
-        lower, upper = across * start, self._segment_lengths + across * end
-        share = np.clip((along - lower) / np.maximum(upper - lower, 1e-9), 0.0, 1.0)
-        lower[:, 0], upper[:, -1] = -np.inf, np.inf
-        overshoot = np.abs(along - np.clip(along, lower, np.maximum(lower, upper)))
-        nearest = np.argmin(np.abs(across) + FACING_FIRST * overshoot, axis=1)
-        rows = np.arange(len(nearest))
-        shift = across * (start + (end - start) * share)
-        return self._vertex_lon[nearest] + (along - shift)[rows, nearest], across[rows, nearest]
+        ...
 
-    @cached_property
-    def lane_table(self) -> FloatArray:
-        """The lanes as rows of (number, right, left, start, end), metres, shape (lanes, 5), for compiled loops."""
-        return np.array([[ln.number, ln.right_m, ln.left_m, ln.start_m, ln.end_m] for ln in self.lanes])
+    def on_a_lane(self, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
+        """Return whether positions are on a lane, (n,)."""
+        ...
 
-    def lane_index_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
-        """Return the index into ``lanes`` of each position's lane, -1 off the road; positions in metres, all (n,)."""
-        _, right, left, start, end = self.lane_table.T
-        inside = (
-            (lat_m[:, None] >= right) & (lat_m[:, None] < left) & (lon_m[:, None] >= start) & (lon_m[:, None] < end)
-        )
-        return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)
+    def speed_limit_of(self, lane: IntArray) -> FloatArray:
+        """Return the speed limit, m/s, of lanes by their numbers, nan where none is known, (n,)."""
+        ...
 
-    def lane_number_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
-        """Return each position's lane number, ``NO_LANE`` (0) off the road; positions in metres, all (n,)."""
-        index = self.lane_index_at(lon_m, lat_m)
-        numbers = np.append(self.lane_table[:, 0], NO_LANE).astype(np.int64)
-        return numbers[index]
+    def across_m(self, lon_m: tuple[float, float], lat_m: float, half_m: float) -> tuple[float, float]:
+        """Return from where to where what lies between two longitudinal positions reaches across.
+
+        Args:
+            lon_m: The positions.
+            lat_m: A lateral position between the ends, where the frame itself has none.
+            half_m: How far from it they are there.
+        """
+        ...
+
+    def lines(self) -> Iterator[LaneLine]:
+        """Yield the lanes of any shape; strips along the road are none."""
+        ...
+
+    def walls_near(self, x: float, y: float, within_m: float) -> FloatArray:
+        """Return the walls that come nearer to a place than a distance, metres, shape (k, 4)."""
+        ...
+
+    def draw_on_lanes(
+        self,
+        count: int,
+        around: tuple[float, float],
+        range_m: float,
+        rng: np.random.Generator,
+        in_reach: InReach | None = None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Draw positions evenly over the lanes within range of a place, by rejection.
+
+        Args:
+            count: How many.
+            around: The place.
+            range_m: The range.
+            rng: Source of randomness.
+            in_reach: Which of those drawn count; None for all within range.
+
+        Returns:
+            Longitudinal and lateral positions and the lanes' directions against the frame's axis, each (count,); fewer
+            where next to no lane is in reach.
+        """
+        ...
+
+    def draw_beside_lanes(
+        self, per_km: float, around: tuple[float, float], rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Draw where things stand for good, so many per km of lane; as ``draw_on_lanes`` returns them."""
+        ...
+
+    def moved(
+        self, lon_m: FloatArray, lat_m: FloatArray, axis_rad: FloatArray, way_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return where those come that go so far along the lanes: positions and directions as before."""
+        ...
+
+    def come_round(
+        self, lon_m: FloatArray, lat_m: FloatArray, ego: tuple[float, float], range_m: float
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return longitudinal positions of things around an ego, and which of them it has not left behind.
+
+        Along one road what is left behind comes in again at the other end of the range.
+        """
+        ...
+
+    def lane_area_m2(self, range_m: float, width_m: float) -> float:
+        """Return over what ground false detections spread: the lanes in range.
+
+        Args:
+            range_m: The range.
+            width_m: Width of one road that is taken to go on straight.
+        """
+        ...
 
 
 def wall_bodies(walls_xy: FloatArray) -> FloatArray:
@@ -182,17 +232,3 @@ def wall_bodies(walls_xy: FloatArray) -> FloatArray:
     middle, step = 0.5 * (walls_xy[:, :2] + walls_xy[:, 2:]), walls_xy[:, 2:] - walls_xy[:, :2]
     length = np.hypot(step[:, 0], step[:, 1])
     return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls_xy), WALL_WIDTH_M)])
-
-
-def highway(lanes: int = 5, lane_width_m: float = 3.66, section_m: tuple[float, float] = (0.0, 640.0)) -> Road:
-    """Return a straight one-way road whose right edge lies at lateral position zero.
-
-    Args:
-        lanes: Number of lanes, without beginning or end.
-        lane_width_m: Width of each, metres.
-        section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
-    """
-    strips = tuple(
-        Lane(number=lanes - k, right_m=k * lane_width_m, left_m=(k + 1) * lane_width_m) for k in range(lanes)
-    )
-    return Road(lanes=strips, section_m=section_m)

@@ -48,7 +48,7 @@ class SensorPlane:
     @property
     def ego_turn_rad(self) -> float:
         """Where the ego's body points against the frame's longitudinal axis; its drift within the road is left out."""
-        return 0.0 if self.road.graph is None else self.ego.heading_rad
+        return float(self.road.axis_of(np.array([self.ego.heading_rad]))[0])
 
     def distance_m(self, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
         """Return how far from the sensor road-frame positions lie, metres, the arguments' shape."""

@@ -67,7 +67,7 @@ class MaxLikelihoodUpdate:
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
         plane, free_space, mean = situation.plane, situation.scan.free_space, moments.mean
-        bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.direction_rad)
+        bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.heading_rad)
         if free_space is not None:
             shadowed = shadowed_share(plane, mean[LON], mean[LAT], bodies, free_space)
         else:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.map.road import Road
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.numerics.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.threads import in_shares
@@ -33,7 +33,7 @@ class LanesAround:
     line_m: FloatArray
 
 
-def lanes_around(lon_m: FloatArray, lat_m: FloatArray, road: Road) -> LanesAround:
+def lanes_around(lon_m: FloatArray, lat_m: FloatArray, road: CorridorRoad) -> LanesAround:
     """Return the lanes at each particle; positions in metres, shape (n,)."""
     n = len(lon_m)
     around = LanesAround(np.empty((3, n), dtype=np.int32), np.empty((2, n), dtype=np.bool_), np.empty((2, n)))
@@ -47,7 +47,7 @@ def lanes_around(lon_m: FloatArray, lat_m: FloatArray, road: Road) -> LanesAroun
     return around
 
 
-def _adjacent_lanes(road: Road) -> tuple[IntArray, IntArray]:
+def _adjacent_lanes(road: CorridorRoad) -> tuple[IntArray, IntArray]:
     """Return for each lane the index of the lane to its left and to its right, ``OFF_ROAD`` if there is none."""
     table = road.lane_table
     touches = np.abs(table[:, None, 2] - table[None, :, 1]) < 0.5

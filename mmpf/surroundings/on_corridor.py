@@ -13,7 +13,7 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
-from mmpf.map.road import Road
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -32,7 +32,7 @@ def surroundings_of(
     is_seen: BoolArray,
     ego: EgoPose,
     ego_accel_mps2: float,
-    road: Road,
+    road: CorridorRoad,
     options: FlowOptions,
 ) -> Surroundings:
     """Return what each particle knows of road and traffic.

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -63,12 +66,14 @@ class Links:
     share: FloatArray
 
 
+@singledispatch
 def cells_of(road: Road) -> tuple[LaneCells, Links]:
     """Return the cells of a road and the links between them; none where no lanes are known."""
-    return _cells_of_strips(road) if road.graph is None else _cells_of_graph(road.graph)
+    raise TypeError(f"{type(road).__name__} is no kind of road that has cells")
 
 
-def _cells_of_strips(road: Road) -> tuple[LaneCells, Links]:
+@cells_of.register
+def _(road: CorridorRoad) -> tuple[LaneCells, Links]:
     low_m, high_m = road.section_m[0] - BEYOND_SECTION_M, road.section_m[1] + BEYOND_SECTION_M
     spans = [(max(lane.start_m, low_m), min(lane.end_m, high_m)) for lane in road.lanes]
     kept = [(lane, *span) for lane, span in zip(road.lanes, spans, strict=True) if span[1] > span[0]]
@@ -93,7 +98,9 @@ def _cells_of_strips(road: Road) -> tuple[LaneCells, Links]:
     return cells, Links(source, target, np.ones(len(source)))
 
 
-def _cells_of_graph(graph: LaneGraph) -> tuple[LaneCells, Links]:
+@cells_of.register
+def _(road: LaneGraphRoad) -> tuple[LaneCells, Links]:
+    graph = road.graph
     lengths = graph.length_m if graph.has_map else np.zeros(0)
     counts = np.array([_pieces(length) for length in lengths], dtype=np.int64)
     of_lane, along, length = _divided(lengths, counts)

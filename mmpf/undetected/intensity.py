@@ -233,7 +233,7 @@ class UnseenTraffic:
         """Return the probability that the sensor, in no run of misses, has overlooked a vehicle in each cell, (n,)."""
         options, tracks = self.options, apart.tracks
         size = len(tracks) + 1
-        turn = None if self.road.graph is None else np.append(apart.heading_rad, 0.0)
+        turn = self.road.axis_of(np.append(apart.heading_rad, 0.0))
         bodies = Bodies(np.full(size, options.length_m), np.full(size, options.width_m), turn)
         casts = np.append((tracks.existence >= CASTS_FROM) & apart.known, False)
         lon, lat = np.append(tracks.lon_m, 0.0), np.append(tracks.lat_m, 0.0)

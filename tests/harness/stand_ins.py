@@ -17,7 +17,8 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.frame import Frame
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import highway
+from mmpf.map.road import Road
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, Tracks
 

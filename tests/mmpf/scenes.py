@@ -9,7 +9,7 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.joint.sources import Sources
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import FloatArray

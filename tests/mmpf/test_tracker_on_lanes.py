@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.motion import motion_model
 from mmpf.numerics.arrays import FloatArray
@@ -46,7 +47,7 @@ def crossing() -> Road:
         ),
     ]
     inner = ("eastward", "westward", "southward", "left turn")
-    return Road(lanes=(), graph=graph_of(lines, links, in_junction=inner))
+    return LaneGraphRoad(graph=graph_of(lines, links, in_junction=inner))
 
 
 ROAD = crossing()

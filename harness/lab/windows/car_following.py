@@ -150,7 +150,7 @@ def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) ->
 
 
 def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> Following:
-    strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
+    strip = {lane.number: (lane.right_m, lane.left_m) for lane in road.lanes}
     lines = np.array([strip.get(int(number), (np.nan, np.nan)) for number in recording.lane[own[:, 0]]]).reshape(-1, 2)
     leaders = others_at(recording, leader)
     return Following(

@@ -57,7 +57,7 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
     half = round(HALF_WINDOW_S / step_s)
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     rows = by_vehicle[_single_changes(recording, by_vehicle, half)[:, None] + np.arange(-half, half + 1)]
-    strip = {int(number): (right, left) for number, right, left, _, _ in road.lane_table}
+    strip = {lane.number: (lane.right_m, lane.left_m) for lane in road.lanes}
     original, target = recording.lane[rows[:, half - 1]], recording.lane[rows[:, half]]
     known = np.array([int(a) in strip and int(b) in strip for a, b in zip(original, target, strict=True)], dtype=bool)
     rows, original, target = rows[known], original[known], target[known]

@@ -12,7 +12,8 @@ from harness.lab.windows.car_following import Following, following_windows
 from harness.lab.windows.recording import Recording
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import highway
+from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 LANE_WIDTH_M = 3.66

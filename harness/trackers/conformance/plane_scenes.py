@@ -16,6 +16,7 @@ from harness.trackers.conformance.scripted_scenes import (
     detections_at,
     shuffled,
 )
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
@@ -76,7 +77,7 @@ def bend_scene() -> tuple[Road, list[CarOnLine], CarOnLine]:
         CarOnLine("inside behind", inner, ARM_M - 45.0, 9.0),
         CarOnLine("outside behind", outer, ARM_M - 70.0, 10.0),
     ]
-    road = Road(lanes=(), section_m=(-300.0, 300.0), graph=_graph(lines, {}, (("outer", "inner"),)))
+    road = LaneGraphRoad(section_m=(-300.0, 300.0), graph=_graph(lines, {}, (("outer", "inner"),)))
     return road, cars, CarOnLine("ego", inner, ARM_M, 10.0)
 
 
@@ -112,7 +113,7 @@ def crossing_scene() -> tuple[Road, list[CarOnLine], CarOnLine]:
         CarOnLine("oncoming", straight("west"), ARM_M - 50.0, 14.0),
         CarOnLine("from the north", straight("south"), ARM_M + 35.0, 10.0),
     ]
-    road = Road(lanes=(), section_m=(-150.0, 150.0), graph=_graph(lines, follow, ()))
+    road = LaneGraphRoad(section_m=(-150.0, 150.0), graph=_graph(lines, follow, ()))
     return road, cars, CarOnLine("ego", straight("east"), ARM_M - 15.0, 0.0)
 
 

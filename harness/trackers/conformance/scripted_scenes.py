@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.trackers.protocol import TrackerSetting
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
 

@@ -12,6 +12,7 @@ from xml.sax import SAXException
 import numpy as np
 
 from harness.common.errors import InputError
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray
 
@@ -83,9 +84,9 @@ class Corridor:
     lanes: tuple[Lane, ...]
     reference_xy: tuple[tuple[float, float], ...]
 
-    def road(self, section_m: tuple[float, float]) -> Road:
+    def road(self, section_m: tuple[float, float]) -> CorridorRoad:
         """Return the road frame with a scored section."""
-        return Road(
+        return CorridorRoad(
             lanes=self.lanes,
             reference_xy=self.reference_xy,
             reference_start_m=self.edges[0].start_m,
@@ -133,7 +134,7 @@ def corridor_from_net(net: SumoNet, names: Sequence[str], start_m: float) -> Cor
             raise InputError(f"corridor edge {following.getID()} does not follow edge {edge.getID()} in the network")
     main_lanes = min(edge.getLaneNumber() for edge in sumo_edges)
     reference = _reference_line(sumo_edges, main_lanes)
-    frame = Road(lanes=(), reference_xy=tuple(map(tuple, reference.tolist())), reference_start_m=start_m)
+    frame = CorridorRoad(lanes=(), reference_xy=tuple(map(tuple, reference.tolist())), reference_start_m=start_m)
     edges = tuple(_place(edge, frame, main_lanes) for edge in sumo_edges)
     return Corridor(
         edges=edges, main_lanes=main_lanes, lanes=_lanes(sumo_edges, edges, frame), reference_xy=frame.reference_xy

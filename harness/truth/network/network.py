@@ -31,6 +31,8 @@ from harness.truth.network.networkfile import (
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from harness.truth.network.walls import read_walls
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import compile_kernels
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
@@ -128,9 +130,18 @@ class Network:
 
     @cached_property
     def road(self) -> Road:
-        """The road frame with the section that is scored."""
+        """The road with the section that is scored."""
         if self.plane is not None:
-            return Road(lanes=(), section_m=self.section_m, graph=self.plane.graph, walls_xy=self._walls(self.plane))
+            return LaneGraphRoad(section_m=self.section_m, graph=self.plane.graph, walls_xy=self._walls(self.plane))
+        return self.corridor_road
+
+    @cached_property
+    def corridor_road(self) -> CorridorRoad:
+        """The same where there is a main road.
+
+        Raises:
+            InputError: There is none.
+        """
         return self.main_road.road(self.section_m)
 
     def _walls(self, plane: PlaneNetwork) -> FloatArray | None:

@@ -18,6 +18,8 @@ from harness.truth.recorded.laneletgraph import are_one_road, plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.numerics.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
@@ -260,6 +262,7 @@ def _traffic(scenario: _Scenario, obstacles: list[_Obstacle], path: Path) -> Rea
     states = np.concatenate([obstacle.states for obstacle in obstacles])
     vehicle = np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles])
     step, x, y, orientation, speed = states.T
+    road: CorridorRoad | LaneGraphRoad
     if are_one_road(scenario.lanelets):
         road = road_from_lanelets(scenario.lanelets, x, y)
         lon_m, lat_m = road.to_road(x, y)

@@ -131,7 +131,7 @@ def _traffic(collected: _Collected, network: Network, of_type: Sizes) -> ReadTra
     length_m = np.where(np.isnan(length_m), usual_m[:, 0], length_m)
     width_m = np.where(np.isnan(width_m), usual_m[:, 1], width_m)
     vehicle_names, people = np.array(list(collected.names)), len(collected.people)
-    lon_m, lat_m, heading = _in_road_frame(network.road, x, y, np.radians(90.0 - angle_deg), length_m)
+    lon_m, lat_m, heading = _in_road_frame(network.corridor_road, x, y, np.radians(90.0 - angle_deg), length_m)
     near = np.bincount(vehicle[beside_the_road(network.road, lat_m)], minlength=len(vehicle_names)) > 0
     kept = near[vehicle]
     left_out = {"never within 15 m of the main road": int(np.sum(~near)), "on foot": people}

@@ -15,6 +15,7 @@ import pyarrow.csv
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -115,7 +116,7 @@ def _in_road_frame(
     # The Cartesian plane is the picture with y turned upwards, so that the frame stays right-handed.
     origin_x = 0.0 if direction == LOWER else float(columns["x"].max() + columns["width"].max())
     reference = ((origin_x, -float(right_edge)), (origin_x + sign * 1000.0, -float(right_edge)))
-    road = Road(lanes=lanes, reference_xy=reference)
+    road = CorridorRoad(lanes=lanes, reference_xy=reference)
     rows = Rows(
         vehicle=vehicle,
         time_s=columns["frame"] / rate,

@@ -13,9 +13,9 @@ from shapely.ops import substring
 from harness.common.errors import InputError
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
-from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 # On one road lanelets lead one way to within this angle, but for a small share of their length, as of a drawn hook.
@@ -45,7 +45,7 @@ class LaneletPlane:
         origin_xy: The file's coordinates of the plane's origin, whole kilometres, so that places stay small numbers.
     """
 
-    road: Road
+    road: LaneGraphRoad
     origin_xy: tuple[float, float]
 
 
@@ -77,10 +77,10 @@ def graph_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> LaneGraph:
     return _graph(*_for_cars(lanelets, path), path)
 
 
-def road_of_graph(graph: LaneGraph) -> Road:
+def road_of_graph(graph: LaneGraph) -> LaneGraphRoad:
     """Return the road whose frame is the plane of a graph."""
     start, end = float(graph.xy[:, 0].min()), float(graph.xy[:, 0].max())
-    return Road(lanes=(), section_m=(start, max(end, start + 1.0)), graph=graph)
+    return LaneGraphRoad(graph, (start, max(end, start + 1.0)))
 
 
 def _for_cars(lanelets: Sequence[Lanelet], path: Path) -> tuple[dict[str, Lanelet], dict[str, FloatArray]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray
 
@@ -87,7 +88,7 @@ class _Strip:
         return self.end_m - self.start_m
 
 
-def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray) -> Road:
+def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray) -> CorridorRoad:
     """Lay the road frame along the lanelets that traffic drives on.
 
     The reference line is the smoothed middle of the longest chain of lanelets, of about equally long ones that in the
@@ -103,7 +104,7 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
     """
     trunk = _trunk(lanelets, np.column_stack([x, y]))
     reference = _simplified(_smoothed(_at_shares(trunk, _even_shares(trunk))))
-    frame = Road(lanes=(), reference_xy=tuple((float(px), float(py)) for px, py in reference))
+    frame = CorridorRoad(lanes=(), reference_xy=tuple((float(px), float(py)) for px, py in reference))
     strips = [strip for lanelet in lanelets if (strip := _strip(lanelet, frame)) is not None]
     lanes = _lanes(strips)
     start_m, end_m = min(strip.start_m for strip in strips), max(strip.end_m for strip in strips)

@@ -73,7 +73,7 @@ class ReadTraffic:
     @property
     def in_plane(self) -> bool:
         """Whether the road frame is the plane."""
-        return self.road.graph is not None
+        return self.road.has_headings
 
 
 def unknown(count: int) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import completed
 from harness.truth.recorded.order import Stays, order_rows
 from harness.truth.recorded.plausible import check_units
-from harness.truth.recorded.resample import on_clock
-from harness.truth.recorded.rows import ReadTraffic
+from harness.truth.recorded.resample import Clocked, on_clock
+from harness.truth.recorded.rows import ReadTraffic, Rows
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
 
@@ -55,6 +58,7 @@ class RecordedTraffic:
 
     Attributes:
         road: The road; its section is the window.
+        window_m: Stretch of the road that is on record.
         step_starts: First row of each step and the row after the last, shape (steps + 1,).
         stay: Stay of each row, an index into ``names``, shape (n,).
         names: Name of each stay, shape (s,).
@@ -65,6 +69,7 @@ class RecordedTraffic:
     """
 
     road: Road
+    window_m: tuple[float, float]
     step_starts: IntArray
     stay: IntArray
     names: StringArray
@@ -77,11 +82,6 @@ class RecordedTraffic:
     def steps(self) -> int:
         """Number of steps."""
         return len(self.step_starts) - 1
-
-    @property
-    def window_m(self) -> tuple[float, float]:
-        """Stretch of the road that is on record; in the plane nobody knows where that ends."""
-        return self.road.section_m if self.road.graph is None else EVERYWHERE
 
     @property
     def step_of_row(self) -> IntArray:
@@ -100,7 +100,7 @@ class RecordedTraffic:
             vehicle_id=self.names[stay],
             lane=self.lane[rows],
             window_m=self.window_m,
-            direction_rad=None if self.road.graph is None else self.columns["heading_rad"][rows],
+            direction_rad=self.columns["heading_rad"][rows] if self.road.has_headings else None,
             **self._floats_of(rows),
         )
 
@@ -128,14 +128,10 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     order = order[slice(*np.searchsorted(clocked.step[order], (first_step, first_step + steps)))]
     stay = clocked.stay[order]
     rows = rows.take(order)
-    road = read.road
-    if road.graph is None:
-        road = replace(road, section_m=recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m))
-        lane = road.lane_number_at(rows.lon_m, rows.lat_m)
-    else:
-        lane = 1 + lanes_driven(road.graph, stay, rows.lon_m, rows.lat_m, rows.heading_rad)
+    road, window_m, lane = _road_on_record(read.road, clocked, stay, rows)
     return RecordedTraffic(
         road=road,
+        window_m=window_m,
         step_starts=np.searchsorted(clocked.step[order], first_step + np.arange(steps + 1)),
         stay=stay,
         names=stays.names,
@@ -146,13 +142,41 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     )
 
 
+OnRecord = tuple[Road, tuple[float, float], IntArray]
+
+
+@singledispatch
+def _road_on_record(road: Road, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
+    """Return the road, the stretch of it that is on record, and the lane of each row, shape (n,).
+
+    Args:
+        road: The road, of one of the kinds that there are.
+        clocked: All that is on record.
+        stay: Stay of each of the rows that are driven, shape (n,).
+        rows: These rows.
+    """
+    raise TypeError(f"{type(road).__name__} is no kind of road that traffic is recorded on")
+
+
+@_road_on_record.register
+def _(road: CorridorRoad, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
+    window_m = recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m)
+    return replace(road, section_m=window_m), window_m, road.lane_number_at(rows.lon_m, rows.lat_m)
+
+
+@_road_on_record.register
+def _(road: LaneGraphRoad, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
+    # Nobody knows where in the plane what is on record ends.
+    return road, EVERYWHERE, 1 + lanes_driven(road.graph, stay, rows.lon_m, rows.lat_m, rows.heading_rad)
+
+
 def check_one_road(traffic: RecordedTraffic, path: Path) -> None:
     """Refuse traffic of which no one road is known, where distances along it are needed.
 
     Raises:
         InputError: Its lanes lie in the plane.
     """
-    if traffic.road.graph is not None:
+    if not traffic.road.lanes:
         raise InputError(f"{path}: its lanes lead several ways; give a recording of one road, such as a motorway's")
 
 

@@ -60,7 +60,7 @@ class TrafficControl:
         self._routes: set[str] = set()
         lanes = network.main_road.main_lanes
         self._hold(demand.at(0.0))
-        self._headways = LocalHeadways(sumo, network.road, demand.headway_profile)
+        self._headways = LocalHeadways(sumo, network.corridor_road, demand.headway_profile)
         self._learned_flow = 0.0
         self._phase = float(rng.uniform())
         self._inflow_scale = 1.0
@@ -90,7 +90,7 @@ class TrafficControl:
         """Let vehicles in and adjust the exit before SUMO's next step, at a simulation time."""
         if time_s >= self._next_control_s:
             self._hold(self._scheduled.at(time_s - self._warm_up_s))
-            self._steer(time_s, read_load(self._sumo, self._network.road))
+            self._steer(time_s, read_load(self._sumo, self._network.corridor_road))
             self._headways.apply()
             divert_late_vehicles(self._sumo, self._network)
             self._next_control_s = time_s + CONTROL_EVERY_S

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.truth.frame import Frame
+from harness.truth.frame import EVERYWHERE, Frame
 from harness.truth.sumo.session import Sumo
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray
 
@@ -17,7 +18,7 @@ BESIDE_SECTION_M = 150.0
 OFF_ROAD_WITHIN_M = 15.0
 
 
-def read_frame(sumo: Sumo, road: Road, step: int, time_s: float) -> Frame:
+def read_frame(sumo: Sumo, road: CorridorRoad, step: int, time_s: float) -> Frame:
     """Return the vehicles within 150 m of the section, not smoothed; the frame has no ego yet.
 
     SUMO's lateral position is taken as the centre's, so that lateral speed is its derivative; on a ramp, which lies at
@@ -78,7 +79,7 @@ class Load:
     mean_speed_mps: float
 
 
-def read_load(sumo: Sumo, road: Road) -> Load:
+def read_load(sumo: Sumo, road: CorridorRoad) -> Load:
     """Count the vehicles before and in the section."""
     names = sumo.vehicle.getIDList()
     lon, lat = front_positions(sumo, road, names)
@@ -102,5 +103,5 @@ def front_positions(sumo: Sumo, road: Road, names: Sequence[str]) -> tuple[Float
 
 def beside_the_road(road: Road, lat_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which places are within 15 m of a lane, sideways."""
-    _, right, left, _, _ = road.lane_table.T
-    return np.asarray((lat_m > right.min() - OFF_ROAD_WITHIN_M) & (lat_m < left.max() + OFF_ROAD_WITHIN_M))
+    right_m, left_m = road.across_m(EVERYWHERE, 0.0, 0.0)
+    return np.asarray((lat_m > right_m - OFF_ROAD_WITHIN_M) & (lat_m < left_m + OFF_ROAD_WITHIN_M))

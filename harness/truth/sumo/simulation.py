@@ -25,7 +25,7 @@ from harness.truth.sumo.reading import read_frame, read_load
 from harness.truth.sumo.running import FIRST_VEHICLE_WITHIN_S, RunningSumo
 from harness.truth.sumo.session import show_ego, start_sumo, sumo_errors_in_words
 from harness.truth.sumo.smoothing import lead_frames, smoothed
-from mmpf.map.road import NO_LANE
+from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 WARM_UP_S = 20.0
@@ -195,7 +195,7 @@ class SumoTruth:
         self, running: RunningSumo, network: Network, steps: int, control: TrafficControl | None, ego: bool
     ) -> None:
         """Take over a simulation that has started."""
-        self.road = network.road
+        self.road: Road = network.corridor_road
         self.step_s = STEP_S
         self.expected_steps = steps
         self.running, self._sumo = running, running.sumo
@@ -212,7 +212,7 @@ class SumoTruth:
         for _ in range(round(duration_s / self.step_s)):
             self.running.advance()
         for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
-            if read_load(self._sumo, self.road).inside:
+            if read_load(self._sumo, self._network.corridor_road).inside:
                 return
             self.running.advance()
         raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
@@ -220,7 +220,7 @@ class SumoTruth:
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order; they end early if the user's own demand runs dry."""
         ego = EgoChoice(vehicle_id=NO_EGO, episode=-1)
-        for frame in smoothed(self._raw_frames(), self.road, self.step_s):
+        for frame in smoothed(self._raw_frames(), self._network.corridor_road, self.step_s):
             if self._wants_ego:
                 previous, ego = ego, choose_ego(frame, ego, self._network.ego_lanes, self.road.section_m)
                 if ego.vehicle_id == NO_EGO:
@@ -240,7 +240,7 @@ class SumoTruth:
             if step:
                 self.running.advance()
             with sumo_errors_in_words(self._sumo):
-                frame = read_frame(self._sumo, self.road, step, step * self.step_s)
+                frame = read_frame(self._sumo, self._network.corridor_road, step, step * self.step_s)
             yield frame
 
 

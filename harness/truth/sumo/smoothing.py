@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.truth.frame import Frame
-from mmpf.map.road import Road
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.numerics.arrays import FloatArray
 
 HALF_WIDTH_S = 0.5
@@ -26,7 +26,7 @@ def lead_frames(step_s: float) -> int:
     return round(HALF_WIDTH_S / step_s)
 
 
-def smoothed(frames: Iterable[Frame], road: Road, step_s: float) -> Iterator[Frame]:
+def smoothed(frames: Iterable[Frame], road: CorridorRoad, step_s: float) -> Iterator[Frame]:
     """Yield smoothed frames, numbered from 0, values rounded to 1e-4.
 
     A vehicle that is not in all frames averaged is left out.
@@ -51,7 +51,7 @@ def hann_weights(reach: int) -> FloatArray:
 
 
 def _average(
-    window: deque[Frame], rows: deque[dict[str, int]], weights: FloatArray, road: Road, step: int, step_s: float
+    window: deque[Frame], rows: deque[dict[str, int]], weights: FloatArray, road: CorridorRoad, step: int, step_s: float
 ) -> Frame:
     middle = window[len(window) // 2]
     names = [str(name) for name in middle.vehicle_id]

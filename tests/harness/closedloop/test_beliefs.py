@@ -15,7 +15,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
 from harness.storage.schema import HIDDEN, VISIBLE
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 from tests.harness.closedloop.frames import frame_of
 

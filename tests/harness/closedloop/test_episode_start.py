@@ -9,7 +9,8 @@ from harness.closedloop.beliefs import believed_by_each
 from harness.closedloop.episode_start import _free_ways, _hidden_second_leader, episode_starts
 from harness.closedloop.plan import BRAKE, CROSS, FREE
 from harness.sensor.profiles import sensor_settings
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
 from tests.harness.closedloop.frames import frame_of
 from tests.harness.closedloop.test_routes import GRAPH, held_at
 
@@ -31,7 +32,7 @@ class Standing:
         if not past:
             self.frames[0] = frame_of([0.0], [0.0], names=["another"])
         vehicle = SimpleNamespace(getRoute=dict(zip(names, routes, strict=True)).__getitem__)
-        self.network = SimpleNamespace(road=Road(lanes=(), graph=graph), plane=SimpleNamespace(graph=graph))
+        self.network = SimpleNamespace(road=LaneGraphRoad(graph=graph), plane=SimpleNamespace(graph=graph))
         self.running, self.step_s = SimpleNamespace(sumo=SimpleNamespace(vehicle=vehicle)), 0.1
 
     def advance(self):

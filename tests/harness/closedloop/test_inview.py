@@ -12,7 +12,7 @@ from harness.sensor.profiles import sensor_settings
 from harness.truth.network.demand import Drivers
 from harness.truth.network.network import load_network
 from harness.truth.sumo.population import draw_vehicle
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from tests.harness.closedloop.frames import frame_of
 
 US101, ROAD = load_network("us101"), highway()

@@ -9,7 +9,7 @@ from harness.closedloop.beliefs import ego_of, true_bodies
 from harness.closedloop.routes import way_of
 from harness.decisions.belief import believe
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, LinkControl
-from mmpf.map.road import Road
+from mmpf.map.graph_road import LaneGraphRoad
 from tests.harness.closedloop.frames import frame_of
 from tests.mmpf.map.scenes import graph_of
 
@@ -60,7 +60,7 @@ def test_what_is_left_of_it_is_counted_along_its_lanes():
 
 def test_a_driver_minds_who_is_on_the_way_that_its_route_takes():
     both = frame_of([20.0, 100.0, 60.0], [0.0, 0.0, 60.0], direction_rad=[0.0, 0.0, 0.5 * np.pi])
-    road = Road(lanes=(), graph=GRAPH)
+    road = LaneGraphRoad(graph=GRAPH)
     for edges, leader in ((["in", "on"], 0), (["in", "up"], 1)):
         ego = ego_of(both, way_of(GRAPH, 0, edges).lanes)
         assert believe(true_bodies(both), ego, road).leader.body[0] == leader

@@ -8,7 +8,7 @@ import pytest
 from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.plan import BRAKE
 from harness.closedloop.steering import STANDS_S, Steering, overlaps
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from tests.harness.closedloop.frames import frame_of
 
 STEP_S, ROAD = 0.1, highway()

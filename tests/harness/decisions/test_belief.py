@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from harness.decisions.belief import NOBODY, believe
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
 from tests.harness.decisions.scenes import LENGTH_M, bodies, egos, lane_graph
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
@@ -76,7 +77,7 @@ FORK = lane_graph(
     {"in": ["straight", "up"]},
     {"in": "beside"},
 )
-PLANE = Road(lanes=(), graph=FORK)
+PLANE = LaneGraphRoad(graph=FORK)
 
 
 def test_at_a_fork_the_driver_minds_the_way_that_it_takes():

@@ -8,7 +8,7 @@ from harness.decisions.belief import believe
 from harness.decisions.decide import decide, driver_of, most_decisive
 from harness.decisions.drivers.following import PARAMETERS
 from harness.decisions.drivers.protocol import Command, drivers
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.motion.idm import idm_acceleration
 from mmpf.motion.protocol import Neighbour
 from tests.harness.decisions.scenes import LENGTH_M, bodies, egos

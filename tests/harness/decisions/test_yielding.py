@@ -16,7 +16,7 @@ from harness.decisions.yielding import (
     windows_of,
     with_standing_leader,
 )
-from mmpf.map.road import Road
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.undetected.cells import cells_of
 from mmpf.undetected.intensity import Unseen
 from tests.harness.decisions.scenes import LENGTH_M, bodies, egos
@@ -24,7 +24,7 @@ from tests.harness.decisions.test_crossings import GRAPH, STRAIGHT_ON, way
 
 LIMIT_MPS = 14.0
 CROSSING = crossings_of(GRAPH, STRAIGHT_ON)[0]
-CELLS = cells_of(Road(lanes=(), graph=GRAPH))[0]
+CELLS = cells_of(LaneGraphRoad(graph=GRAPH))[0]
 
 
 def course(front_m=20.0, speed=LIMIT_MPS, on=STRAIGHT_ON):
@@ -109,7 +109,7 @@ def test_it_slows_down_in_time_for_a_bend():
 
 
 def test_a_standing_leader_takes_its_place_among_those_ahead():
-    road = Road(lanes=(), graph=GRAPH)
+    road = LaneGraphRoad(graph=GRAPH)
     ahead = bodies((0, 0.0, -20.0, 3.0), (0, 0.0, 5.0, 3.0), direction=0.5 * np.pi)
     belief = believe(ahead, egos(lon=0.0, lat=-40.0, lane=1), road)
     found = with_standing_leader(belief, 18.0).leaders

@@ -25,11 +25,12 @@ from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.lock import LOCK
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
-from mmpf.map.road import Lane, Road
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.road import Lane
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, SEEN_AGAIN, STEPS, metrics_of, write_recorded_scene
 
 # A road that turns from east to north-east, so that the road frame and the plane differ.
-BENT = Road(
+BENT = CorridorRoad(
     lanes=tuple(Lane(number, 3.66 * (5 - number), 3.66 * (6 - number)) for number in range(1, 6)),
     reference_xy=((1000.0, 50.0), (1150.0, 50.0), (1350.0, 250.0)),
 )

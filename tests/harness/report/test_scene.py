@@ -11,7 +11,8 @@ from harness.report.scene import Scene, draw_scene, legend_entries, scene_figure
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.truth.frame import Frame
-from mmpf.map.road import Lane, Road, highway
+from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.map.road import Lane
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 
@@ -70,7 +71,7 @@ def tracked(frame, observation, rng):
 @pytest.fixture
 def road():
     lanes = (*highway().lanes, Lane(number=6, right_m=-3.66, left_m=0.0, start_m=188.0, end_m=345.0))
-    return Road(lanes=lanes)
+    return CorridorRoad(lanes=lanes)
 
 
 def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):

@@ -9,8 +9,10 @@ from harness.common.errors import InputError
 from harness.running.believedmap import believed_map
 from harness.running.resolve import resolve_run_config
 from harness.truth.network.lanegraph import read_lane_graph
+from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE
-from mmpf.map.road import Lane, Road, highway
+from mmpf.map.road import Lane
 
 CROSSING = Path(__file__).parents[1] / "truth" / "network" / "nets" / "crossing.net.xml"
 
@@ -25,7 +27,7 @@ def told(road, *settings):
 @pytest.fixture(scope="module")
 def crossing():
     plane = read_lane_graph(CROSSING)
-    return Road(lanes=(), section_m=plane.extent_m, graph=plane.graph, walls_xy=np.array([[0.0, 0.1, 2.0, 3.5]]))
+    return LaneGraphRoad(section_m=plane.extent_m, graph=plane.graph, walls_xy=np.array([[0.0, 0.1, 2.0, 3.5]]))
 
 
 def test_without_a_word_of_it_the_map_is_the_road(crossing):
@@ -49,7 +51,7 @@ def test_one_lane_is_as_wide_as_all():
 
 def test_an_auxiliary_lane_is_no_part_of_the_one_lane():
     lanes = (Lane(1, 4.0, 8.0, -450.0, 1000.0), Lane(2, 0.0, 4.0, -450.0, 1000.0), Lane(3, -4.0, 0.0, 188.0, 411.0))
-    (lane,) = told(Road(lanes), "map=one-lane").lanes
+    (lane,) = told(CorridorRoad(lanes), "map=one-lane").lanes
     assert lane == Lane(1, 0.0, 8.0, -450.0, 1000.0)
 
 

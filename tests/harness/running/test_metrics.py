@@ -11,7 +11,7 @@ from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated
 from harness.running.follow import StageTimes
 from harness.running.metrics import TrafficSums, timing_table
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 
 
 def of_traffic(truth: pd.DataFrame) -> TrafficSums:

@@ -12,14 +12,15 @@ import pytest
 from harness.decisions.decide import driver_of
 from harness.scoring.driving.asked import Driven
 from harness.scoring.score import RunScorer, ScoredRun, score_run
-from mmpf.map.road import Lane, Road
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.road import Lane
 from tests.harness.scoring.metrics.test_decisions import LEFT, Drive
 from tests.harness.scoring.scenes import STEP_S, traffic
 from tests.harness.scoring.test_plane import leaves
 
 KNOWN = Path(__file__).parent / "golden"
 STEPS = 120
-LANES = Road(lanes=tuple(Lane(number=k + 1, right_m=3.6 * k - 1.8, left_m=3.6 * k + 1.8) for k in range(5)))
+LANES = CorridorRoad(lanes=tuple(Lane(number=k + 1, right_m=3.6 * k - 1.8, left_m=3.6 * k + 1.8) for k in range(5)))
 
 
 def equals_file(text: str, path: Path) -> None:

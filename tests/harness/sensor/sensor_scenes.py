@@ -3,7 +3,7 @@
 import numpy as np
 
 from harness.truth.frame import Frame
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 
 ROAD = highway()
 MIDDLE = 2.5 * 3.66

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import CorridorRoad, highway
 from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 
 SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}
@@ -301,7 +301,7 @@ def test_a_turn_of_the_whole_road_changes_no_observation():
 
 def test_on_a_bend_a_car_in_the_same_lane_need_not_hide_the_next():
     angle = np.linspace(0, np.pi / 2, 60)
-    bend = Road(
+    bend = CorridorRoad(
         lanes=highway().lanes, reference_xy=tuple(zip(60 * np.sin(angle), 60 - 60 * np.cos(angle), strict=True))
     )
     frame = frame_of((20, 0), (40, 0), ego_lon=10.0)

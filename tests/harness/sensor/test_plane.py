@@ -8,14 +8,14 @@ import pytest
 
 from harness.config.sensor import SensorSettings
 from harness.sensor.detector import build_sensor, data_sheet
-from harness.sensor.lanearea import lanes_over, mean_lane_area_m2
 from harness.sensor.memory import SensorMemory
 from harness.truth.frame import Frame
-from mmpf.map.road import Road
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_area import lanes_over, mean_lane_area_m2
 from tests.mmpf.map.scenes import graph_of
 
 CROSS = graph_of({"east": [(-150.0, 0.0), (150.0, 0.0)], "north": [(0.0, -150.0), (0.0, 150.0)]}, width_m=4.0)
-ROAD = Road(lanes=(), section_m=(-150.0, 150.0), graph=CROSS)
+ROAD = LaneGraphRoad(section_m=(-150.0, 150.0), graph=CROSS)
 QUIET = {"clutter_per_scan": 0.0, "reported_spread": 0.0, "detection_probability": 1.0}
 
 
@@ -158,7 +158,7 @@ def test_the_data_sheet_tells_how_much_of_the_maps_lanes_is_in_range():
     lane = graph_of({"a": [(0.0, 0.0), (2000.0, 0.0)]}, width_m=3.0)
     assert mean_lane_area_m2(lane, 50.0) == pytest.approx(3.0 * (100.0 - 50.0**2 / 2000.0), rel=0.01)
     settings = SensorSettings()
-    sheet = data_sheet(settings, Road(lanes=(), graph=lane))
+    sheet = data_sheet(settings, LaneGraphRoad(graph=lane))
     assert sheet.clutter_area_m2 == pytest.approx(mean_lane_area_m2(lane, settings.range_m))
     assert data_sheet(settings).clutter_area_m2 == pytest.approx(2.0 * 100.0 * 18.3)
 

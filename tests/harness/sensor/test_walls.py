@@ -12,7 +12,7 @@ from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
 from harness.storage.schema import HIDDEN, VISIBLE
 from harness.truth.frame import Frame
-from mmpf.map.road import Road
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.numerics.arrays import FloatArray
 from tests.harness.sensor.sensor_scenes import frame_of
 from tests.mmpf.map.scenes import graph_of
@@ -30,7 +30,7 @@ def in_the_plane(places: list[tuple[float, float]], headings: list[float]) -> Fr
 
 def look(frame: Frame, walls: FloatArray) -> Observation:
     sensor = build_sensor(sensor_settings("ideal", {}))
-    return sensor.observe(frame, Road(lanes=(), graph=GRAPH, walls_xy=walls), np.random.default_rng(0))
+    return sensor.observe(frame, LaneGraphRoad(graph=GRAPH, walls_xy=walls), np.random.default_rng(0))
 
 
 def traced(frame: Frame, walls: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -84,7 +84,7 @@ def test_a_lorry_before_a_building_is_what_hides() -> None:
 def test_a_road_without_walls_tells_nothing_of_them() -> None:
     sensor = build_sensor(sensor_settings("ideal", {}))
     frame = in_the_plane([(10.0, 0.0)], [0.0])
-    assert sensor.observe(frame, Road(lanes=(), graph=GRAPH), np.random.default_rng(0)).behind_walls is None
+    assert sensor.observe(frame, LaneGraphRoad(graph=GRAPH), np.random.default_rng(0)).behind_walls is None
 
 
 @pytest.mark.parametrize("seed", range(12))

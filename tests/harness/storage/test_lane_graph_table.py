@@ -9,7 +9,8 @@ import pytest
 from harness.common.errors import InputError
 from harness.storage.run_folder import read_road, write_road
 from harness.truth.network.lanegraph import read_lane_graph
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
 
 CROSSING = Path(__file__).parents[1] / "truth" / "network" / "nets" / "crossing.net.xml"
 
@@ -17,7 +18,7 @@ CROSSING = Path(__file__).parents[1] / "truth" / "network" / "nets" / "crossing.
 @pytest.fixture(scope="module")
 def road():
     plane = read_lane_graph(CROSSING)
-    return Road(lanes=(), section_m=plane.extent_m, graph=plane.graph, walls_xy=np.array([[0.0, 0.1, 2.0, 3.5]]))
+    return LaneGraphRoad(section_m=plane.extent_m, graph=plane.graph, walls_xy=np.array([[0.0, 0.1, 2.0, 3.5]]))
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from harness.trackers.catalogue import available_trackers, build_tracker, tracker_options
 from harness.trackers.doubtful import DoubtfulOptions, DoubtingTracker, as_reported
 from harness.trackers.protocol import TrackerSetting
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
@@ -133,7 +133,7 @@ def test_no_tracks_are_no_trouble():
 
 
 def test_off_the_tracker_is_left_as_it_is():
-    tracker, setting = Scripted([]), TrackerSetting(Road(lanes=()), SensorModel(), np.random.default_rng(0))
+    tracker, setting = Scripted([]), TrackerSetting(CorridorRoad(lanes=()), SensorModel(), np.random.default_rng(0))
     assert as_reported(tracker, setting, DoubtfulOptions()) is tracker
 
 

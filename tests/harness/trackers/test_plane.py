@@ -5,11 +5,11 @@ import pytest
 
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting, step_tracker
-from mmpf.map.road import Road
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from tests.mmpf.map.scenes import graph_of
 
-ROAD = Road(lanes=(), graph=graph_of({"a": [(-100.0, 0.0), (100.0, 0.0)]}))
+ROAD = LaneGraphRoad(graph=graph_of({"a": [(-100.0, 0.0), (100.0, 0.0)]}))
 DIRECTIONS = np.radians([0.0, 90.0, 180.0, 250.0])
 SPEED_MPS = 12.0
 NAMES = ("oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "immortal-kalman")

@@ -14,6 +14,8 @@ from mmpf.belief.moments import Moments
 from mmpf.joint.kinds import MOVING, STANDING, VEHICLE
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
@@ -30,7 +32,7 @@ speeds_mps = st.floats(0.0, 40.0)
 def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
     mean, variance = np.zeros((6, len(speeds_mps))), np.full((6, len(speeds_mps)), std_mps**2)
     mean[SPEED] = speeds_mps
-    return Moments(mean, variance)
+    return Moments(mean, variance, np.zeros(mean.shape[1]))
 
 
 def likelihoods(
@@ -122,16 +124,18 @@ def stop_line() -> LaneGraph:
 def test_vehicles_stand_before_stop_lines_rather_than_elsewhere() -> None:
     graph = stop_line()
     np.testing.assert_allclose(graph.to_stop_line_m, [30.0, 0.0, np.inf])
-    moments = replace(moving([0.0] * 5), direction_rad=np.zeros(5))
+    moments = moving([0.0] * 5)
     moments.mean[LON] = [30.0, 50.0, 85.0, 95.0, 50.0]
     moments.mean[LAT] = [0.0, 0.0, 0.0, 0.0, 40.0]
     before, elsewhere = OPTIONS.stopped_at_line, OPTIONS.stopped_elsewhere
-    found = stopped_shares(moments, graph, OPTIONS)
+    found = stopped_shares(moments, LaneGraphRoad(graph), OPTIONS)
     np.testing.assert_array_equal(found, [elsewhere, before, before, elsewhere, elsewhere])
     assert before > elsewhere
 
 
 def test_where_no_stop_line_is_known_one_share_holds_for_all() -> None:
-    moments = replace(moving([0.0]), direction_rad=np.zeros(1))
-    assert stopped_shares(moments, None, OPTIONS) == OPTIONS.stopped_on_road
-    assert stopped_shares(moments, replace(stop_line(), control=None), OPTIONS) == OPTIONS.stopped_in_plane
+    moments = moving([0.0])
+    assert stopped_shares(moments, highway(), OPTIONS) == OPTIONS.stopped_on_road
+    assert (
+        stopped_shares(moments, LaneGraphRoad(replace(stop_line(), control=None)), OPTIONS) == OPTIONS.stopped_in_plane
+    )

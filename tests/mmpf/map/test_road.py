@@ -5,14 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.map.road import Road, highway
+from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.map.road import Road
 
 
 def bent_road(turns_rad: list[float], piece_m: float = 40.0) -> Road:
     headings = np.cumsum([0.3, *turns_rad])
     steps = piece_m * np.column_stack([np.cos(headings), np.sin(headings)])
     vertices = np.vstack([[5.0, -7.0], np.array([5.0, -7.0]) + np.cumsum(steps, axis=0)])
-    return Road(lanes=(), reference_xy=tuple(map(tuple, vertices.tolist())), reference_start_m=-20.0)
+    return CorridorRoad(lanes=(), reference_xy=tuple(map(tuple, vertices.tolist())), reference_start_m=-20.0)
 
 
 @given(

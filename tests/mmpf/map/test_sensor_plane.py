@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mmpf.map.road import Road
+from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.sensor_plane import SensorPlane
 from tests.mmpf.scenes import ROAD, ego_at
 
-WINDING = Road(
+WINDING = CorridorRoad(
     ROAD.lanes, reference_xy=((-90.0, 40.0), (-20.0, 0.0), (30.0, 5.0), (120.0, 60.0)), reference_start_m=-80.0
 )
 

@@ -9,7 +9,8 @@ import pytest
 
 from mmpf.belief.moments import Moments, component_moments
 from mmpf.joint.kinds import SHAPE, STANDING, VEHICLE
-from mmpf.map.road import Lane, Road, highway
+from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.map.road import Lane, Road
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.options.filter import FlowOptions
@@ -17,7 +18,7 @@ from mmpf.scan import EgoPose
 from mmpf.surroundings.on_corridor import surroundings_of
 from tests.mmpf.scenes import belief_of, spot
 
-RAMPED = Road(
+RAMPED = CorridorRoad(
     lanes=(*highway(3).lanes, Lane(number=6, right_m=-3.66, left_m=0.0, start_m=40.0, end_m=90.0)),
     section_m=(0.0, 640.0),
 )
@@ -51,7 +52,7 @@ class Scene:
     def surroundings(self) -> Surroundings:
         states = [self.state[:, self.component == m] for m in range(self.mean.shape[1])]
         belief = belief_of(states, length_m=self.length, width_m=self.width, confirmed=self.is_neighbour)
-        moments = Moments(self.mean, np.zeros_like(self.mean))
+        moments = Moments(self.mean, np.zeros_like(self.mean), self.mean[0] * 0.0)
         return surroundings_of(belief, moments, self.is_seen, self.ego, self.ego_accel, self.road, FlowOptions())
 
     def others(self) -> list[dict[str, float]]:
@@ -198,7 +199,7 @@ def neighbours_of(*, lat: float, other_lat: float, width_m: float = 1.9) -> Surr
     mean[LON], mean[LAT], mean[SPEED] = [50.0, 70.0], [lat, other_lat], [20.0, 15.0]
     far_ego, width = EgoPose(-500.0, 5.5, 0.0, 20.0, 4.7, 1.9), np.array([1.9, width_m])
     belief = belief_of([mean[:, :1], mean[:, 1:]], length_m=[4.7, 4.7], width_m=width, confirmed=[True, True])
-    moments, is_seen = Moments(mean, np.zeros_like(mean)), np.full(2, True)
+    moments, is_seen = Moments(mean, np.zeros_like(mean), np.zeros(2)), np.full(2, True)
     return surroundings_of(belief, moments, is_seen, far_ego, 0.0, highway(3), FlowOptions())
 
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
+from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
-from mmpf.map.road import Lane, Road, highway
+from mmpf.map.road import Lane
 from mmpf.undetected.cells import BEYOND_SECTION_M, CELL_M, cells_of
 from tests.mmpf.map.scenes import arc, graph_of
 
@@ -29,14 +31,14 @@ FORK = graph_of(
 
 @pytest.fixture(scope="module", params=["highway", "fork"])
 def road(request):
-    return highway() if request.param == "highway" else Road(lanes=(), graph=FORK)
+    return highway() if request.param == "highway" else LaneGraphRoad(graph=FORK)
 
 
 def test_the_cells_of_a_lane_are_as_long_as_the_lane(road):
     cells, _ = cells_of(road)
     total = np.bincount(cells.lane, cells.length_m)[1:]
     start, end = road.section_m
-    whole = [end - start + 2 * BEYOND_SECTION_M] * 5 if road.graph is None else road.graph.length_m
+    whole = [end - start + 2 * BEYOND_SECTION_M] * 5 if road.lanes else road.graph.length_m
     np.testing.assert_allclose(total, whole)
     assert cells.length_m.max() <= CELL_M + 1e-9
 
@@ -60,7 +62,7 @@ def test_linked_cells_touch(road):
 
 
 def test_ways_across_a_junction_share_the_traffic_of_the_lane_before_them():
-    cells, _ = cells_of(Road(lanes=(), graph=FORK))
+    cells, _ = cells_of(LaneGraphRoad(graph=FORK))
     shares = {FORK.name[lane - 1]: share for lane, share in zip(cells.lane, cells.share, strict=True)}
     assert shares == {"in": 1.0, "ahead": 0.5, "left": 0.5, "out": 1.0, "left out": 1.0, "alone": 1.0}
 
@@ -69,25 +71,25 @@ def test_a_path_across_a_junction_that_the_map_cuts_has_the_usual_traffic():
     cut = graph_of(
         {"path": [(0.0, 0.0), (20.0, 0.0)], "out": [(20.0, 0.0), (60.0, 0.0)]}, [("path", "out")], [], ("path",)
     )
-    cells, _ = cells_of(Road(lanes=(), graph=cut))
+    cells, _ = cells_of(LaneGraphRoad(graph=cut))
     assert (cells.share == 1.0).all()
     assert cells.entry.tolist() == [True, *[False] * (len(cells) - 1)]
 
 
 def test_traffic_from_beyond_the_map_begins_where_no_lane_leads():
-    cells, _ = cells_of(Road(lanes=(), graph=FORK))
+    cells, _ = cells_of(LaneGraphRoad(graph=FORK))
     assert [FORK.name[lane - 1] for lane in cells.lane[cells.entry]] == ["in", "alone"]
 
 
 def test_a_lane_with_a_beginning_and_an_end_is_no_longer_than_that():
-    cells, _ = cells_of(Road(lanes=(Lane(1, 0.0, 3.5, 100.0, 130.0),)))
+    cells, _ = cells_of(CorridorRoad(lanes=(Lane(1, 0.0, 3.5, 100.0, 130.0),)))
     assert cells.length_m.sum() == pytest.approx(30.0)
     assert cells.lon_m.min() > 100.0
     assert np.bincount(cells.stretch).tolist() == [5, 1]
 
 
 def test_without_a_map_there_are_no_cells():
-    cells, links = cells_of(Road(lanes=(), graph=without_map()))
+    cells, links = cells_of(LaneGraphRoad(graph=without_map()))
     assert len(cells) == len(links.source) == 0
 
 
@@ -96,7 +98,7 @@ def test_each_cell_knows_how_far_it_is_to_the_next_stop_line():
     graph = graph_of(lines, links=[("far", "near"), ("near", "on")])
     nobody = np.zeros(0, dtype=np.int64)
     control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
-    cells, _ = cells_of(Road(lanes=(), graph=replace(graph, control=control)))
+    cells, _ = cells_of(LaneGraphRoad(graph=replace(graph, control=control)))
     before = cells.lon_m < 90.0
     np.testing.assert_allclose(cells.before_stop_m[before], 90.0 - cells.lon_m[before])
     assert np.isinf(cells.before_stop_m[~before]).all()
@@ -107,7 +109,7 @@ def test_nobody_queues_within_a_junction_though_a_stop_line_follows_it():
     graph = graph_of(lines, links=[("to", "across"), ("across", "on")], in_junction=("across",))
     nobody = np.zeros(0, dtype=np.int64)
     control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
-    cells, _ = cells_of(Road(lanes=(), graph=replace(graph, control=control)))
+    cells, _ = cells_of(LaneGraphRoad(graph=replace(graph, control=control)))
     assert np.isfinite(cells.before_stop_m[cells.lon_m < 30.0]).all()
     assert np.isinf(cells.before_stop_m[cells.lon_m > 30.0]).all()
 

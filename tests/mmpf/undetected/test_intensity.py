@@ -7,8 +7,9 @@ import pytest
 from scipy.special import ndtr
 
 from mmpf.map.control import NO_SIGNAL, YIELD, LinkControl
+from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
-from mmpf.map.road import Road, highway
 from mmpf.numerics.arrays import taken
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
@@ -168,7 +169,7 @@ def test_before_a_stop_line_more_are_expected():
     )
     nobody = np.zeros(0, dtype=np.int64)
     control = LinkControl(np.array([YIELD]), np.full(1, NO_SIGNAL), (), nobody, np.zeros(2, dtype=np.int64))
-    road = Road(lanes=(), graph=replace(graph, control=control))
+    road = LaneGraphRoad(graph=replace(graph, control=control))
     unseen = UnseenTraffic(road, SensorModel(detection_probability=0.0), OPTIONS)
     told = unseen.step(Scan(0.0, NO_DETECTIONS, EgoPose(0.0, 30.0, 0.0, 10.0, 4.7, 1.9)), Tracks.none())
     per_m = told.expected / told.cells.length_m
@@ -196,7 +197,7 @@ def test_what_is_expected_is_finite_and_not_negative_whatever_the_tracks_say():
 
 
 def test_without_a_map_nothing_is_expected_anywhere():
-    unseen = UnseenTraffic(Road(lanes=(), graph=without_map()), SensorModel())
+    unseen = UnseenTraffic(LaneGraphRoad(graph=without_map()), SensorModel())
     for time_s in (0.0, 0.1):
         assert len(unseen.step(scan(time_s), tracks((1, 12.0, 5.4))).expected) == 0
 

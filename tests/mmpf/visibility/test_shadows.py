@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
@@ -191,7 +192,7 @@ def test_visible_fractions_are_those_of_each_particle_ray_by_ray(spread_m: float
 def test_walls_hide_what_is_behind_them_from_the_tracker_too() -> None:
     walls = np.array([[20.0, -5.0, 20.0, 5.0], [-40.0, 10.0, -20.0, 10.0]])
     graph = graph_of({"there": [(-200, 0), (200, 0)]})
-    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), Road(lanes=(), graph=graph, walls_xy=walls))
+    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), LaneGraphRoad(graph=graph, walls_xy=walls))
     lon, lat = np.array([15.0, 40.0, 40.0, -30.0, -60.0]), np.array([0.0, 0.0, 15.0, 8.0, 20.0])
     table = depth_table(plane, lon, lat, np.zeros(5, dtype=np.bool_), cars(5))
     found = visible_fractions(plane, lon, lat, np.arange(5), cars(5), table)
@@ -211,7 +212,7 @@ def test_a_vehicle_is_hidden_by_a_wall_before_it_or_a_vehicle_before_it_and_by_n
     first_casts: bool, wall: tuple[float, ...], fraction: float
 ) -> None:
     graph = graph_of({"there": [(-200, 0), (200, 0)]})
-    road = Road(lanes=(), graph=graph, walls_xy=np.array([wall], dtype=float))
+    road = LaneGraphRoad(graph=graph, walls_xy=np.array([wall], dtype=float))
     plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), road)
     lon, lat = np.array([10.0, 30.0]), np.zeros(2)
     table = depth_table(plane, lon, lat, np.array([first_casts, True]), cars(2))
@@ -221,7 +222,7 @@ def test_a_vehicle_is_hidden_by_a_wall_before_it_or_a_vehicle_before_it_and_by_n
 
 def test_crossing_vehicles_hide_each_other_by_the_sides_that_they_show() -> None:
     graph = graph_of({"there": [(-200, 0), (200, 0)]})
-    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), Road(lanes=(), graph=graph))
+    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), LaneGraphRoad(graph=graph))
     rng = np.random.default_rng(0)
     for _ in range(20):
         lon, lat = np.array([20.0, 40.0]), rng.uniform(-1.5, 1.5, 2)

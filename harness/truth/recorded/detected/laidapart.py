@@ -8,6 +8,7 @@ import numpy as np
 
 from harness.truth.recorded.detected.recorded_drive import Drive
 from harness.truth.recorded.laneletgraph import road_of_graph
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph, without_map
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -31,7 +32,7 @@ def road_of(drives: Sequence[Drive]) -> Road:
     """Return the lanes of all drives in their order; the plane without a map if none has any."""
     maps = [(drive.name, drive.lanes) for drive in drives if drive.lanes is not None]
     if not maps:
-        return Road(lanes=(), graph=without_map())
+        return LaneGraphRoad(graph=without_map())
     return road_of_graph(maps[0][1] if len(maps) == 1 else _joined(maps))
 
 

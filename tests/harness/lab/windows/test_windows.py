@@ -7,7 +7,7 @@ from harness.lab.windows.car_following import following_windows, join
 from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_windows
 from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
 from harness.lab.windows.recording import Recording, Scenario, load_recording, record_all, save_recording
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.motion.state import LAT, LON
 
 STEP_S = 0.1

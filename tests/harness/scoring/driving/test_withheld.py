@@ -12,7 +12,7 @@ from harness.scoring.driving.withheld import WithheldAhead
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import missed_stretches
 from harness.scoring.score import score_run
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 ROW = {

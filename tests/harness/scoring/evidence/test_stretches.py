@@ -16,7 +16,8 @@ from harness.scoring.metrics import registry
 from harness.scoring.metrics.registry import register
 from harness.scoring.score import RunScorer, score_run
 from harness.storage import run_folder as runfolder
-from mmpf.map.road import Lane, Road
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.road import Lane
 from tests.harness.scoring.scenes import traffic
 
 EPISODES, STEPS = 3, 80
@@ -63,7 +64,7 @@ def test_all_scores_are_those_of_the_run_in_one_piece(pieces):
 
 def test_what_the_driver_would_do_is_that_of_the_run_in_one_piece(pieces):
     lanes = tuple(Lane(number=k + 1, right_m=3.6 * k - 1.8, left_m=3.6 * k + 1.8) for k in range(5))
-    driven = Driven(driver_of("hdm"), Road(lanes=lanes))
+    driven = Driven(driver_of("hdm"), CorridorRoad(lanes=lanes))
     pieces = [
         (truth.assign(speed_mps=truth["speed_mps"] + 5.0 * truth["is_ego"]), seen, tracks[tracks["step"] % STEPS < 50])
         for truth, seen, tracks in pieces

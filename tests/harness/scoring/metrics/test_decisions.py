@@ -7,7 +7,7 @@ import pytest
 from harness.decisions.decide import driver_of
 from harness.scoring.driving.asked import Driven
 from harness.scoring.score import score_run
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 MIDDLE, LEFT = 1.5 * 3.66, 2.5 * 3.66

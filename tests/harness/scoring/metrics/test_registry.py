@@ -22,7 +22,7 @@ from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import completed, quantities, register, view
 from harness.scoring.score import score_run
 from harness.storage.grid_rows import flattened
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from tests.harness.scoring.scenes import traffic
 
 

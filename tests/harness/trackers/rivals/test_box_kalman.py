@@ -7,12 +7,13 @@ from harness.common.errors import InputError
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR, ego_at
 from harness.trackers.protocol import TrackerSetting
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.scan import BodyHeadings, BodySizes, Detections, EgoPose, Scan
 from mmpf.tracks import CONFIRMED
 from tests.mmpf.map.scenes import graph_of
 
-PLANE = Road(lanes=(), graph=graph_of({"a": [(-100.0, 0.0), (100.0, 0.0)]}))
+PLANE = LaneGraphRoad(graph=graph_of({"a": [(-100.0, 0.0), (100.0, 0.0)]}))
 
 
 def tracker_of(road: Road = ROAD, **options: object):

@@ -13,7 +13,7 @@ from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import NO_TRACK, Cluster, Limits, merged, simplified, together, united
 from harness.trackers.rivals.pmbm.mixture import Mixture, Pruning, Singles
 from harness.trackers.rivals.pmbm.tracker import Pmbm, PmbmOptions
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, Tracks
 from tests.harness.trackers.rivals import close_targets

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from harness.truth.frame import Frame
 from harness.truth.sumo.smoothing import hann_weights, lead_frames, smoothed
-from mmpf.map.road import highway
+from mmpf.map.corridor_road import highway
 
 STEP_S = 0.1
 
