@@ -80,7 +80,7 @@ def test_a_run_that_was_kept_leads_to_its_page_and_to_both_side_by_side(grid):
     (second / BESIDE).write_text("")
     page = write_page(folder).read_text(encoding="utf-8")
     assert f"<a href='kept/{runs[1].key}/report.html'>" in page
-    assert f"<a href='kept/{runs[1].key}/{BESIDE}'>beside mmpf gmm</a>" in page
+    assert f"<a href='kept/{runs[1].key}/{BESIDE}'>beside mmpf residual</a>" in page
     assert page.count("<code class='command'>") == len(runs) - 1
 
 

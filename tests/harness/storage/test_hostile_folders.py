@@ -191,7 +191,8 @@ def test_names_with_control_characters_make_valid_xml_and_no_formulas(tmp_path):
     run = read_recorded_run(write_recorded_scene(tmp_path / "scene", names))
     written = next(file for file in export_fcd(run, tmp_path) if file.name == "fcd.xml")
     assert {"a%01b", "=SUM(A1:A9)"} <= {node.get("id") for node in ElementTree.parse(written).iter("vehicle")}
-    truth = pd.read_csv(export_csv(run, tmp_path)[0], dtype=str)
+    tables = {path.name: path for path in export_csv(run, tmp_path)}
+    truth = pd.read_csv(tables["truth.csv"], dtype=str)
     assert {"'=SUM(A1:A9)", "-12.5"} <= set(truth["vehicle_id"])
 
 

@@ -97,7 +97,7 @@ def test_a_scan_without_detections_is_no_trouble_to_a_sensor_that_measures_sizes
 
 
 def car_that_drives_into_the_shadow_of_a_truck(measures_sizes: bool) -> tuple[int, Tracks]:
-    """Return the car's track at 17 m, where the truck begins to hide it, and all tracks 2 s later.
+    """Return the car's track at 17 m, where the truck begins to hide it, and all tracks 3 s later.
 
     Seen from the ego the truck spans 11 to 29 m in the next lane. The car passes in the lane beyond. A car in the
     truck's place would hide it from 28 m on only.
@@ -105,7 +105,7 @@ def car_that_drives_into_the_shadow_of_a_truck(measures_sizes: bool) -> tuple[in
     tracker = tracker_with()
     truck = (20.0, lane_centre(3))
     name = -1
-    for step in range(51):
+    for step in range(61):
         car = (5.0 + 0.4 * step, lane_centre(4))
         seen = [truck, car] if car[0] < 17.0 else [truck]
         moved = [(lon + 2.0 * step, lat) for lon, lat in seen]
