@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
 
 from threadpoolctl import ThreadpoolController
 
@@ -67,8 +66,6 @@ def one_blas_thread() -> Iterator[None]:
 @cache
 def _libraries() -> ThreadpoolController:
     """Return those that the filter's products are made by; looked up once, which takes longer than a product."""
-    # Compiled products are SciPy's, whose library is loaded no earlier than by the first of them.
-    import_module("scipy.linalg.cython_blas")
     return ThreadpoolController()
 
 

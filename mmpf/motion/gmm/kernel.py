@@ -12,6 +12,7 @@ import numpy as np
 
 from mmpf.numerics.arrays import Float32Array, FloatArray, Int32Array
 from mmpf.numerics.kernels import kernel
+from mmpf.numerics.products import multiply
 
 
 class Scaling(NamedTuple):
@@ -51,7 +52,7 @@ class Conditional(NamedTuple):
 
 
 NEGLIGIBLE_LOG_WEIGHT = -16.0
-# Small enough that no linear algebra library deals the product out to threads, which costs more than it saves.
+# A block of all components' log-weights stays in the processor's first cache.
 BLOCK = 128
 
 
@@ -88,7 +89,7 @@ def draw_outputs(
     for first in range(begin, end, BLOCK):
         rows = min(BLOCK, end - first)
         _expand(x[:, first : first + rows], scaling, expanded)
-        np.dot(logit_matrix, expanded, logits)
+        multiply(logit_matrix, expanded, logits)
         _pick(logits, uniform[first : first + rows], top, component)
         for row in range(rows):
             picked = component[row]

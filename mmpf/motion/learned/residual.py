@@ -22,6 +22,7 @@ from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
+from mmpf.numerics.products import product
 from mmpf.numerics.threads import in_shares
 
 CASE = "residual"
@@ -120,8 +121,8 @@ def _forward(begin: int, end: int, seen: Float32Array, network: Network, lag: fl
     for start in range(begin, end, _BLOCK):
         block = seen[:, start : min(start + _BLOCK, end)]
         inputs = np.vstack([np.clip(block[:SEEN], low, high) - mean, block[SEEN:]])
-        units = _units(scaled @ inputs, network.b1)
-        added = network.w3 @ _units(network.w2.T @ units, network.b2)
+        units = _units(product(scaled, inputs), network.b1)
+        added = product(network.w3[None], _units(product(network.w2.T, units), network.b2))[0]
         _approach(block, added, network.b3[0], np.float32(lag), accel[start : start + _BLOCK])
 
 
