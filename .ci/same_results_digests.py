@@ -16,6 +16,7 @@ import pandas as pd
 # Wall times, the processor they were measured on, and what tells when and from which sources a folder was made.
 NOT_COMPARED = (
     *("timing", "total_s", "tracker_ms", "truth_ms", "sensor_ms", "realtime_factor", "_ms.", "wall_times_s"),
+    *("code_sha256", "files_sha256"),  # of the code itself, and of files with wall times
     *("git_revision", "versions", "machine", "created", "finished_at", "started_at"),
 )
 # In texts and pages the same, by the words around it.
