@@ -45,6 +45,7 @@ PANELS = {
         "run": "Simulate, sense, track and score once; write a run folder with tables and figures.",
         "nets": "List the bundled road networks and their named demands.",
         "settings": "List every setting: default, unit and meaning.",
+        "score": "Score a log of a tracker against a truth, in one of several formats.",
         "report": "Write a run's page of results.",
         "export": "Turn a run into another program's format.",
     },

@@ -215,7 +215,14 @@ def evaluation_of(
     )
 
 
-def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], config: RunConfig, command: str) -> None:
+def write_run(
+    folder: Path,
+    evaluated: Evaluated,
+    metrics: Mapping[str, Any],
+    config: RunConfig,
+    command: str,
+    inputs: Mapping[str, str] | None = None,
+) -> None:
     """Write the folder of a run that is in memory, without pictures; half a folder is none.
 
     Args:
@@ -224,6 +231,7 @@ def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], co
         metrics: Content of its ``metrics.json``.
         config: Its configuration.
         command: What makes it again.
+        inputs: SHA-256 of each input file.
     """
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
     (folder / runfolder.MANIFEST).unlink(missing_ok=True)
@@ -232,6 +240,7 @@ def write_run(folder: Path, evaluated: Evaluated, metrics: Mapping[str, Any], co
     runfolder.write_road(evaluated.road, folder / runfolder.ROAD)
     code, models = provenance_of([config])
     writer = RunWriter(folder, config.seed, command, models, code)
+    writer.inputs = inputs or {}
     writer.append(evaluated.tables)
     writer.finish(metrics, evaluated.steps)
     ownership.record_all(folder, ownership.RUN)

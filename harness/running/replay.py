@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,16 @@ def _looks(folder: Path, config: RunConfig) -> Looks:
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
     check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
+    looks = looks_of(truth, detections, road, settings)
+    return replace(looks, files={f"replay/{name}": folder / name for name in RECORDED})
+
+
+def looks_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, settings: SensorSettings) -> Looks:
+    """Return the looks that tables of truth and detections record.
+
+    Raises:
+        ValueError: The tables hold what no vehicle or detection is.
+    """
     _check_content(truth, detections)
     times = np.unique(truth["time_s"].to_numpy(dtype=np.float64))
     truth_at, detections_at = _by_step(truth), _by_step(detections)
@@ -63,7 +74,6 @@ def _looks(folder: Path, config: RunConfig) -> Looks:
         expected_steps=len(times),
         sensor=build_sensor(settings).model(road),
         stream=timed_looks(map(frame_of, truth_at.values()), observe),
-        files={f"replay/{name}": folder / name for name in RECORDED},
     )
 
 

@@ -61,14 +61,8 @@ class RayedSensor:
         """
         ego = frame.ego_pose
         step_s = self.memory.begin_scan(rng, frame.episode, frame.time_s)
-        sight = sight_to(frame.lon_m, frame.lat_m, road, ego, road.axis_of(frame.heading_rad))
-        in_range = in_reach(self.settings, sight.distance, sight.off_axis)
-        if frame.pedestrian is not None:
-            # They hide others like any body, and are no vehicles that a detector of vehicles could report.
-            in_range &= ~frame.pedestrian
-        in_range[frame.ego] = True
-        fraction, occluder, behind_walls = visibility_of(frame, road, ego, in_range, self.settings.range_m)
-        scene = Scene(frame, road, sight, fraction, occluder, in_range)
+        scene, behind_walls = view_of(self.settings, frame, road)
+        fraction, occluder, in_range = scene.fraction, scene.occluder, scene.in_range
         returns = vehicle_returns(self.settings, self.memory, scene, step_s, rng)
         flashes = flashing_returns(self.settings, self.memory, scene, rng)
         standing = standing_returns(self.settings, self.memory, scene, step_s)
@@ -96,7 +90,7 @@ class RayedSensor:
             occluder=occluder,
             behind_walls=behind_walls,
             in_range=in_range,
-            state=_states(self.settings, fraction, in_range),
+            state=states_of(self.settings, fraction, in_range),
         )
 
 
@@ -132,6 +126,19 @@ class _Seen:
     detections: Detections
     truth_id: StringArray
     visible_fraction: FloatArray
+
+
+def view_of(settings: SensorSettings, frame: Frame, road: Road) -> tuple[Scene, FloatArray | None]:
+    """Return how the sensor stands to a frame and what it sees of it, and the share of each vehicle behind walls."""
+    ego = frame.ego_pose
+    sight = sight_to(frame.lon_m, frame.lat_m, road, ego, road.axis_of(frame.heading_rad))
+    in_range = in_reach(settings, sight.distance, sight.off_axis)
+    if frame.pedestrian is not None:
+        # They hide others like any body, and are no vehicles that a detector of vehicles could report.
+        in_range &= ~frame.pedestrian
+    in_range[frame.ego] = True
+    fraction, occluder, behind_walls = visibility_of(frame, road, ego, in_range, settings.range_m)
+    return Scene(frame, road, sight, fraction, occluder, in_range), behind_walls
 
 
 def visibility_of(
@@ -171,7 +178,8 @@ def visibility_of(
     return fraction, occluder, None if road.walls_xy is None else behind_walls
 
 
-def _states(settings: SensorSettings, fraction: FloatArray, in_range: BoolArray) -> npt.NDArray[np.int8]:
+def states_of(settings: SensorSettings, fraction: FloatArray, in_range: BoolArray) -> npt.NDArray[np.int8]:
+    """Return ``VISIBLE``, ``PARTIAL``, ``HIDDEN`` or ``OUT`` by visible fraction and reach, shape (n,)."""
     conditions = [~in_range, fraction >= settings.full_view_fraction, fraction >= settings.hidden_fraction]
     return np.select(conditions, [OUT, VISIBLE, PARTIAL], default=HIDDEN).astype(np.int8)
 

@@ -1,0 +1,176 @@
+"""What the files of a log lack is worked out: speeds from places, what the sensor could see from the boxes, origins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from harness.config.sensor import SensorSettings
+from harness.running.recorder import frame_of
+from harness.sensor.detector import states_of, view_of
+from harness.sensor.visibility import compile_kernels
+from harness.storage import run_folder as runfolder
+from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT, TABLES, VISIBILITY_STATES
+from harness.truth.recorded.detected.origin import GATE_M, pairs_within
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.road import NO_LANE, Road
+from mmpf.numerics.arrays import FloatArray
+
+EGO_SIZE_M = 4.8, 1.8
+STD_DETECTION_M = 0.5
+"""Deviation of a detection whose file tells none; no score of tracks depends on it."""
+SEEN = ["visible_fraction", "state", "in_range", "occluder_id"]
+KEYS = ["episode", "time_s"]
+
+
+def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the table of truth, and a row for each step with its episode and its ``own`` time in the file.
+
+    Args:
+        rows: Rows as ``harness.truth.recorded.logs`` reads them, one at each time the ego.
+        road: The road.
+        figures: The sensor, by whose reach and fractions vehicles are visible or hidden.
+    """
+    clock = _clock(rows)
+    rows = rows.rename(columns={"time_s": "own"}).drop(columns="step", errors="ignore")
+    rows = rows.merge(clock, on=["episode", "own"]).sort_values(["step"], kind="stable").reset_index(drop=True)
+    rows["vehicle_id"], rows["is_ego"] = rows["id"].astype(str), rows["is_ego"].astype(bool)
+    sizes = (
+        np.where(rows["is_ego"], *EGO_SIZE_M[:1], NOMINAL_LENGTH_M),
+        np.where(rows["is_ego"], EGO_SIZE_M[1], NOMINAL_WIDTH_M),
+    )
+    for column, usual in zip(("length_m", "width_m"), sizes, strict=True):
+        rows[column] = filled(rows, column, usual)
+    _complete_motion(rows, road)
+    if road.has_headings:
+        rows["direction_rad"] = rows["heading_rad"]
+        rows["lane"] = NO_LANE
+    elif "lane" not in rows and isinstance(road, CorridorRoad):
+        rows["lane"] = road.lane_number_at(*(rows[name].to_numpy(dtype=np.float64) for name in ("lon_m", "lat_m")))
+    if not set(SEEN) <= set(rows):
+        _look(rows, road, figures)
+    table = TABLES[runfolder.TRUTH]
+    return rows[[column.name for column in table.columns if column.name in rows]], clock
+
+
+def _clock(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the steps: episodes follow each other, a usual step apart."""
+    clock = rows[KEYS].drop_duplicates().sort_values(KEYS).rename(columns={"time_s": "own"}).reset_index(drop=True)
+    step_s = _step_of(clock)
+    gone = clock.groupby("episode")["own"].transform("min")
+    length = clock.groupby("episode")["own"].agg(lambda own: own.max() - own.min() + step_s)
+    before = clock["episode"].map(length.cumsum().shift(fill_value=0.0))
+    return clock.assign(step=np.arange(len(clock)), time_s=np.round(clock["own"] - gone + before, 6))
+
+
+def _step_of(clock: pd.DataFrame) -> float:
+    steps = clock.groupby("episode")["own"].diff().dropna()
+    return float(steps.median()) if len(steps) else 0.1
+
+
+def filled(rows: pd.DataFrame, column: str, usual: FloatArray) -> FloatArray:
+    """Return a column, shape (n,), with the usual values where it is missing or not finite."""
+    values = rows[column].to_numpy(dtype=np.float64) if column in rows else np.full(len(rows), np.nan)
+    return np.where(np.isfinite(values), values, usual)
+
+
+def _complete_motion(rows: pd.DataFrame, road: Road) -> None:
+    """Fill in headings, speeds and accelerations that are not there, from places; in the plane along the heading."""
+    lon_speed, lat_speed = (slope_of(rows, name) for name in ("lon_m", "lat_m"))
+    rows["heading_rad"] = filled(rows, "heading_rad", np.arctan2(lat_speed, lon_speed))
+    if road.has_headings:
+        cosine, sine = np.cos(rows["heading_rad"].to_numpy()), np.sin(rows["heading_rad"].to_numpy())
+        lon_speed, lat_speed = lon_speed * cosine + lat_speed * sine, lat_speed * cosine - lon_speed * sine
+    rows["speed_mps"] = filled(rows, "speed_mps", lon_speed)
+    rows["lat_speed_mps"] = filled(rows, "lat_speed_mps", lat_speed)
+    rows["accel_mps2"] = filled(rows, "accel_mps2", slope_of(rows, "speed_mps"))
+
+
+def slope_of(rows: pd.DataFrame, column: str) -> FloatArray:
+    """Return the rise of a column per second along each identity, by central differences, shape (n,)."""
+    slope = np.zeros(len(rows))
+    for _, own in rows.sort_values("time_s").groupby(["episode", "id"], sort=False):
+        if len(own) > 1:
+            slope[own.index] = np.gradient(own[column].to_numpy(dtype=np.float64), own["time_s"].to_numpy())
+    return slope
+
+
+def _look(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
+    """Work out what the sensor could see of each vehicle, from the boxes."""
+    compile_kernels()
+    fraction, in_range = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
+    state = np.full(len(rows), OUT)
+    names, covering = rows["vehicle_id"].to_numpy(dtype=object), np.full(len(rows), "", dtype=object)
+    for _, own in rows.groupby("step"):
+        place = own.index.to_numpy()
+        frame = frame_of(own)
+        scene, _ = view_of(figures, frame, road)
+        fraction[place], in_range[place] = np.round(scene.fraction, 4), scene.in_range
+        covering[place] = np.append(names[place], "")[scene.occluder]
+        state[place] = states_of(figures, scene.fraction, scene.in_range)
+    rows["visible_fraction"], rows["in_range"], rows["occluder_id"] = fraction, in_range, covering
+    rows["state"] = np.array(VISIBILITY_STATES, dtype=object)[state]
+
+
+def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of detections, each with the vehicle that it is of.
+
+    Args:
+        found: Rows as they were read; None if every vehicle that is not hidden counts as detected.
+        truth: The table of truth.
+        clock: See ``truth_table``.
+    """
+    if found is None:
+        unseen = [VISIBILITY_STATES[HIDDEN], VISIBILITY_STATES[OUT]]
+        seen = truth[~truth["is_ego"] & ~truth["state"].isin(unseen)]
+        rows = seen[["step", *KEYS, "lon_m", "lat_m", "visible_fraction"]].assign(truth_id=seen["vehicle_id"])
+    else:
+        rows = on_clock(found, clock).reset_index(drop=True)
+        if "id" not in found:
+            rows["truth_id"] = _origins(rows, truth)
+        seen_of = truth.set_index(["step", "vehicle_id"])["visible_fraction"]
+        of = pd.MultiIndex.from_arrays([rows["step"], rows["truth_id"].astype(str)])
+        rows["visible_fraction"] = seen_of.reindex(of).to_numpy()
+        rows.loc[rows["visible_fraction"].isna(), "truth_id"] = ""
+    rows = rows.sort_values("step", kind="stable").reset_index(drop=True)
+    rows["detection"] = rows.groupby("step").cumcount()
+    for name in ("speed_mps", "std_speed_mps"):
+        rows[name] = filled(rows, name, np.full(len(rows), np.nan))
+    rows["std_speed_mps"] = np.where(
+        np.isfinite(rows["speed_mps"]), filled(rows, "std_speed_mps", np.ones(len(rows))), np.nan
+    )
+    for name in ("std_lon_m", "std_lat_m"):
+        rows[name] = filled(rows, name, np.full(len(rows), STD_DETECTION_M))
+    needed = TABLES[runfolder.DETECTIONS].needed
+    return rows[list(needed)]
+
+
+def _origins(rows: pd.DataFrame, truth: pd.DataFrame) -> list[str]:
+    origin = np.full(len(rows), "", dtype=object)
+    others = truth[~truth["is_ego"] & truth["in_range"]]
+    at = dict(list(others.groupby("step")))
+    for step, own in rows.groupby("step"):
+        there = at.get(step)
+        if there is None:
+            continue
+        away = np.hypot(
+            *(own[name].to_numpy(dtype=np.float64)[:, None] - there[name].to_numpy() for name in ("lon_m", "lat_m"))
+        )
+        row, column = pairs_within(away, GATE_M)
+        origin[own.index.to_numpy()[row]] = there["vehicle_id"].to_numpy()[column]
+    return [str(name) for name in origin]
+
+
+def on_clock(rows: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows whose time is within half a step of a step's, with its ``step`` and time, and how far ``off``."""
+    steps = clock.sort_values("own").rename(columns={"time_s": "at_s"})
+    rows = rows.drop(columns=["step", "own"], errors="ignore").astype({"time_s": np.float64})
+    near = pd.merge_asof(
+        rows.sort_values("time_s", kind="stable"),
+        steps.astype({"own": np.float64}),
+        left_on="time_s", right_on="own", by="episode", direction="nearest",
+        tolerance=0.5 * _step_of(clock) + 1e-6,  # type: ignore[arg-type]  # of floats a float, says pandas
+    )  # fmt: skip
+    near = near[near["step"].notna()]
+    off = (near["time_s"] - near["own"]).abs()
+    return near.assign(off=off, step=near["step"].astype(np.int64), time_s=near["at_s"]).drop(columns=["own", "at_s"])

@@ -1,0 +1,278 @@
+"""Scores of a log: truth and tracks of any origin become a run's folder, through the one evaluation.
+
+Whatever the files lack is worked out: what of each vehicle the sensor could see, from the boxes; which vehicle a
+detection is of, the nearest within two metres; speeds, from places. Without detections every vehicle that is not hidden
+counts as detected, where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any, TypedDict
+
+import numpy as np
+import pandas as pd
+
+from harness.common.errors import InputError
+from harness.config.layers import config_from_table, merged
+from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
+from harness.running.complete import KEYS, detection_table, filled, on_clock, slope_of, truth_table
+from harness.running.evaluate import evaluation_of, write_run
+from harness.running.looks import Looks
+from harness.running.replay import looks_of, read_looks
+from harness.running.resolve import resolve_run_config
+from harness.scoring.metrics.scarce import check_scored
+from harness.sensor.profiles import sensor_settings
+from harness.storage import run_folder as runfolder
+from harness.trackers.protocol import TrackerSetting
+from harness.truth.frame import ROAD_OF_RECORDING
+from harness.truth.recorded.detected.recorded_drive import EGO
+from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_graph import without_map
+from mmpf.scan import Scan
+from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
+
+STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
+
+
+class Logs(TypedDict):
+    """What is scored."""
+
+    truth: Path
+    tracks: Path
+    detections: Path | None
+    ego: str | None
+    format: str | None
+    step: float
+    sensor: str | None
+    seed: int
+    settings: list[str]
+    name: str | None
+
+
+@dataclass(frozen=True)
+class Scored:
+    """What a log is scored against.
+
+    Attributes:
+        config: The configuration of its run.
+        looks: Truth and detections.
+        clock: See ``harness.running.complete.truth_table``.
+        moments: Episode and time of each sample of nuScenes.
+    """
+
+    config: RunConfig
+    looks: Looks
+    clock: pd.DataFrame
+    moments: Mapping[str, tuple[int, float]]
+
+
+@dataclass(frozen=True)
+class LoggedTracker:
+    """Hands out the tracks of a log, whatever it is shown."""
+
+    tracks: Mapping[float, Tracks]
+
+    def step(self, scan: Scan) -> Tracks:
+        """Return the tracks that the log has at the scan's time."""
+        return self.tracks.get(round(scan.time_s, 6), Tracks.none())
+
+
+def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple[Path, dict[str, Any], str]:
+    """Score a log and leave a run's folder.
+
+    Args:
+        logs: The files and how to read them.
+        out: The folder to write; None for a name in ``results/``.
+        force: Whether an earlier run there may be replaced.
+        command: What the user typed, for the manifest.
+
+    Returns:
+        The folder, the content of ``metrics.json``, and what the user should know.
+
+    Raises:
+        InputError: A file is missing, of no known format, broken, or the files do not belong together.
+    """
+    begin = perf_counter()
+    name = logs["name"] or logs["tracks"].name.partition(".")[0]
+    against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
+    rows = _log(logs, TRACKS, logs["tracks"]).read()
+    tracks, report = _tracks_at(rows, against)
+    config, looks = against.config.tracked_by(_hand_out(tracks)), against.looks
+    pending = runfolder.open_folder(out, config.default_folder_name(), force)
+    try:
+        evaluation = evaluation_of(config, looks)
+        evaluation.follow()
+        evaluated = evaluation.finish()
+        check_scored(evaluated.scores, evaluated.steps)
+        metrics = evaluated.metrics(config, looks.about, perf_counter() - begin)
+        if not set(STDS) <= set(rows):
+            # Those that stand in for them say nothing of the tracker.
+            metrics["calibration"] = _unknown(metrics["calibration"])
+            report += "; it tells no deviations, so calibration is null"
+        write_run(pending.path, evaluated, metrics, config, command, looks.hashes())
+        return pending.finish(), metrics, report
+    except BaseException:
+        pending.discard()
+        raise
+
+
+def _hand_out(tracks: Mapping[float, Tracks]) -> Any:  # noqa: ANN401  a factory, as users hand them over
+    def build(setting: TrackerSetting, options: Mapping[str, object]) -> LoggedTracker:  # noqa: ARG001
+        return LoggedTracker(tracks)
+
+    return build
+
+
+def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _unknown(value) if isinstance(value, Mapping) else None for name, value in table.items()}
+
+
+def _log(logs: Logs, role: str, path: Path) -> LogFile:
+    ego = Path(logs["ego"]) if logs["ego"] is not None and Path(logs["ego"]).exists() else None
+    return LogFile(path, role, logs["format"], logs["step"], ego)
+
+
+def _of_run(logs: Logs, name: str) -> Scored:
+    """Return what is scored against the truth and the detections of a run's folder."""
+    for option in ("detections", "ego", "sensor"):
+        if logs[option] is not None:
+            raise InputError(f"`{option}`: it is taken from the run's folder {logs['truth']}; leave it out")
+    config = resolve_run_config(options={"replay": str(logs["truth"])}, settings=logs["settings"])
+    config = config.model_copy(update={"tracker": TrackerConfig(name=name)})
+    truth = runfolder.read_table(logs["truth"], runfolder.TRUTH, TRUTH)
+    clock = truth.drop_duplicates("step")[["step", *KEYS]]
+    return Scored(config, read_looks(logs["truth"], config), clock.assign(own=clock["time_s"]), {})
+
+
+def _of_files(logs: Logs, name: str) -> Scored:
+    """Return what is scored against files."""
+    source = _log(logs, TRUTH, logs["truth"])
+    rows = source.read()
+    road_file = logs["truth"].parent / runfolder.ROAD
+    has_road = road_file.is_file() and "sample_token" not in rows
+    road = runfolder.read_road(road_file, TRUTH) if has_road else LaneGraphRoad(graph=without_map())
+    poses = None if source.ego is None or source.ego.suffix == ".txt" or source.ego.is_dir() else source.ego
+    ego = None if poses is None else read_poses_table(poses, logs["step"])
+    moments = _samples(rows, ego, logs["step"])
+    rows = _with_times(rows, moments)
+    rows = _with_ego(rows, ego, logs)
+    table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
+    settings = merged(None, {}, logs["settings"])
+    sensor = table["sensor"] | settings.pop("sensor", {})
+    if settings:
+        raise InputError(f"`settings`: {next(iter(settings))} does not concern a log; only sensor.KEY=VALUE does")
+    recording = RecordingConfig(format=source.format or logs["truth"].suffix.lstrip(".") or "folder", ego=EGO)
+    traffic = TrafficConfig(net=ROAD_OF_RECORDING, recording=recording)
+    base = RunConfig(
+        seed=logs["seed"], replay=str(logs["truth"].resolve()), traffic=traffic, tracker=TrackerConfig(name=name)
+    )
+    config = config_from_table(base.as_table() | {"sensor": sensor})
+    figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
+    truth, clock = truth_table(rows, road, figures)
+    found = None
+    if logs["detections"] is not None:
+        found = _with_times(_log(logs, DETECTIONS, logs["detections"]).read(), moments)
+    try:
+        looks = looks_of(truth, detection_table(found, truth, clock), road, figures)
+    except ValueError as error:
+        raise InputError(f"`truth`: {logs['truth']}: {error}; mend the file") from None
+    files = {str(path): path for path in (logs["truth"], logs["detections"]) if path is not None and path.is_file()}
+    looks = replace(looks, files={f"truth/{path.name}": path for path in files.values()})
+    return Scored(config, looks, clock, moments)
+
+
+def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:
+    """Return the episode and time of each sample of nuScenes, from the poses or else from the samples' order."""
+    if "sample_token" not in rows:
+        return {}
+    if ego is not None and "sample_token" in ego and "time_s" in ego:
+        known = ego[["sample_token", *KEYS]].itertuples(index=False)
+        return {token: (int(episode), float(time_s)) for token, episode, time_s in known}
+    order = rows.drop_duplicates("sample_token")[["sample_token", "order"]].itertuples(index=False)
+    return {token: (0, place * step_s) for token, place in order}
+
+
+def _with_times(rows: pd.DataFrame, moments: Mapping[str, tuple[int, float]]) -> pd.DataFrame:
+    if "sample_token" not in rows:
+        return rows
+    known = rows[rows["sample_token"].isin(list(moments))]
+    if not len(known) and len(rows):
+        raise InputError("the samples of the files are not the same; give results of the same split")
+    at = np.array([moments[token] for token in known["sample_token"]], dtype=np.float64).reshape(-1, 2)
+    return known.assign(episode=at[:, 0].astype(np.int64), time_s=at[:, 1])
+
+
+def _with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, logs: Logs) -> pd.DataFrame:
+    """Return the rows of which one at each time is the ego; times at which its pose is not known are left out."""
+    if ego is None and logs["ego"] is not None and not Path(logs["ego"]).exists():
+        if not (rows["id"].astype(str) == logs["ego"]).any():
+            raise InputError(f"`ego` {logs['ego']}: it is no file, and no vehicle of {logs['truth']} is called so")
+        return rows.assign(is_ego=rows["id"].astype(str) == logs["ego"])
+    if ego is None:
+        if "is_ego" not in rows or not rows["is_ego"].any():
+            raise InputError(
+                f"`ego`: no row of {logs['truth']} is_ego; name a vehicle, or a file of the sensor's poses"
+            )
+        flagged = rows.loc[rows["is_ego"].astype(bool), KEYS].drop_duplicates()
+        return rows.merge(flagged, on=KEYS)
+    parts = [rows.assign(is_ego=False)]
+    for episode, times in rows.drop_duplicates(KEYS).groupby("episode")["time_s"]:
+        way = ego[ego["episode"] == episode].sort_values("time_s")
+        at = np.sort(times.to_numpy(dtype=np.float64))
+        if len(way):
+            own = way["time_s"].to_numpy(dtype=np.float64)
+            at = at[(at >= own[0] - 1e-6) & (at <= own[-1] + 1e-6)]
+        if not len(way) or not len(at):
+            raise InputError(f"`ego`: {logs['ego']} has no pose at the times of {logs['truth']}")
+        columns = [
+            name for name in ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m") if name in way
+        ]
+        values = {name: way[name].to_numpy(dtype=np.float64) for name in columns}
+        values["heading_rad"] = np.unwrap(values["heading_rad"])
+        poses = {name: np.interp(at, own, value) for name, value in values.items()}
+        parts.append(pd.DataFrame({"episode": episode, "time_s": at, "id": EGO, "is_ego": True, **poses}))
+    joined = pd.concat(parts, ignore_index=True)
+    return joined.merge(joined.loc[joined["is_ego"].astype(bool), KEYS], on=KEYS)
+
+
+def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str]:
+    """Return the tracks of each time, and what was left out."""
+    clock = against.clock
+    rows = _with_times(rows, against.moments)
+    placed = on_clock(rows, clock)
+    placed = placed.loc[placed.sort_values("off", kind="stable").drop_duplicates(["step", "id"]).index.sort_values()]
+    if len(rows) and not len(placed):
+        raise InputError("`tracks`: no time of the log is one of the truth; are both on one clock, in seconds?")
+    left_out = len(rows) - len(placed)
+    placed = placed.reset_index(drop=True)
+    if not pd.api.types.is_integer_dtype(placed["id"]):
+        placed["id"] = pd.factorize(placed["id"].astype(str), sort=True)[0]
+    count = len(placed)
+    if "speed_mps" not in placed:
+        lon_speed, lat_speed = (slope_of(placed, name) for name in ("lon_m", "lat_m"))
+        if against.looks.road.has_headings:
+            lon_speed, lat_speed = np.hypot(lon_speed, lat_speed), np.zeros(count)
+        placed["speed_mps"], placed["lat_speed_mps"] = lon_speed, lat_speed
+    if "accel_mps2" not in placed:
+        placed["accel_mps2"] = slope_of(placed, "speed_mps")
+    usual = {"lat_speed_mps": 0.0, "existence": 1.0, **dict.fromkeys(STDS, 1.0)}
+    for name, value in usual.items():
+        placed[name] = filled(placed, name, np.full(count, value))
+    known = placed["state"].astype(str) if "state" in placed else pd.Series(["confirmed"] * count)
+    placed["state"] = (
+        known.map({word: code for code, word in enumerate(TRACK_STATES)}).fillna(CONFIRMED).astype(np.int8)
+    )
+    placed["track_id"] = placed["id"].astype(np.int64)
+    columns = {column: placed[column].to_numpy() for column in Tracks.__dataclass_fields__}
+    times = np.round(placed["time_s"].to_numpy(dtype=np.float64), 6)
+    tracks = {}
+    for time_s in np.unique(times):
+        own = times == time_s
+        tracks[float(time_s)] = Tracks(**{name: values[own] for name, values in columns.items()})
+    report = f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps"
+    return tracks, report + (f"; left out: {left_out} at no time of the truth, or twice there" if left_out else "")

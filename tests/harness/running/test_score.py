@@ -1,0 +1,213 @@
+"""Logs of any origin are scored as runs are: the formats agree, what they lack is worked out, broken ones are told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import harness
+from harness.commands.app import run_command_line
+from harness.storage import run_folder as runfolder
+from tests.harness.recorded_scene import write_recorded_scene
+
+STEPS, STEP_S, SPEED_MPS = 30, 0.1, 10.0
+Box = tuple[int, str, float, float, float, float]
+BODIES = {1: ("Truck", 15.0, 0.0, 9.0, 2.6), 2: ("Car", 30.0, 0.0, 4.0, 1.6), 3: ("Car", 20.0, 3.5, 4.4, 1.8)}
+"""Kind, place before the ego, to its left, length and width: a truck, a car that it hides, and a car beside."""
+EGO_BOX: Box = (9, "Car", 0.0, 0.0, 4.8, 1.8)
+
+
+def boxes(step: int, off_m: float = 0.0) -> list[Box]:
+    return [
+        (name, kind, ahead + off_m, left, length, width) for name, (kind, ahead, left, length, width) in BODIES.items()
+    ]
+
+
+def write_csv(folder: Path, role: str, off_m: float) -> tuple[Path, list[str]]:
+    identity = {"truth": "vehicle_id"}.get(role, "track_id")
+    rows = [
+        {"time_s": 5.0 + step * STEP_S, identity: name, "x_m": SPEED_MPS * step * STEP_S + x, "y_m": y,
+         "length_m": length, "width_m": width, "yaw_rad": 0.0}
+        for step in range(STEPS)
+        for name, _, x, y, length, width in [*boxes(step, off_m), *[EGO_BOX] * (role == "truth")]
+    ]  # fmt: skip
+    path = folder / f"{role}.csv"
+    pd.DataFrame(rows).to_csv(path, index=False)
+    return path, ["--ego", "9"]
+
+
+def write_kitti(folder: Path, role: str, off_m: float) -> tuple[Path, list[str]]:
+    # In the first camera's frame x is to the right, z ahead; -pi/2 turns a body along z.
+    lines = [
+        f"{step} {name} {kind} 0 0 0 0 0 0 0 1.5 {width} {length} {-y} 1.6 {x} {-np.pi / 2}"
+        for step in range(STEPS)
+        for name, kind, x, y, length, width in boxes(step, off_m)
+    ]
+    (path := folder / f"{role}.txt").write_text("\n".join(lines) + "\n")
+    return path, []
+
+
+def write_mot(folder: Path, role: str, off_m: float) -> tuple[Path, list[str]]:
+    with_ego = {9: (0.0, 0.0)} if role == "truth" else {}
+    lines = [
+        f"{step + 1},{name},-1,-1,-1,-1,1,{SPEED_MPS * step * STEP_S + x},{y},-1"
+        for step in range(STEPS)
+        for name, (x, y) in ({each[0]: each[2:4] for each in boxes(step, off_m)} | with_ego).items()
+    ]
+    (path := folder / f"{role}.txt").write_text("\n".join(lines) + "\n")
+    return path, ["--ego", "9"]
+
+
+def write_nuscenes(folder: Path, role: str, off_m: float) -> tuple[Path, list[str]]:
+    results = {
+        f"s{step}": [
+            {"sample_token": f"s{step}", "translation": [SPEED_MPS * step * STEP_S + x, y, 0.0],
+             "rotation": [1, 0, 0, 0], "size": [width, length, 1.5], "velocity": [SPEED_MPS, 0.0],
+             "tracking_id": str(name), "tracking_name": kind.lower()}
+            for name, kind, x, y, length, width in boxes(step, off_m)
+        ]
+        for step in range(STEPS)
+    }  # fmt: skip
+    (path := folder / f"{role}.json").write_text(json.dumps({"meta": {}, "results": results}))
+    at = np.arange(STEPS) * STEP_S
+    poses = pd.DataFrame({"sample_token": list(results), "time_s": at, "lon_m": SPEED_MPS * at, "lat_m": 0.0})
+    poses.assign(heading_rad=0.0).to_csv(folder / "poses.csv", index=False)
+    return path, ["--ego", str(folder / "poses.csv")]
+
+
+WRITERS: dict[str, Callable[[Path, str, float], tuple[Path, list[str]]]] = {
+    "csv": write_csv, "kitti": write_kitti, "mot": write_mot, "nuscenes": write_nuscenes,
+}  # fmt: skip
+
+
+def score(folder: Path, truth: Path, tracks: Path, *more: str) -> int:
+    words = ["--truth", str(truth), "--tracks", str(tracks), "--out", str(folder / "scored"), "--quiet", "--force"]
+    return run_command_line(["score", *words, *more])
+
+
+def metrics_of(folder: Path) -> dict[str, object]:
+    read: dict[str, object] = json.loads((folder / runfolder.METRICS).read_text())
+    # Of the clock, of what the run is called, and of what the tracker thinks of vehicles that it never saw.
+    return {name: table for name, table in read.items() if name not in ("timing", "run", "never_seen")}
+
+
+@pytest.mark.parametrize("format_", WRITERS)
+def test_each_format_gives_the_errors_that_were_put_in_and_hides_what_the_truck_covers(tmp_path, format_):
+    (tmp_path / "log").mkdir()
+    truth, more = WRITERS[format_](tmp_path, "truth", 0.0)
+    tracks, _ = WRITERS[format_](tmp_path / "log", "tracks", 0.3)
+    assert score(tmp_path, truth, tracks, *more) == 0
+    run = harness.open_run(tmp_path / "scored")
+    values = run.metrics["value"]
+    assert values["mae.all.lon_m"] == pytest.approx(0.3, abs=1e-3)
+    assert values["mae.all.lat_m"] == pytest.approx(0.0, abs=1e-3)
+    assert values["mot.id_switches"] == 0
+    assert values.filter(like="calibration.nees").isna().all()
+    seen = run.truth.groupby("vehicle_id")["state"].agg(set)
+    if format_ != "mot":  # it tells no sizes: a usual car hides a usual car all the same
+        assert run.truth.groupby("vehicle_id")["length_m"].first()["1"] == pytest.approx(9.0)
+    assert (seen["2"], seen["3"]) == ({"hidden"}, {"visible"})
+    assert run_command_line(["report", str(run.folder)]) == 0
+    assert run_command_line(["export", str(run.folder), "--to", "mot"]) == 0
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> harness.Run:
+    scene = write_recorded_scene(tmp_path / "scene")
+    return harness.run(replay=scene, tracker="detections", out=tmp_path / "run")
+
+
+def test_a_log_of_a_run_has_the_run_s_own_scores(tmp_path, run):
+    assert score(tmp_path, run.folder, run.folder / runfolder.TRACKS) == 0
+    assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_tables_score_like_the_folder_that_they_are_of(tmp_path, run, suffix):
+    lie = tmp_path / "tables"
+    lie.mkdir()
+    (lie / runfolder.ROAD).write_bytes((run.folder / runfolder.ROAD).read_bytes())
+    for name in ("truth", "tracks", "detections"):
+        rows = getattr(run, name).sample(frac=1.0, random_state=1)
+        rows.to_csv(lie / f"{name}.csv", index=False) if suffix == "csv" else rows.to_parquet(lie / f"{name}.parquet")
+    shown = ["--detections", str(lie / f"detections.{suffix}"), "--seed", "7"]
+    assert score(tmp_path, lie / f"truth.{suffix}", lie / f"tracks.{suffix}", *shown) == 0
+    scored = metrics_of(tmp_path / "scored")
+    for name in ("mae", "mot", "hidden", "coverage", "calibration"):
+        pd.testing.assert_series_equal(
+            pd.json_normalize(scored[name]).iloc[0], pd.json_normalize(metrics_of(run.folder)[name]).iloc[0]
+        )
+
+
+def test_two_logs_of_one_truth_can_be_compared(tmp_path, run):
+    worse = run.tracks.assign(lon_m=run.tracks["lon_m"] + 1.0)
+    worse.to_parquet(tmp_path / "worse.parquet")
+    for name, log in (("a", run.folder / runfolder.TRACKS), ("b", tmp_path / "worse.parquet")):
+        assert score(tmp_path / name, run.folder, log, "--name", "mine") == 0
+    found = harness.compare(tmp_path / "a" / "scored", tmp_path / "b" / "scored")
+    of = found.verdicts.set_index("metric")
+    assert of.loc["mot.hota", "b"] < of.loc["mot.hota", "a"]
+
+
+def test_a_recording_for_foxglove_is_read_back(tmp_path, run):
+    (bag,) = run_export(run.folder, tmp_path / "mcap")
+    assert score(tmp_path, run.folder, Path(f"{bag}:/tracks")) == 0
+    scored, own = metrics_of(tmp_path / "scored"), metrics_of(run.folder)
+    assert scored["mot"] == own["mot"]
+
+
+def run_export(folder: Path, out: Path) -> list[Path]:
+    assert run_command_line(["export", str(folder), "--to", "mcap", "--out", str(out)]) == 0
+    return sorted(out.glob("*.mcap"))
+
+
+BROKEN = {
+    "empty.csv": b"",
+    "garbage.csv": b"\x00\xff\x13" * 50,
+    "no_place.csv": b"time_s,track_id\n0.0,1\n",
+    "no_number.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,here,0\n",
+    "infinite.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,inf,0\n",
+    "other_clock.csv": b"time_s,track_id,lon_m,lat_m\n1e6,1,1.0,0\n",
+    "cut.json": b'{"results": {"a": [',
+    "none.json": b'{"meta": {}}',
+    "list.json": b"[1, 2]",
+    "short.txt": b"0 1 Car 0 0\n",
+    "words.txt": b"1,2,a,b,c,d,1,-1,-1,-1\n",
+    "cut.parquet": b"PAR1\x00\x00",
+    "cut.mcap": b"\x89MCAP0\r\n",
+    "odd.xyz": b"\x01\x02\x03",
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, run, name, capfd):
+    (tmp_path / name).write_bytes(BROKEN[name])
+    capfd.readouterr()
+    assert score(tmp_path, run.folder, tmp_path / name) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("error: --tracks")
+    assert not (tmp_path / "scored").exists()
+
+
+def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, capfd):
+    log, truth = run.folder / runfolder.TRACKS, write_mot(tmp_path, "truth", 0.0)[0]
+    calls = [
+        (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"),
+        (["--ego", "77"], truth, log, "--ego"),
+        ([], truth, log, "--ego"),
+        (["--ego", "ego"], run.folder, log, "--ego"),
+        (["--format", "odd"], run.folder, log, "--format"),
+        (["--ego", "9", "--set", "seed=3"], truth, log, "--set"),
+        (["--ego", "9", "--set", "sensor.range_m=-1"], truth, log, "sensor.range_m"),
+        (["--ego", "9", "--step", "0"], truth, log, "--step"),
+    ]
+    capfd.readouterr()
+    for more, of, tracks, named in calls:
+        assert score(tmp_path, of, tracks, *more) == 2, more
+        (line,) = capfd.readouterr().err.splitlines()
+        assert named in line
