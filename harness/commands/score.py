@@ -9,8 +9,12 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.common.numbers import as_json as text_of
 from harness.config import options as shared
 from harness.config.options import Option
+from harness.report.folder_page import write_page
+from harness.report.summary import print_summary
+from harness.running.score import Logs, score_logs
 
 
 class Options(TypedDict):
@@ -59,11 +63,6 @@ def command(options: Options) -> None:
       python -m harness score --truth label_02 --tracks my_tracks --ego oxts_poses
       python -m harness score --truth truth.parquet --tracks log.mcap:/tracks
     """
-    from harness.common.numbers import as_json as text_of  # noqa: PLC0415
-    from harness.report.folder_page import write_page  # noqa: PLC0415
-    from harness.report.summary import print_summary  # noqa: PLC0415
-    from harness.running.score import Logs, score_logs  # noqa: PLC0415
-
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
     logs = Logs(
         truth=options["truth"],
