@@ -14,7 +14,7 @@ from harness.config import options as shared
 from harness.config.options import Option
 from harness.report.folder_page import write_page
 from harness.report.summary import print_summary
-from harness.running.score import Logs, score_logs
+from harness.running.logged import Logs, score_logs
 
 
 class Options(TypedDict):
