@@ -33,6 +33,7 @@ def command(options: Options) -> None:
       python -m harness run --net us101
       python -m harness run --density 45 --model cam --seed 3 --out results/cam
       python -m harness run --replay results/cam --model cvm --json
+      python -m harness run --replay pandaset
       python -m harness run --replay us101.csv --ego each --duration 120
       python -m harness run --replay kitti --format kitti-tracking
       python -m harness run --config results/cam/config.toml --set sensor.range_m=80

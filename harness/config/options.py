@@ -129,7 +129,8 @@ class RunOptions(TypedDict, total=False):
         Path | str | None,
         Option(
             "A run folder, to reuse its truth and detections; or a file of recorded traffic: CommonRoad "
-            "XML, NGSIM CSV or text, highD folder, SUMO FCD, KITTI tracking with its detections. SUMO is not needed.",
+            "XML, NGSIM CSV or text, highD folder, SUMO FCD, KITTI tracking with its detections; "
+            "or pandaset, which comes with the harness. SUMO is not needed.",
             "replay",
             TRAFFIC,
         ),
@@ -137,8 +138,8 @@ class RunOptions(TypedDict, total=False):
     format: Annotated[
         str | None,
         Option(
-            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, kitti-tracking, av2, or your own "
-            "reader, module:function. (default: detected from the content; the last three must be named)",
+            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, pandaset, kitti-tracking, av2, or "
+            "your own reader, module:function. (default: detected from the content; the last three must be named)",
             "traffic.recording.format",
             TRAFFIC,
         ),

@@ -18,7 +18,7 @@ from harness.sensor.profiles import has_all_figures, is_built_in, sensor_setting
 from harness.storage import run_folder as runfolder
 from harness.truth.network.demand import DEFAULT_DENSITY
 from harness.truth.network.network import default_demand
-from harness.truth.recorded.formats import network_of, recognise
+from harness.truth.recorded.formats import example, network_of, recognise
 
 
 def resolve_run_config(
@@ -45,7 +45,7 @@ def resolve_run_config(
         check_modules(table_of_file(config_file), merged(None, options or {}, settings), config_file)
     replay = table.get("replay")
     if isinstance(replay, str):
-        path = checked_path(Path(replay), "replay").resolve()
+        path = example(checked_path(Path(replay), "replay")).resolve()
         part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
         table |= part | {"replay": str(path)}
     elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):
@@ -72,8 +72,9 @@ def with_usual_traffic(config: RunConfig) -> RunConfig:
 def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return the traffic's table with the file's format and the network that it is driven on."""
     traffic = dict(asked.get("traffic", {}))
-    recording = {"ego": "auto"} | dict(traffic.get("recording", {}))
-    entry = recognise(path, recording.get("format"))
+    asked_for = dict(traffic.get("recording", {}))
+    entry = recognise(path, asked_for.get("format"))
+    recording = {"ego": entry.usual_ego} | asked_for
     traffic["recording"] = recording | {"format": entry.name}
     part = {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
     return part if entry.sensor is None else part | _own_detections_part(entry.name, entry.sensor, asked, recording)

@@ -34,6 +34,9 @@ NGSIM_NAMES = frozenset(
     {"vehicle_id", "frame_id", "total_frames", "global_time", "local_x", "local_y", "v_vel", "lane_id"}
 )
 HIGHD_NAMES = frozenset({"frame", "id", "x", "y", "width", "height", "xvelocity", "yvelocity", "laneid"})
+PANDASET_NAMES = frozenset({"timestamp", "uuid", "label", "yaw", "position.x", "position.y", "dimensions.x"})
+EXAMPLES = {"pandaset": Path(__file__).parent / "examples" / "pandaset-002.csv.gz"}
+"""Recordings that come with the project, by the names that stand for them."""
 # So many of a format's names tell it; the rest may be missing, and is named then.
 TELLING_NAMES = 5
 NGSIM_TEXT_COLUMNS = 18
@@ -52,6 +55,7 @@ class RecordingFormat:
         least_score: Detections of a lower score are left out unless the user says otherwise.
         brings_map: Whether a recording that brings detections may have a map beside it; its reader then takes whether
             to read it as well.
+        usual_ego: Which vehicles carry the sensor unless the user says otherwise.
     """
 
     name: str
@@ -60,6 +64,7 @@ class RecordingFormat:
     sensor: str | None = None
     least_score: float = -np.inf
     brings_map: bool = False
+    usual_ego: str = "auto"
 
     def read(self, path: Path, net: str) -> ReadTraffic:
         """Read a file that was driven on a network."""
@@ -77,6 +82,11 @@ class RecordingFormat:
         """Return the files of a recording that brings its own detections."""
         files: tuple[Path, ...] = import_module(recording_formats[self.name].__module__).files_of(path)
         return files
+
+
+def example(path: Path) -> Path:
+    """Return the recording that comes with the project if a path is its name and no such path exists, else the path."""
+    return path if path.exists() else EXAMPLES.get(str(path), path)
 
 
 def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
@@ -272,6 +282,7 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("ngsim", False, _with_columns(NGSIM_NAMES)),
         RecordingFormat("highd", True, _with_columns(HIGHD_NAMES)),
         RecordingFormat("ngsim-text", False, _is_ngsim_text),
+        RecordingFormat("pandaset", True, _with_columns(PANDASET_NAMES), usual_ego="ego"),
         RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0),
         RecordingFormat("av2", True, _is_never_recognised, "av2-points", brings_map=True),
     )

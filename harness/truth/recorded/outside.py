@@ -31,6 +31,7 @@ recording_formats: Registry[Reader] = Registry(
         "ngsim": Entry(f"{_ROOM}.ngsim:read_ngsim_csv"),
         "highd": Entry(f"{_ROOM}.highd:read_highd"),
         "ngsim-text": Entry(f"{_ROOM}.ngsim:read_ngsim_text"),
+        "pandaset": Entry(f"{_ROOM}.pandaset:read_pandaset"),
         "kitti-tracking": Entry(f"{_ROOM}.detected.kitti:read_kitti"),
         "av2": Entry(f"{_ROOM}.detected.av2:read_av2"),
     },

@@ -1,0 +1,59 @@
+"""PandaSet's cuboids of one sequence as a CSV, by PandaSet's own names of the columns, a ``timestamp`` before them.
+
+Its boxes' ``yaw`` is the direction of their x axis, along the width; the front is a quarter turn to the left of it.
+An excerpt comes with the project, see ``examples/NOTICE``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from harness.common.errors import InputError
+from harness.common.untrusted_files import unpacked
+from harness.truth.recorded.planetracks import Way, traffic_of_ways
+from harness.truth.recorded.rows import ReadTraffic, unknown
+
+NUMBERS = ("timestamp", "yaw", "position.x", "position.y", "dimensions.x", "dimensions.y")
+COLUMNS = (*NUMBERS, "uuid", "label")
+VEHICLES = frozenset(
+    {
+        *("Car", "Pickup Truck", "Medium-sized Truck", "Semi-truck", "Bus", "Motorcycle", "Ego"),
+        *("Other Vehicle - Uncommon", "Other Vehicle - Construction Vehicle", "Emergency Vehicle"),
+    }
+)
+
+
+def read_pandaset(path: Path) -> ReadTraffic:
+    """Read a sequence, in the plane without a map.
+
+    Raises:
+        InputError: A column is missing, or a value is no number.
+    """
+    try:
+        with unpacked(path) as file:
+            table = pd.read_csv(file, dtype=str, keep_default_na=False)
+        missing = [name for name in COLUMNS if name not in table]
+        if missing:
+            raise InputError(f"{path}: the column {missing[0]} is missing; give PandaSet's cuboids, by its own names")
+        table = table.assign(**{name: pd.to_numeric(table[name]) for name in NUMBERS})
+    except (ValueError, pd.errors.ParserError) as error:
+        raise InputError(f"{path}: no table of PandaSet's cuboids: {error}") from None
+    vehicles = table[table["label"].isin(VEHICLES)]
+    ways = [
+        Way(
+            name=str(name),
+            time_s=rows["timestamp"].to_numpy(),
+            x_m=rows["position.x"].to_numpy(),
+            y_m=rows["position.y"].to_numpy(),
+            heading_rad=rows["yaw"].to_numpy() + 0.5 * np.pi,
+            speed_mps=unknown(len(rows)),
+            length_m=rows["dimensions.y"].to_numpy(),
+            width_m=rows["dimensions.x"].to_numpy(),
+        )
+        for name, rows in vehicles.groupby("uuid", sort=True)
+    ]
+    others = table["uuid"].nunique() - len(ways)
+    return traffic_of_ways(ways, {}, path, {"no vehicle": others})

@@ -1,0 +1,179 @@
+"""Vehicles' ways in the plane, with lanes known by their middle lines or not at all, as traffic that was read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.common.errors import InputError
+from harness.truth.recorded.laneletgraph import GRID_M, plane_of_lanelets
+from harness.truth.recorded.lanelets import Lanelet
+from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
+from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_graph import without_map
+from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray, wrapped
+
+USUAL_LANE_M = 3.5
+# A lane that begins so near to where another ends, nearly in its direction, follows it.
+MEETS_WITHIN_M, MEETS_WITHIN_RAD = 1.0, np.deg2rad(45.0)
+BESIDE_WITHIN_RAD = np.deg2rad(20.0)
+SHORTEST_LINE_M, LONGEST_LINE_M = 0.5, 1e5
+MOST_LINES = 5000
+
+
+@dataclass(frozen=True)
+class Way:
+    """One vehicle's way; arrays of shape (n,), of whatever a reader takes for numbers.
+
+    Attributes:
+        name: Its name.
+        time_s: Times.
+        x_m: Place of the centre.
+        y_m: The same.
+        heading_rad: Direction of the front.
+        speed_mps: Speed along the heading; nan where the file has none.
+        length_m: Extent along the heading.
+        width_m: Extent across it.
+    """
+
+    name: str
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    speed_mps: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+
+
+@dataclass(frozen=True)
+class MiddleLine:
+    """A lane by its middle line in driving direction, shape (p, 2), and its width."""
+
+    xy: FloatArray
+    width_m: float = USUAL_LANE_M
+
+
+def traffic_of_ways(
+    ways: Sequence[Way], lines: Mapping[str, MiddleLine], path: Path, left_out: Mapping[str, int]
+) -> ReadTraffic:
+    """Return ways as traffic in the plane.
+
+    Args:
+        ways: One of each vehicle.
+        lines: The lanes by name; none where there is no map.
+        path: The file, for messages.
+        left_out: How many vehicles were left out, by reason.
+
+    Raises:
+        InputError: There is no vehicle, one has no name of its own, or a value can't be.
+    """
+    ways = [way for way in ways if len(way.time_s)]
+    if not ways:
+        raise InputError(f"{path}: there is no vehicle in it; give a recording of traffic")
+    names = np.array([way.name for way in ways])
+    if len(np.unique(names)) < len(names) or not np.char.str_len(names).all():
+        raise InputError(f"{path}: a vehicle has no name, or two have the same; rename one")
+    if sum(len(way.time_s) for way in ways) > MOST_ROWS:
+        raise InputError(f"{path}: it has more than {MOST_ROWS} vehicle-times; cut it")
+    columns = {
+        name: np.concatenate([np.asarray(getattr(way, name), dtype=np.float64) for way in ways])
+        for name in ("time_s", "x_m", "y_m", "heading_rad", "speed_mps", "length_m", "width_m")
+    }
+    needed = [values for name, values in columns.items() if name != "speed_mps"]
+    if not np.isfinite(needed).all() or not max(np.abs(columns[axis]).max() for axis in ("x_m", "y_m")) <= FARTHEST_M:
+        raise InputError(f"{path}: a value is not finite, or a place is farther than {FARTHEST_M:g} m; mend it")
+    road, origin = _plane(lines, np.array([columns["x_m"].min(), columns["y_m"].min()]), path)
+    rows = Rows(
+        vehicle=np.repeat(np.arange(len(ways)), [len(way.time_s) for way in ways]),
+        time_s=columns["time_s"],
+        lon_m=columns["x_m"] - origin[0],
+        lat_m=columns["y_m"] - origin[1],
+        heading_rad=wrapped(columns["heading_rad"]),
+        speed_mps=columns["speed_mps"],
+        lat_speed_mps=unknown(len(columns["x_m"])),
+        length_m=columns["length_m"],
+        width_m=columns["width_m"],
+    )
+    return ReadTraffic(road, names, rows, len(ways) + sum(left_out.values()), left_out)
+
+
+def _plane(lines: Mapping[str, MiddleLine], low: FloatArray, path: Path) -> tuple[Road, tuple[float, float]]:
+    if not lines:
+        x, y = (np.floor(low / GRID_M) * GRID_M + 0.0).tolist()
+        return LaneGraphRoad(graph=without_map()), (x, y)
+    plane = plane_of_lanelets(lanelets_of(lines, path), path)
+    return plane.road, plane.origin_xy
+
+
+def lanelets_of(lines: Mapping[str, MiddleLine], path: Path) -> list[Lanelet]:
+    """Return lanes with what follows each and what lies beside it, as far as places and directions tell.
+
+    Raises:
+        InputError: A line or its width can't be, or there are too many lines.
+    """
+    if len(lines) > MOST_LINES:
+        raise InputError(f"{path}: it has {len(lines)} lanes; at most {MOST_LINES} can be read")
+    kept: dict[str, MiddleLine] = {}
+    for name, line in lines.items():
+        if line.xy.ndim != 2 or line.xy.shape[1] != 2 or not np.abs(line.xy).max(initial=0.0) <= FARTHEST_M:
+            raise InputError(f"{path}: lane {name} is no line of points in the plane; mend it")
+        xy = line.xy[np.append(True, np.hypot(*np.diff(line.xy, axis=0).T) > 1e-3)] if len(line.xy) else line.xy
+        length_m = float(np.hypot(*np.diff(xy, axis=0).T).sum()) if len(xy) > 1 else 0.0
+        if length_m > LONGEST_LINE_M or not 0.0 < line.width_m < 100.0:
+            raise InputError(f"{path}: lane {name} is {length_m:g} m long and {line.width_m:g} m wide; mend it")
+        if length_m >= SHORTEST_LINE_M:
+            kept[name] = MiddleLine(xy, line.width_m)
+    if not kept:
+        return []
+    names = list(kept)
+    first, last = (np.array([line.xy[k] for line in kept.values()]) for k in (0, -1))
+    begins, ends = (
+        np.array([np.arctan2(*(line.xy[k + 1] - line.xy[k])[::-1]) for line in kept.values()]) for k in (0, -2)
+    )
+    near = np.hypot(*(last[:, None] - first[None, :]).transpose(2, 0, 1)) <= MEETS_WITHIN_M
+    follows = near & (np.abs(wrapped(begins[None, :] - ends[:, None])) <= MEETS_WITHIN_RAD)
+    np.fill_diagonal(follows, False)
+    beside = _beside(list(kept.values()))
+    found: list[Lanelet] = []
+    for k, (name, line) in enumerate(kept.items()):
+        left, right = (names[at] if at >= 0 else None for at in beside[k])
+        successors = tuple(names[to] for to in np.flatnonzero(follows[k]))
+        found.append(Lanelet(name, _aside(line, 0.5), _aside(line, -0.5), successors, left, right))
+    return found
+
+
+def _beside(lines: Sequence[MiddleLine]) -> list[tuple[int, int]]:
+    """Return the lanes to the left and right of each that lead the same way about a width away; -1 for none."""
+    half = [len(line.xy) // 2 for line in lines]
+    middle = np.array([line.xy[k] for line, k in zip(lines, half, strict=True)])
+    along = [np.arctan2(*(line.xy[k] - line.xy[k - 1])[::-1]) for line, k in zip(lines, half, strict=True)]
+    points = np.concatenate([line.xy for line in lines])
+    owner = np.repeat(np.arange(len(lines)), [len(line.xy) for line in lines])
+    directions = np.concatenate([np.arctan2(*np.gradient(line.xy, axis=0).T[::-1]) for line in lines])
+    found: list[tuple[int, int]] = []
+    for k, line in enumerate(lines):
+        offset = points - middle[k]
+        left_m = offset[:, 1] * np.cos(along[k]) - offset[:, 0] * np.sin(along[k])
+        ahead_m = offset[:, 0] * np.cos(along[k]) + offset[:, 1] * np.sin(along[k])
+        fits = (owner != k) & (np.abs(wrapped(directions - along[k])) <= BESIDE_WITHIN_RAD) & (np.abs(ahead_m) <= 5.0)
+        fits &= (np.abs(left_m) >= 0.6 * line.width_m) & (np.abs(left_m) <= 1.6 * line.width_m)
+        sides: list[int] = []
+        for side in (1.0, -1.0):
+            on_side = np.flatnonzero(fits & (side * left_m > 0.0))
+            nearest = on_side[np.argmin(np.hypot(*offset[on_side].T))] if len(on_side) else -1
+            sides.append(int(owner[nearest]) if nearest >= 0 else -1)
+        found.append((sides[0], sides[1]))
+    return found
+
+
+def _aside(line: MiddleLine, widths: float) -> FloatArray:
+    """Return a line so many widths to the left of a middle line, shape (p, 2)."""
+    along = np.gradient(line.xy, axis=0)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+    return np.asarray(line.xy + widths * line.width_m * normal)
