@@ -138,8 +138,9 @@ class RunOptions(TypedDict, total=False):
     format: Annotated[
         str | None,
         Option(
-            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, pandaset, kitti-tracking, av2, or "
-            "your own reader, module:function. (default: detected from the content; the last three must be named)",
+            "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, pandaset, scenarionet, gpudrive, "
+            "kitti-tracking, av2, or your own reader, module:function. (default: detected from the content; the last "
+            "three must be named)",
             "traffic.recording.format",
             TRAFFIC,
         ),

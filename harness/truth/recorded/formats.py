@@ -37,6 +37,9 @@ HIGHD_NAMES = frozenset({"frame", "id", "x", "y", "width", "height", "xvelocity"
 PANDASET_NAMES = frozenset({"timestamp", "uuid", "label", "yaw", "position.x", "position.y", "dimensions.x"})
 EXAMPLES = {"pandaset": Path(__file__).parent / "examples" / "pandaset-002.csv.gz"}
 """Recordings that come with the project, by the names that stand for them."""
+PICKLE = "a pickle"
+PICKLES = tuple(bytes([0x80, protocol]) for protocol in range(2, 6))
+"""What pickles begin with, by the protocols that hold arrays."""
 # So many of a format's names tell it; the rest may be missing, and is named then.
 TELLING_NAMES = 5
 NGSIM_TEXT_COLUMNS = 18
@@ -119,6 +122,8 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
             f"`{PARAMETER}`: {path} is not a run's folder: manifest.json is missing or broken; "
             "nor has it a highD recording"
         )
+    if head == PICKLE:
+        return FORMATS["scenarionet"]
     for entry in FORMATS.values():
         if entry.recognises(head):
             return entry
@@ -240,6 +245,8 @@ def _head(path: Path) -> str:
         raise InputError(f"`{PARAMETER}`: can't read {path}: {error.strerror}") from None
     if not head.strip():
         raise InputError(f"`{PARAMETER}`: {path} is empty; give a file of recorded traffic")
+    if head.startswith(PICKLES):
+        return PICKLE
     if b"\0" in head:
         raise InputError(f"`{PARAMETER}`: {path} is a binary file; recorded traffic is text: {', '.join(FORMATS)}")
     try:
@@ -266,6 +273,10 @@ def _is_never_recognised(_: str) -> bool:
     return False
 
 
+def _is_gpudrive(head: str) -> bool:
+    return head.lstrip().startswith("{") and '"objects"' in head and '"position"' in head
+
+
 def _is_ngsim_text(head: str) -> bool:
     """Whether the lines are 18 numbers without a header; one or two too few or too many are named later."""
     words = head.lstrip().partition("\n")[0][:LONGEST_HEADER].split()
@@ -283,6 +294,8 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("highd", True, _with_columns(HIGHD_NAMES)),
         RecordingFormat("ngsim-text", False, _is_ngsim_text),
         RecordingFormat("pandaset", True, _with_columns(PANDASET_NAMES), usual_ego="ego"),
+        RecordingFormat("scenarionet", True, _is_never_recognised, usual_ego="ego"),
+        RecordingFormat("gpudrive", True, _is_gpudrive),
         RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0),
         RecordingFormat("av2", True, _is_never_recognised, "av2-points", brings_map=True),
     )

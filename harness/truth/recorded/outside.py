@@ -32,6 +32,8 @@ recording_formats: Registry[Reader] = Registry(
         "highd": Entry(f"{_ROOM}.highd:read_highd"),
         "ngsim-text": Entry(f"{_ROOM}.ngsim:read_ngsim_text"),
         "pandaset": Entry(f"{_ROOM}.pandaset:read_pandaset"),
+        "scenarionet": Entry(f"{_ROOM}.scenarionet:read_scenarionet"),
+        "gpudrive": Entry(f"{_ROOM}.gpudrive:read_gpudrive"),
         "kitti-tracking": Entry(f"{_ROOM}.detected.kitti:read_kitti"),
         "av2": Entry(f"{_ROOM}.detected.av2:read_av2"),
     },
